@@ -55,7 +55,7 @@ def test_without_a_gap_there_is_one_front(denser):
 def test_without_corners_the_photograph_is_bare(denser):
     (axis,) = photograph(jpeg(), denser).axes
     assert not axis.collections
-    assert caption(60.0, denser) == 'The last photograph, 60 min.'
+    assert caption(3600.0, denser) == 'The last photograph, 60 min.'
 
 
 def test_a_broken_file_is_refused(denser):

@@ -10,6 +10,7 @@ from diagnosis_examples import fit_of
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.decision.verdict import Doubt
 from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.search.findings import Findings
 
@@ -318,3 +319,18 @@ def test_of_two_wrong_pumps_neither_has_to_be_the_stronger_one():
     verdict = verdict_on(found)
     assert verdict.members == ('rate', 'rate')
     assert verdict.confidence > 0.8
+
+
+def test_a_close_rival_is_the_least_certain_point_of_a_single_effect():
+    verdict = verdict_on(findings(3.0, ('leak', 0.30), ('porosity', 0.36)))
+    assert verdict.doubt is Doubt.RIVAL and verdict.rival == ('porosity',)
+
+
+def test_an_effect_that_leaves_nearly_too_much_is_doubted_for_its_remainder():
+    verdict = verdict_on(findings(30.0, ('leak', 0.5), ('porosity', 9.0)))
+    assert verdict.name == 'leak' and verdict.doubt is Doubt.REMAINDER
+
+
+def test_a_scant_recording_is_a_doubt_of_its_own():
+    verdict = verdict_on(findings(3.0, ('leak', 0.1), ('porosity', 2.0)), frames=2)
+    assert verdict.doubt is Doubt.SCANT

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.advice.cause import Amounts, Cause
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.noise import blurred
@@ -73,7 +74,7 @@ def causes_of_the_camera(runs: FreeRuns) -> Iterator[Cause]:
 
 def _light(runs: FreeRuns) -> Iterator[Cause]:
     c, grid = runs.maps, runs.sample.grid
-    minutes = runs.duration / 60.0
+    unit = time_unit(runs.duration)
 
     def paler(amounts: Amounts) -> str:
         return f'the plume is {100 * abs(amounts[0]):.1f} % {_paler(amounts[0])} throughout'
@@ -94,7 +95,7 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
         def swung(amounts: Amounts, period: float = period) -> str:
             return (
                 f'the light swings by {100 * math.hypot(*amounts):.1f} %, with a period of '
-                f'{period * minutes:.0f} min'
+                f'{unit.text(period * runs.duration)}'
             )
 
         waves = np.stack([c * np.sin(phase), c * np.cos(phase)])
@@ -115,7 +116,7 @@ def _paler(amount: float) -> str:
 def _picture(runs: FreeRuns) -> Iterator[Cause]:
     smooth = blurred(np.clip(runs.maps, 0.0, 1.0), SLOPE_WIDTH)
     up, right, _ = derivatives(smooth, runs.sample.grid)
-    minutes = runs.duration / 60.0
+    unit = time_unit(runs.duration)
 
     def crept(amounts: Amounts) -> str:
         sides = ((amounts[0], 'right', 'left'), (amounts[1], 'up', 'down'))
@@ -123,7 +124,7 @@ def _picture(runs: FreeRuns) -> Iterator[Cause]:
             f'{1e3 * abs(value):.1f} mm {plus if value > 0 else minus}'
             for value, plus, minus in sides
         )
-        return f'the picture creeps by {parts} in {minutes:.0f} min'
+        return f'the picture creeps by {parts} in {unit.text(runs.duration)}'
 
     creeping = np.stack([-right * runs.elapsed, -up * runs.elapsed])
     yield Cause('creeping picture', Process.CAMERA, 'm', creeping, crept, own_check=FIXED_MARK)
@@ -228,14 +229,16 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
 
 def _way(runs: FreeRuns, x_at: FloatArray, z_at: FloatArray, place: tuple[float, float]) -> str:
     """Return where a spot stands, or how it moves, in words."""
-    minutes = float(np.ptp(runs.sample.times)) / 60.0
+    seconds = float(np.ptp(runs.sample.times))
+    unit = time_unit(seconds)
+    per_unit = 1e3 * unit.seconds / max(seconds, 1e-9)
     across, up = float(x_at[-1] - x_at[0]), float(z_at[-1] - z_at[0])
     whole = math.hypot(across, up)
     if whole < LEAST_WAY * runs.sample.grid.width:
         return f'stands at x = {place[0]:.2f} m, z = {place[1]:.2f} m'
     sides = ((across, 'right', 'left'), (up, 'up', 'down'))
     parts = ' and '.join(
-        f'{1e3 * abs(way) / max(minutes, 1e-9):.2g} mm/min {plus if way > 0 else minus}'
+        f'{per_unit * abs(way):.2g} mm/{unit.name} {plus if way > 0 else minus}'
         for way, plus, minus in sides
         if abs(way) > LEAST_PART * whole
     )

@@ -20,6 +20,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.time_units import time_unit
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
@@ -88,10 +89,12 @@ def causes_over_time(runs: FreeRuns) -> Iterator[Cause]:
 def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
     windows = np.stack(force.windows)
     times = (np.arange(WINDOWS) + 0.5) / WINDOWS
-    minutes = runs.duration / 60.0
+    unit = time_unit(runs.duration)
+
+    whole = unit.text(runs.duration)
 
     def grown(amounts: Amounts) -> str:
-        return f'{force.said(amounts[0])} at the end, growing from nothing in {minutes:.0f} min'
+        return f'{force.said(amounts[0])} at the end, growing from nothing in {whole}'
 
     yield _cause(force, 'growing', [np.tensordot(times, windows, axes=1)], grown, 1)
     if force.process is Process.SOURCE:
@@ -101,10 +104,10 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
 
         def swung(amounts: Amounts, period: float = period) -> str:
             size = math.hypot(*amounts)
-            first = math.atan2(amounts[0], amounts[1]) / (2.0 * math.pi) % 1.0 * period * minutes
+            first = math.atan2(amounts[0], amounts[1]) / (2.0 * math.pi) % 1.0 * period
             return (
-                f'{force.said(size)} at minute {first:.0f}, and the opposite half a period later, '
-                f'with a period of {period * minutes:.0f} min'
+                f'{force.said(size)} at {unit.text(first * runs.duration)}, and the opposite half '
+                f'a period later, with a period of {unit.text(period * runs.duration)}'
             )
 
         waves = [np.tensordot(wave, windows, axes=1) for wave in (np.sin(phase), np.cos(phase))]
@@ -134,13 +137,13 @@ def _cause(
 
 def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
     """Yield the cause from every window to every later one, up to `LONGEST_WHILE` of them."""
-    length = runs.duration / WINDOWS / 60.0
+    length, unit = runs.duration / WINDOWS, time_unit(runs.duration)
     for begin in range(WINDOWS):
         for end in range(begin + 1, min(begin + LONGEST_WHILE, WINDOWS) + 1):
 
             def said(amounts: Amounts, begin: int = begin, end: int = end) -> str:
-                first, last = begin * length, end * length
-                return f'{force.said(amounts[0])} from minute {first:.0f} to {last:.0f}'
+                first, last = unit.number(begin * length), unit.text(end * length)
+                return f'{force.said(amounts[0])} from {first} to {last}'
 
             change = np.sum(force.windows[begin:end], axis=0)
             yield _cause(force, 'for a while', [change], said, 3)

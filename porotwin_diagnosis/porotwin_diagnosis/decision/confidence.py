@@ -115,15 +115,29 @@ def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> 
     return math.log(known / (1 - known))
 
 
-def pair_log_odds(pair: Fit, names: Collection[str], findings: Findings) -> float:
+def pair_log_odds(pair: Fit, rival: Fit | None) -> float:
     """Return the log-odds of `pair` against the best explanation without its first effect.
 
-    `names` are the first effect and those that look the same in its place. The log-odds are
-    infinite where every judged fit contains one of them.
+    They are infinite if there is no such `rival`.
+    """
+    best = larger_misfit(pair)
+    return log_odds_against(larger_misfit(rival) if rival else math.inf, best)
+
+
+def rival_of_pair(names: Collection[str], findings: Findings) -> Fit | None:
+    """Return the judged fit with the least misfit that has none of the effects `names`.
+
+    `names` are the first effect of a pair and those that look the same in its place.
     """
     others = [
-        larger_misfit(fit)
+        fit
         for fit in (*findings.triples, *findings.pairs, *findings.singles)
         if not any(member.effect in names for member in fit.members)
     ]
-    return log_odds_against(min(others, default=math.inf), larger_misfit(pair))
+    return min(others, key=larger_misfit, default=None)
+
+
+def rival_of_single(names: Collection[str], probabilities: dict[str, float]) -> str | None:
+    """Return the most probable effect, or `NONE`, beside the effects `names`."""
+    others = [name for name in probabilities if name not in names]
+    return max(others, key=lambda name: probabilities[name], default=None)

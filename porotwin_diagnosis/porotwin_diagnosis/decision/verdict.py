@@ -1,6 +1,7 @@
 """The verdict on a recording: its record, and verdicts that are not names of effects."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_solver.effects import effects_of
@@ -11,6 +12,19 @@ NONE, UNEXPLAINED = 'none', 'unexplained'
 
 NUMERICAL = effects_of(Scope.MODEL)[0].name
 """Name of the effect that the configured scheme has by smearing fronts."""
+
+
+class Doubt(StrEnum):
+    """The least certain statement in a verdict. Its log-odds set the confidence."""
+
+    NO_GAP = 'no gap'
+    CALIBRATION = 'calibration'
+    RIVAL = 'rival'
+    REMAINDER = 'remainder'
+    FEWER = 'fewer'
+    ORDER = 'order'
+    CONTRADICTED = 'contradicted'
+    SCANT = 'scant'
 
 
 @dataclass(frozen=True)
@@ -27,6 +41,9 @@ class Verdict:
         alternatives: other combinations that look the same as the members.
         close: other effects that look different, but explain the recording nearly as well. The
             confidence is not theirs.
+        doubt: the least certain statement in the verdict.
+        rival: effects of the most probable other explanation, `(NONE,)` for no effect; empty if
+            there is none.
     """
 
     name: str
@@ -37,6 +54,8 @@ class Verdict:
     probabilities: dict[str, float]
     alternatives: tuple[tuple[str, ...], ...] = ()
     close: tuple[str, ...] = ()
+    doubt: Doubt = Doubt.REMAINDER
+    rival: tuple[str, ...] = ()
 
     @property
     def not_separable(self) -> tuple[str, ...]:

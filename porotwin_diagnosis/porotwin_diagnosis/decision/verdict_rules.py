@@ -7,12 +7,14 @@ from porotwin_diagnosis.decision.confidence import (
     no_gap_log_odds,
     order_log_odds,
     pair_log_odds,
+    rival_of_pair,
+    rival_of_single,
     single_log_odds,
     sufficient_log_odds,
 )
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
-from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
+from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt, Verdict
 from porotwin_diagnosis.search.ranking import (
     far_less,
     gained_misfit,
@@ -38,24 +40,29 @@ def decide(evidence: Evidence) -> Verdict:
     explanation = evidence.explanation
     members, inseparable, alternatives = _named(evidence)
     if not explanation.suffices:
-        name, sure = UNEXPLAINED, confidence(missing_log_odds(explanation.lack_of_fit))
-    elif not members:
-        name, sure = NONE, confidence(_log_odds(evidence))
-    elif evidence.contradicted:
-        name, sure = UNEXPLAINED, CONTRADICTED_CONFIDENCE
+        name, doubt = UNEXPLAINED, Doubt.REMAINDER
+        sure = confidence(missing_log_odds(explanation.lack_of_fit))
+    elif members and evidence.contradicted:
+        name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, CONTRADICTED_CONFIDENCE
     else:
-        name, sure = members[0], confidence(_log_odds(evidence))
+        name = members[0] if members else NONE
+        log_odds, doubt = min(_statements(evidence))
+        sure = confidence(log_odds)
+    if evidence.scant and sure > SCANT_CONFIDENCE:
+        doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
     if name == UNEXPLAINED:
         members, inseparable, alternatives = (), (), ()
     return Verdict(
         name,
-        min(sure, SCANT_CONFIDENCE) if evidence.scant else sure,
+        sure,
         explanation.model,
         members,
         inseparable,
         effect_probabilities(evidence.findings),
         alternatives,
         close=explanation.close if name in explanation.members else (),
+        doubt=doubt,
+        rival=_rival(evidence),
     )
 
 
@@ -76,8 +83,8 @@ def _named(evidence: Evidence) -> tuple[Names, Names, tuple[Names, ...]]:
     return (NUMERICAL, *members), (), tuple((NUMERICAL, *names) for names in same)
 
 
-def _log_odds(evidence: Evidence) -> float:
-    """Return the log-odds of an explanation that suffices: the smallest of its statements.
+def _statements(evidence: Evidence) -> list[tuple[float, Doubt]]:
+    """Return the log-odds of all statements of an explanation that suffices.
 
     - Any: that it explains more than the errors that all maps share, or that these are no gap.
     - No effect: that there is no gap.
@@ -88,17 +95,32 @@ def _log_odds(evidence: Evidence) -> float:
     """
     findings, kept = evidence.findings, evidence.explanation
     null = findings.null
-    calibrated = calibration_log_odds(swallowed_misfit(kept.model), gained_misfit(kept.model, null))
+    swallowed, gained = swallowed_misfit(kept.model), gained_misfit(kept.model, null)
+    calibrated = (calibration_log_odds(swallowed, gained), Doubt.CALIBRATION)
     if not kept.members:
-        return min(no_gap_log_odds(normalised_misfit(null)), calibrated)
+        return [(no_gap_log_odds(normalised_misfit(null)), Doubt.NO_GAP), calibrated]
     same = (kept.members[0], *kept.inseparable)
-    enough = min(sufficient_log_odds(kept.lack_of_fit), calibrated)
+    enough = [(sufficient_log_odds(kept.lack_of_fit), Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
-        return min(single_log_odds(same, effect_probabilities(findings)), enough)
+        return [(single_log_odds(same, effect_probabilities(findings)), Doubt.RIVAL), *enough]
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
-    return min(
-        pair_log_odds(kept.model, same, findings),
-        missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer))),
-        order_log_odds(kept.members, findings),
-        enough,
-    )
+    needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
+    return [
+        (pair_log_odds(kept.model, rival_of_pair(same, findings)), Doubt.RIVAL),
+        (needed, Doubt.FEWER),
+        (order_log_odds(kept.members, findings), Doubt.ORDER),
+        *enough,
+    ]
+
+
+def _rival(evidence: Evidence) -> Names:
+    """Return the effects of the most probable explanation beside the kept one."""
+    findings, kept = evidence.findings, evidence.explanation
+    if not kept.members:
+        return ()
+    same = (kept.members[0], *kept.inseparable)
+    if len(kept.members) == 1:
+        other = rival_of_single(same, effect_probabilities(findings))
+        return (other,) if other else ()
+    fit = rival_of_pair(same, findings)
+    return tuple(member.effect for member in fit.members) if fit else ()

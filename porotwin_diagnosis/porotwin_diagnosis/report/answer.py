@@ -10,6 +10,7 @@ from porotwin_diagnosis.decision.held_out import blurred_errors
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words
 from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, phrase, spoken
@@ -298,6 +299,8 @@ def _how_sure(result: Diagnosis) -> str:
         f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
         'rules that were set on simulated rigs.'
     ]
+    if verdict.doubt not in ALWAYS_SAID:
+        lines.append(f'The least certain point: {doubt_words(result)}.')
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
     if verdict.name == UNEXPLAINED and evidence.explanation.suffices:

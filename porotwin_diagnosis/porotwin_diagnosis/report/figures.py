@@ -10,6 +10,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
@@ -56,7 +57,7 @@ def plumes(result: Diagnosis, number: int = 0) -> Figure:
     titles = ('observed', 'model as it is', _after_title(result))
     for axis, title, shown in zip(axes[0], titles, (observed, before, after), strict=True):
         image = _map(axis, result, shown, **CONCENTRATION)
-        axis.set_title(f'{title}, {part.times[-1] / 60:.0f} min', fontsize=10)
+        axis.set_title(f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}', fontsize=10)
     figure.colorbar(image, ax=axes[0], label='tracer [share of stock]', shrink=0.9)
     _fronts(axes[1, 0], result, part)
     for axis, title, shown in zip(axes[1, 1:], titles[1:], (before, after), strict=True):
@@ -71,7 +72,7 @@ def _plumes_without_gap(result: Diagnosis, part: HeldOut) -> Figure:
     shown = (part.observed[-1], part.before[-1])
     for axis, title, frame in zip(axes[0], ('observed', 'model as it is'), shown, strict=False):
         image = _map(axis, result, frame, **CONCENTRATION)
-        axis.set_title(f'{title}, {part.times[-1] / 60:.0f} min', fontsize=10)
+        axis.set_title(f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}', fontsize=10)
     figure.colorbar(image, ax=axes[0, :2], label='tracer [share of stock]', shrink=0.75)
     difference = _map(axes[0, 2], result, shown[0] - shown[1], **DIFFERENCE)
     axes[0, 2].set_title('observed − model', fontsize=10)
@@ -157,18 +158,21 @@ def course(result: Diagnosis, number: int = 0) -> Figure:
     sample = result.samples[number]
     figure = Figure(figsize=(12, 5.0), layout='constrained')
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-    _draw_errors(upper, result, data)
+    unit = time_unit(sample.duration)
+    _draw_errors(upper, result, data, unit)
     for well in sample.schedule.wells:
-        _draw_rates(lower, sample.schedule.intervals(sample.start, sample.end), well)
-    lower.set(xlabel='time [min]', ylabel='rate [ml/h]')
+        intervals = sample.schedule.intervals(sample.start, sample.end)
+        _draw_rates(lower, intervals, well, unit)
+    lower.set(xlabel=f'time [{unit.name}]', ylabel='rate [ml/h]')
     lower.axhline(0, color='0.7', lw=0.8)
     lower.legend(frameon=False, ncols=6, fontsize=8, loc='lower left', bbox_to_anchor=(0, 1))
+    start = data.held_out_start / unit.seconds
     for axis in (upper, lower):
-        axis.axvspan(data.held_out_start / 60, sample.end / 60, color='#e6eef6', zorder=0)
+        axis.axvspan(start, sample.end / unit.seconds, color='#e6eef6', zorder=0)
         axis.spines[['top', 'right']].set_visible(False)
     upper.annotate(
         'held out: no fit has seen this part',
-        (data.held_out_start / 60, 1.0),
+        (start, 1.0),
         xycoords=('data', 'axes fraction'),
         xytext=(4, -12),
         textcoords='offset points',
@@ -178,28 +182,30 @@ def course(result: Diagnosis, number: int = 0) -> Figure:
     return figure
 
 
-def _draw_errors(axis: Axes, result: Diagnosis, data: ErrorCourse) -> None:
-    minutes = data.times / 60
-    axis.plot(minutes, 100 * data.before, color=BEFORE, marker='.', label='model as it is')
+def _draw_errors(axis: Axes, result: Diagnosis, data: ErrorCourse, unit: TimeUnit) -> None:
+    times = data.times / unit.seconds
+    axis.plot(times, 100 * data.before, color=BEFORE, marker='.', label='model as it is')
     if result.verdict.name != NONE:
         label = _after_title(result)
-        axis.plot(minutes, 100 * data.after, color=AFTER, marker='.', label=label)
-    axis.fill_between(minutes, 100 * data.floor, color='0.85', label='noise alone')
+        axis.plot(times, 100 * data.after, color=AFTER, marker='.', label=label)
+    axis.fill_between(times, 100 * data.floor, color='0.85', label='noise alone')
     largest = float(max(data.before.max(), data.after.max()))
     axis.set(ylabel='error of the map [%]', ylim=(0, 112 * largest))
     axis.legend(frameon=False, ncols=3, loc='lower left', bbox_to_anchor=(0, 1), fontsize=9)
 
 
-def _draw_rates(axis: Axes, intervals: Iterable[tuple[float, float, WellRates]], well: str) -> None:
+def _draw_rates(
+    axis: Axes, intervals: Iterable[tuple[float, float, WellRates]], well: str, unit: TimeUnit
+) -> None:
     """Draw the rate of `well` over time, thick where it injects tracer."""
     parts = [(start, end, rates.get(well)) for start, end, rates in intervals]
-    edges = [parts[0][0], *(end for _, end, _ in parts)]
+    edges = np.array([parts[0][0], *(end for _, end, _ in parts)]) / unit.seconds
     rates = [0.0 if rate is None else to_ml_h(rate.rate) for _, _, rate in parts]
-    (line,) = axis.step(np.array(edges) / 60, [*rates, rates[-1]], where='post', lw=1.2, label=well)
-    for start, end, rate in parts:
+    (line,) = axis.step(edges, [*rates, rates[-1]], where='post', lw=1.2, label=well)
+    for start, end, (_, _, rate) in zip(edges[:-1], edges[1:], parts, strict=True):
         if rate is not None and rate.rate > 0 and rate.concentration > 0:
             level = to_ml_h(rate.rate)
-            axis.plot([start / 60, end / 60], [level, level], lw=4, color=line.get_color())
+            axis.plot([start, end], [level, level], lw=4, color=line.get_color())
 
 
 def _panels(result: Diagnosis, rows: int, columns: int, width: float = 12.0) -> tuple[Figure, Any]:

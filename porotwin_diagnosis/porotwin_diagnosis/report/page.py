@@ -4,6 +4,7 @@ import html
 from collections.abc import Iterator
 from pathlib import Path
 
+from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
@@ -114,7 +115,8 @@ def _recordings(result: Diagnosis) -> str:
     for recording, sample in zip(result.recordings, result.samples, strict=True):
         grid = recording.grid
         lines.append(
-            f'{html.escape(str(recording.source))}: {sample.duration / 60:.0f} min, '
+            f'{html.escape(str(recording.source))}: '
+            f'{time_unit(sample.duration).text(sample.duration)}, '
             f'{len(recording.times)} maps of {grid.nx} × {grid.nz} cells of '
             f'{1e3 * grid.dx:.1f} mm'
         )
@@ -166,7 +168,7 @@ def _photograph(result: Diagnosis) -> Iterator[str]:
         picture = photograph(photos[-1].read(), result)
     except (OSError, ValueError, SyntaxError):  # all errors that a broken file raises
         return
-    yield figure_with_caption(picture, caption(photos[-1].time / 60, result), 'jpeg')
+    yield figure_with_caption(picture, caption(photos[-1].time, result), 'jpeg')
 
 
 def _plumes_caption(result: Diagnosis, which: str) -> str:
@@ -183,16 +185,16 @@ def _plumes_caption(result: Diagnosis, which: str) -> str:
 def _where_caption(result: Diagnosis) -> str:
     together = ', all recordings together' if len(result.recordings) > 1 else ''
     return (
-        'Where the gap arises, before the flow carries it on (one-step residuals in weak '
-        f'form{together}). Dotted circles: hot spots with their share of the whole.'
-        f'{_marks_caption(result)}'
+        'Where the gap arises, before the flow carries it on: the model starts anew from '
+        f'every map and goes on to the next one{together}. Dotted circles: hot spots with their '
+        f'share of the whole.{_marks_caption(result)}'
     )
 
 
 def _gap_caption(result: Diagnosis) -> str:
     if result.verdict.name == NONE:
         return (
-            'Left: the error of one short step of the model (one-step residuals in weak form). '
+            'Left: the error if the model starts anew from every map and goes on to the next one. '
             'Right: the error of the model that runs from the start. There is no gap: both show '
             'the noise.'
         )

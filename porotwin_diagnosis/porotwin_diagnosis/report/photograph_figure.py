@@ -15,6 +15,7 @@ from matplotlib.image import imread
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Camera, Rig
+from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -103,9 +104,9 @@ def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str
     return [before] if result.verdict.name == NONE else [(part.after[-1], AFTER, '-'), before]
 
 
-def caption(minutes: float, result: Diagnosis) -> str:
-    """Return what the photograph taken after `minutes` shows, with what is drawn upon it."""
-    first = f'The last photograph, {minutes:.0f} min.'
+def caption(time: float, result: Diagnosis) -> str:
+    """Return what the photograph taken at `time` [s] shows, with what is drawn upon it."""
+    first = f'The last photograph, {time_unit(result.samples[0].duration).text(time)}.'
     if result.recordings[0].rig.camera is None:
         return first
     lines = 'Red, dashed: the front of the model as it is (half of the stock).'

@@ -4,6 +4,7 @@ import html
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
@@ -105,9 +106,10 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
 def when_it_arises(result: Diagnosis) -> str:
     """Return the table of the operating states with their shares of the gap."""
     several = len(result.recordings) > 1
+    unit = time_unit(result.samples[0].duration)
     rows = [
         [
-            f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min'
+            f'{unit.number(phase.start)} – {unit.text(phase.end)}'
             + (
                 f', {html.escape(result.recordings[phase.recording].source.name)}'
                 if several
@@ -170,15 +172,16 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
         [
             proposal['name'],
             proposal['what'],
-            'decides' if proposal['gain'] is None else f'× {proposal["gain"]:.1f}',
+            'decides' if proposal['gain'] is None else f'{proposal["gain"]:.1f} times',
         ]
         for proposal in proposals
     ]
     note = (
         f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}. '
-        'The factor compares each with the same recording, made again.</p>'
+        'The last column compares how well each separates them with the same recording, made again.'
+        '</p>'
     )
-    return note + table(['experiment', 'instructions', 'gain'], rows, {2})
+    return note + table(['experiment', 'instructions', 'separates better'], rows, {2})
 
 
 def visible_strengths(result: Diagnosis) -> str:

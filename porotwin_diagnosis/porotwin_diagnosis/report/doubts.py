@@ -1,0 +1,49 @@
+"""The least certain point of a verdict, in words."""
+
+from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Doubt, Verdict
+from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.report.wording import spoken
+
+ALWAYS_SAID = {Doubt.CONTRADICTED, Doubt.SCANT}
+"""Doubts that the report explains with figures of their own."""
+
+
+def doubt_words(result: Diagnosis) -> str:
+    """Return the point of the verdict on `result` that sets its confidence, as a clause."""
+    verdict = result.verdict
+    lack = result.evidence.explanation.lack_of_fit
+    return {
+        Doubt.NO_GAP: 'how far the error is from the limit above which it would be a gap',
+        Doubt.CALIBRATION: 'whether errors of the calibration, which all maps share, hide a gap'
+        if verdict.name == NONE
+        else 'whether errors of the calibration, which all maps share, make the gap instead',
+        Doubt.RIVAL: _rival(verdict),
+        Doubt.REMAINDER: _remainder(verdict.name, lack),
+        Doubt.FEWER: 'whether fewer effects are enough',
+        Doubt.ORDER: 'which effect is the strongest: they change the maps about equally much',
+        Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
+        Doubt.SCANT: 'the recording shows too little',
+    }[verdict.doubt]
+
+
+def _rival(verdict: Verdict) -> str:
+    """Say which other explanation comes next."""
+    if verdict.rival == (NONE,):
+        return 'whether there is a gap at all'
+    if not verdict.rival:
+        return 'whether another effect explains the recording better'
+    names = ' and '.join(map(spoken, verdict.rival))
+    return f'whether it is not {names}, the next best explanation'
+
+
+def _remainder(name: str, lack: float) -> str:
+    """Say how much of the misfit that a true effect may leave the best model leaves."""
+    if name == UNEXPLAINED:
+        return (
+            f'the best model leaves {lack:.1f} times as much as a true effect may leave; below 1 '
+            'it would be the answer'
+        )
+    return (
+        f'the model leaves {100 * lack:.0f} % of what a true effect may leave, and a cause outside '
+        'the library may imitate it'
+    )
