@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from porotwin_cli.control_words import control_words
+from porotwin_cli.density_words import density_words
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -214,6 +215,8 @@ def in_words(checked: CheckedRig, interval: float) -> list[str]:
             f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
             f'until {pumped.end:g} s; the fluid is {share:.2g} pore volumes'
         )
+        if checked.runs and pumped.stock > 0.0:
+            lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
     lines += control_words(checked.rig)
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')

@@ -1,0 +1,47 @@
+"""How far a small density difference moves the tracer of an experiment by itself, in words."""
+
+import math
+
+import numpy as np
+
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+from porotwin_core.units import GRAVITY
+from porotwin_solver.effects.definition.words import number
+from porotwin_solver.physics import nominal_physics
+
+DENSITY_DIFFERENCE = 1.0
+"""Density difference of the example [kg/m^3]: that of 0.1 % of salt or dye in the stock."""
+
+NOTABLE = 0.1
+"""Way of the tracer, relative to the radius of its plume, from which density is worth a test."""
+
+
+def density_words(rig: Rig, grid: Grid, stock: float, seconds: float) -> str:
+    """Return how far tracer that is 1 kg/m^3 denser than water sinks, beside the plume's radius.
+
+    The speed of pore water that density alone drives is u = k g (rho - rho_water) / (mu porosity)
+    (Bear, Dynamics of Fluids in Porous Media, section 5.2). A round plume of the volume V has the
+    radius sqrt(V / (pi porosity depth)). The median of permeability and depth counts.
+
+    Args:
+        rig: the rig.
+        grid: cells of the rig.
+        stock: injected volume of tracer stock [m^3], above 0.
+        seconds: duration of the experiment [s].
+    """
+    physics = nominal_physics(rig, grid)
+    permeability, depth, porosity = (
+        float(np.median(field)) for field in (physics.permeability, physics.depth, physics.porosity)
+    )
+    speed = permeability * GRAVITY * DENSITY_DIFFERENCE / (physics.viscosity * porosity)
+    way = min(speed * seconds, rig.height_m)
+    radius = math.sqrt(stock / (math.pi * porosity * depth))
+    words = (
+        f'density: stock that is {DENSITY_DIFFERENCE:g} kg/m3 denser or lighter than water moves '
+        f'{number(1e3 * way, 2)} mm by itself in this time; its plume has a radius of '
+        f'{number(1e3 * radius, 2)} mm'
+    )
+    if way > NOTABLE * radius:
+        words += '; weigh stock and water, and tell a difference with --effect buoyancy'
+    return words

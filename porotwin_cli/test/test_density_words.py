@@ -1,0 +1,43 @@
+"""Tests of the words about density: a rig whose speed and radius are known."""
+
+import math
+
+import pytest
+
+from porotwin_cli.density_words import density_words
+from porotwin_core.rig import Rig
+from porotwin_core.units import GRAVITY
+from porotwin_solver.effects.definition.words import number
+
+
+def rig(permeability_m2: float) -> Rig:
+    return Rig.model_validate(
+        {
+            'name': 'box',
+            'width_m': 1.0,
+            'height_m': 0.5,
+            'depth_m': 0.01,
+            'porosity': 0.4,
+            'permeability_m2': permeability_m2,
+            'viscosity_pa_s': 0.001,
+            'density_kg_m3': 998.0,
+            'wells': {'in': {'x_m': 0.5, 'z_m': 0.25}},
+        }
+    )
+
+
+def test_the_way_and_the_radius_are_those_of_the_formulas():
+    found = rig(1e-10)
+    hour, stock = 3600.0, 1e-5
+    way = 1e-10 * GRAVITY / (found.viscosity_pa_s * 0.4) * hour
+    radius = math.sqrt(stock / (math.pi * 0.4 * 0.01))
+    words = density_words(found, found.default_grid(), stock, hour)
+    assert f'{number(1e3 * way, 2)} mm by itself' in words
+    assert f'radius of {number(1e3 * radius, 2)} mm' in words
+
+
+@pytest.mark.parametrize(('permeability', 'warned'), [(1e-12, False), (1e-9, True)])
+def test_only_a_notable_way_asks_for_a_measurement(permeability, warned):
+    box = rig(permeability)
+    words = density_words(box, box.default_grid(), 1e-5, 3600.0)
+    assert ('weigh stock' in words) is warned
