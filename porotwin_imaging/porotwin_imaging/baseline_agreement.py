@@ -54,7 +54,8 @@ def refuse_other_sand(residual: Array, visible: Mask, first: str) -> None:
     if share > _MOST_SHARE:
         raise InputError(
             f'differs from {first} on {100 * share:.1f} % of the sand: one of the two shows a '
-            'hand, an object, a shadow or tracer; remove that one from the baselines'
+            'hand, an object, a shadow or tracer; remove that one from the baselines (a running '
+            'twin forgets its first baseline only at a restart)'
         )
 
 
