@@ -19,7 +19,7 @@ def test_every_doubt_has_words(denser, doubt):
 
 def test_the_next_best_explanation_is_named(denser):
     rival = words(denser, doubt=Doubt.RIVAL, rival=('dual_porosity', 'leak'))
-    assert rival == 'whether it is not dual porosity and leak, the next best explanation'
+    assert rival == 'whether the cause is dual porosity and leak instead, the next best explanation'
     assert 'a gap at all' in words(denser, doubt=Doubt.RIVAL, rival=(NONE,))
     assert 'another effect' in words(denser, doubt=Doubt.RIVAL, rival=())
 

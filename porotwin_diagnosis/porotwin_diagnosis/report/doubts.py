@@ -33,7 +33,7 @@ def _rival(verdict: Verdict) -> str:
     if not verdict.rival:
         return 'whether another effect explains the recording better'
     names = ' and '.join(map(spoken, verdict.rival))
-    return f'whether it is not {names}, the next best explanation'
+    return f'whether the cause is {names} instead, the next best explanation'
 
 
 def _remainder(name: str, lack: float) -> str:
