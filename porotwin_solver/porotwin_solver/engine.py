@@ -321,27 +321,52 @@ class Engine:
             InputError: as `water_flux` and `coupled_flux`, or the supervision refuses the cost.
         """
         self.supervision.refuse_too_long(duration)
+        for coefficients in self.supervised_interval(state, rates, duration, longest_step):
+            self.step(state, coefficients)
+
+    def supervised_interval(
+        self,
+        state: State,
+        rates: WellRates,
+        duration: float,
+        longest_step: float | None = None,
+    ) -> Iterator[StepCoefficients]:
+        """Yield as `interval`, with a check before every step.
+
+        Where the tracer changes the flow, a later step may cost far more than the first one: an
+        empty rig has no density flow. So the cost of the whole interval is estimated anew at every
+        step with another flow.
+
+        Raises:
+            InputError: as `interval`, or the supervision refuses the cost.
+        """
+        count, _ = self.splitting(duration, longest_step)
+        latest, each, done = None, 0, 0
         steps = self.interval(state, rates, duration, longest_step)
         for number, coefficients in enumerate(steps):
-            if number == 0:
-                self.supervision.refuse_too_costly(
-                    self.cell_updates(coefficients, duration, longest_step), duration
-                )
+            if coefficients is not latest:
+                latest, each = coefficients, self._step_updates(coefficients)
+                self.supervision.refuse_too_costly(done + (count - number) * each, duration)
+            done += each
             self.supervision.check()
-            self.step(state, coefficients)
+            yield coefficients
 
     def cell_updates(
         self, coefficients: StepCoefficients, duration: float, longest_step: float | None = None
     ) -> int:
-        """Return the updates of single cells in `duration` [s], from those of its first step.
+        """Return the updates of single cells in `duration` [s], from those of its first step."""
+        count, _ = self.splitting(duration, longest_step)
+        return count * self._step_updates(coefficients)
+
+    def _step_updates(self, coefficients: StepCoefficients) -> int:
+        """Return the updates of single cells in one splitting step.
 
         A solution of the flow that the tracer changes counts as FLOW_UPDATES for each cell.
         """
-        count, _ = self.splitting(duration, longest_step)
         advection = tape_length(coefficients.levels)
         diffusion = 2 * tape_length(coefficients.exchanges.levels)
         flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0
-        return count * (advection + diffusion + flow)
+        return advection + diffusion + flow
 
     def refuse_too_costly(
         self,

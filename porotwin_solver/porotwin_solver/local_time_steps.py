@@ -38,9 +38,9 @@ class TimeStepLevels(NamedTuple):
 
 def tape_length(levels: TimeStepLevels) -> int:
     """Return the number of substeps of all cells together: the length of the tape of a run."""
-    count = levels.count_at_least
-    with_level = count - np.append(count[1:], 0)
-    return int((with_level << np.arange(len(count))).sum())
+    first, *higher = levels.count_at_least.tolist()
+    # 2**l = 1 + 1 + 2 + 4 ... + 2**(l - 1); integers of Python, which cannot overflow
+    return int(first + sum(cells << below for below, cells in enumerate(higher)))
 
 
 @compiled

@@ -50,7 +50,7 @@ class Supervision:
             raise InputError(
                 f'prediction over {duration:g} s: {cell_updates:.2g} cell updates, about '
                 f'{minutes:.2g} minutes; at most {self.most_cell_updates:.2g} are allowed; ask for '
-                'a shorter time, smaller rates or a coarser grid'
+                'a shorter time, smaller rates, weaker effects or a coarser grid'
             )
 
 

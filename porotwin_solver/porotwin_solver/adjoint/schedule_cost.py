@@ -114,10 +114,10 @@ class _Run:
         """Advance `state` to the horizon; return the cost, and the steps if they are to be kept.
 
         Raises:
-            InputError: as `Engine.interval`, or the supervision refuses the cost.
+            InputError: as `Engine.supervised_interval`.
         """
-        engine, supervision = self.engine, self.engine.supervision
-        supervision.refuse_too_long(self.horizon)
+        engine = self.engine
+        engine.supervision.refuse_too_long(self.horizon)
         self._refuse_too_costly(state, keep=keep)
         self.weights = list(self._weights())
         cost = self._cost(state, 0)
@@ -126,8 +126,7 @@ class _Run:
         for low, high, number in self._intervals():
             _, length = engine.splitting(high - low)
             rates = self.plan[number].rates
-            for coefficients in engine.interval(state, rates, high - low):
-                supervision.check()
+            for coefficients in engine.supervised_interval(state, rates, high - low):
                 if keep:
                     kept.append(_KeptStep(state.copy(), coefficients, length, number))
                 engine.step(state, coefficients)
