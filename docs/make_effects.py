@@ -97,9 +97,12 @@ def _range(parameter: Parameter) -> str:
     parts = [f'[{parameter.unit}]']
     if parameter.above > -float('inf'):
         parts.append(f'> {parameter.above:g}')
-    if parameter.low > -float('inf'):
+    bounded = parameter.low > -float('inf'), parameter.high < float('inf')
+    if all(bounded):
+        parts.append(f'{parameter.low:g} to {parameter.high:g}')
+    elif bounded[0]:
         parts.append(f'≥ {parameter.low:g}')
-    if parameter.high < float('inf'):
+    elif bounded[1]:
         parts.append(f'≤ {parameter.high:g}')
     if parameter.default is not None:
         parts.append(f'default {parameter.default:g}')

@@ -10,6 +10,10 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig
 from porotwin_core.units import MOLECULAR_DIFFUSION
 
+MOST_CONTRAST = 1e12
+"""Largest over least permeability [-]. From 1e13 on the round-off of the flow shows: more than the
+injected concentration. Clay and gravel differ by 1e10."""
+
 
 @dataclass(frozen=True)
 class SourceSink:
@@ -148,8 +152,9 @@ def check(physics: Physics) -> None:
     """Refuse coefficients that no rig can have.
 
     Raises:
-        InputError: depth, porosity or permeability not finite or not positive, porosity above 1, or
-            a well or leak outside the rig; names the field, the value and the remedy.
+        InputError: depth, porosity or permeability not finite or not positive, permeability that
+            differs too much, porosity above 1, or a well or leak outside the rig; names the field,
+            the value and the remedy.
     """
     fields = {
         'depth': physics.depth,
@@ -161,6 +166,12 @@ def check(physics: Physics) -> None:
             raise InputError(f'{name}: not finite everywhere; fill the gaps of its map')
         if values.min() <= 0:
             raise InputError(f'{name} {values.min():.6g}: must be positive everywhere')
+    contrast = float(physics.permeability.max()) / float(physics.permeability.min())
+    if contrast > MOST_CONTRAST:
+        raise InputError(
+            f'permeability: it differs by a factor of {contrast:.3g} within the rig, and the flow '
+            f'can be solved up to {MOST_CONTRAST:g}; take weaker zones'
+        )
     if physics.porosity.max() > 1:
         raise InputError(f'porosity {physics.porosity.max():.6g}: must not exceed 1')
     sources_and_sinks = {f"well '{name}'": well for name, well in physics.wells.items()}

@@ -1,5 +1,9 @@
 """The definition of an effect: complete, and consistent with its search, words and draws."""
 
+import itertools
+import math
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -80,6 +84,44 @@ def test_candidates_fit_or_fix_every_parameter_in_its_unit_and_range(name, conte
             assert effect.parameters[key].may_be_fixed
         for start in candidate.starts or (candidate.first,):
             effect.checked(candidate.described(start).parameters)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_every_number_of_an_effect_has_limits(name) -> None:
+    for key, parameter in EFFECTS[name].parameters.items():
+        if parameter.is_name:
+            continue
+        assert math.isfinite(parameter.low) and math.isfinite(parameter.high), key
+        for value in (parameter.neutral, parameter.default or parameter.neutral):
+            assert value == 0.0 or parameter.low <= value <= parameter.high, key
+
+
+def contexts(rig) -> Iterator[SearchContext]:
+    """Yield recordings of tiny and huge rigs, over seconds and weeks."""
+    for size, duration in itertools.product((0.02, 20.0), (10.0, 2e6)):
+        width, height = size, 0.6 * size
+        wells = {'injector': replaced(rig.wells['injector'], x_m=0.3 * width, z_m=0.4 * height)}
+        other = replaced(rig, width_m=width, height_m=height, wells=wells, porosity=0.02)
+        grid = other.grid(40, 24)
+        yield SearchContext(other, grid, duration, ('injector',), 1e-6, well='injector')
+
+
+def replaced(described, **values):
+    """Return a copy of a part of a rig with other values."""
+    return described.model_copy(update=values)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_no_search_leaves_the_limits_of_a_parameter(name, rig) -> None:
+    effect = EFFECTS[name]
+    for context in contexts(rig):
+        candidates = [*effect.candidates(context)]
+        if effect.places is not None:
+            candidates += effect.places.trials(context, context.middle)
+        for candidate in candidates:
+            for fitted in candidate.parameters:
+                limits = effect.parameters[fitted.name]
+                assert limits.low <= fitted.low <= fitted.high <= limits.high, fitted.name
 
 
 @pytest.mark.parametrize('name', EFFECTS)

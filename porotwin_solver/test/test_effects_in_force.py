@@ -23,6 +23,13 @@ def described(name: str, **parameters: float | str) -> EffectDescription:
         ('leak', {'x': 2.0, 'z': 0.1, 'rate': 10.0}, 'lies outside the rig of 0.934 m'),
         ('saturation', {'exponent': 1.4}, 'is of the camera, and the solver makes no photographs'),
         ('numerical_diffusion', {'model_diffusion': 1e-8}, 'choose another --preset'),
+        ('buoyancy', {'density_difference': 1e12}, 'difference = 1e[+]12: must be at most 1000'),
+        ('porosity', {'factor': 1e-12}, 'factor = 1e-12: must be at least 0.01'),
+        (
+            'heterogeneity',
+            {'x': 0.5, 'z': 0.3, 'radius': 0.1, 'permeability_factor': 1e30},
+            'permeability_factor = 1e[+]30: must be at most 1e[+]09',
+        ),
     ],
 )
 def test_effects_that_the_model_cannot_have_are_refused(

@@ -184,6 +184,10 @@ def refusals(rig: Rig) -> dict[str, tuple]:
             rig, grid, effects=[EffectDescription(name=name, parameters=parameters)]
         )
 
+    def zone(x: float, factor: float) -> EffectDescription:
+        parameters = {'x': x, 'z': 0.3, 'radius': 0.1, 'permeability_factor': factor}
+        return EffectDescription(name='heterogeneity', parameters=parameters)
+
     one = {'injector': WellRate(1e-7, 1.0)}
     return {
         r'concentration: 1 cells are not finite': lambda: model.predict(holes, {}, 30.0),
@@ -211,16 +215,19 @@ def refusals(rig: Rig) -> dict[str, tuple]:
         r'permeability -1e-10: must be positive everywhere': lambda: Model(
             with_permeability(rig, np.full((11, 17), -1e-10)), grid
         ),
+        r'permeability: it differs by a factor of 1e.15 within the rig': lambda: Model(
+            rig, grid, effects=[zone(0.3, 1e9), zone(0.7, 1e-6)]
+        ),
         r"effect 'magic': unknown; choose from background_flow": effect('magic'),
         r"effect decay: unknown parameter 'speed'; known: rate": effect('decay', speed=1.0),
         r"effect decay: parameter 'rate' \[1/s\] is missing": effect('decay'),
         r'effect decay: rate = -1: must be at least 0': effect('decay', rate=-1.0),
-        r'effect viscosity: viscosity_ratio = 0: must be greater than 0': effect(
+        r'effect viscosity: viscosity_ratio = 0: must be at least 0.001': effect(
             'viscosity', viscosity_ratio=0.0
         ),
         r"effect porosity: factor = 'much': give a number": effect('porosity', factor='much'),
         r'porosity 1.125: must not exceed 1': effect('porosity', factor=3.0),
-        r'effect porosity: factor = -0.5: must be greater than 0': effect('porosity', factor=-0.5),
+        r'effect porosity: factor = -0.5: must be at least 0.01': effect('porosity', factor=-0.5),
         r"unknown well 'pump'; known": effect('rate', well='pump', factor=0.9),
         r'effect rate: well = 3.0: give a name': effect('rate', well=3.0, factor=0.9),
         r'leak 1 at \(2, 0.1\) m lies outside the rig': effect('leak', x=2.0, z=0.1, rate=1.0),
@@ -233,7 +240,7 @@ def refusals(rig: Rig) -> dict[str, tuple]:
     }
 
 
-@pytest.mark.parametrize('number', range(24))
+@pytest.mark.parametrize('number', range(25))
 def test_bad_input_is_refused_with_thing_value_and_remedy_in_one_line(rig, number) -> None:
     listed = [(text, call) for text, call in refusals(rig).items() if call is not None]
     text, call = listed[number]
@@ -243,7 +250,7 @@ def test_bad_input_is_refused_with_thing_value_and_remedy_in_one_line(rig, numbe
 
 
 def test_every_refusal_is_tested(rig) -> None:
-    assert len([call for call in refusals(rig).values() if call is not None]) == 24
+    assert len([call for call in refusals(rig).values() if call is not None]) == 25
 
 
 def test_balanced_rates_are_accepted_in_a_closed_rig(make_rig, rates) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_DENSITY_DIFFERENCE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -16,7 +17,9 @@ EFFECT = AssetEffect(
     name='buoyancy',
     order=20,
     parameters={
-        'density_difference': Parameter(unit='kg/m3', default=0.0),
+        'density_difference': Parameter(
+            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE, default=0.0
+        ),
     },
     on_rig=change,
     longest_step=15.0,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_CLOCK_OFFSET
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -16,7 +17,7 @@ EFFECT = AssetEffect(
     name='clock',
     order=170,
     parameters={
-        'offset': Parameter(unit='s', default=0.0),
+        'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET, default=0.0),
     },
     on_rig=change,
     needs_recording=True,

@@ -2,6 +2,7 @@
 
 import math
 
+from porotwin_core.effect_limits import MOST_REACTION_RATE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.tracer import Tracer
@@ -19,7 +20,7 @@ def fade(tracer: Tracer, rig: TrueRig, values: Values, duration: float) -> Trace
 EFFECT = AssetEffect(
     name='decay',
     order=50,
-    parameters={'rate': Parameter(unit='1/s', low=0.0, default=0.0)},
+    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE, default=0.0)},
     on_tracer=fade,
     removes_tracer=True,
     longest_step=30.0,

@@ -3,6 +3,7 @@
 depth = nominal * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
 """
 
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 from porotwin_rig.true_rig import TrueRig
@@ -21,6 +22,10 @@ def bulge(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='depth',
     order=90,
-    parameters={'factor_centre': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0)},
+    parameters={
+        'factor_centre': Parameter(
+            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        )
+    },
     on_rig=bulge,
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.units import MOLECULAR_DIFFUSION
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
@@ -22,9 +23,15 @@ EFFECT = AssetEffect(
     name='dispersion',
     order=10,
     parameters={
-        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, default=0.0),
-        'transverse_dispersivity': Parameter(unit='m', low=0.0, default=0.0),
-        'diffusion': Parameter(unit='m2/s', low=0.0, default=MOLECULAR_DIFFUSION),
+        'longitudinal_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISPERSIVITY, default=0.0
+        ),
+        'transverse_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISPERSIVITY, default=0.0
+        ),
+        'diffusion': Parameter(
+            unit='m2/s', low=0.0, high=MOST_DIFFUSION, default=MOLECULAR_DIFFUSION
+        ),
     },
     on_rig=change,
     longest_step=7.5,

@@ -4,6 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from porotwin_core.effect_limits import (
+    LEAST_PERMEABILITY_FACTOR,
+    LEAST_RADIUS,
+    MOST_DISTANCE,
+    MOST_PERMEABILITY_FACTOR,
+)
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -26,10 +32,16 @@ EFFECT = AssetEffect(
     name='heterogeneity',
     order=70,
     parameters={
-        'x': Parameter(unit='m', default=0.0),
-        'z': Parameter(unit='m', default=0.0),
-        'radius': Parameter(unit='m', above=0.0, default=0.05),
-        'permeability_factor': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE, default=0.05),
+        'permeability_factor': Parameter(
+            unit='-',
+            low=LEAST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            default=1.0,
+            neutral=1.0,
+        ),
     },
     on_rig=change_zone,
     is_repeatable=True,

@@ -1,5 +1,6 @@
 """The light changes: signal = c (1 + drift t + gradient (x - W/2))."""
 
+from porotwin_core.effect_limits import MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.grid import Grid
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
@@ -15,8 +16,10 @@ EFFECT = AssetEffect(
     name='illumination',
     order=150,
     parameters={
-        'drift': Parameter(unit='1/s', default=0.0),
-        'gradient': Parameter(unit='1/m', default=0.0),
+        'drift': Parameter(unit='1/s', low=-MOST_LIGHT_DRIFT, high=MOST_LIGHT_DRIFT, default=0.0),
+        'gradient': Parameter(
+            unit='1/m', low=-MOST_LIGHT_GRADIENT, high=MOST_LIGHT_GRADIENT, default=0.0
+        ),
     },
     on_signal=light,
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
@@ -27,9 +28,9 @@ EFFECT = AssetEffect(
     name='leak',
     order=120,
     parameters={
-        'x': Parameter(unit='m', default=0.0),
-        'z': Parameter(unit='m', default=0.0),
-        'rate': Parameter(unit='ml/h', default=0.0),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H, default=0.0),
     },
     on_rig=add_leak,
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -16,7 +17,7 @@ EFFECT = AssetEffect(
     name='porosity',
     order=80,
     parameters={
-        'factor': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+        'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0),
     },
     on_rig=change,
 )

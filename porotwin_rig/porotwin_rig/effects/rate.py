@@ -1,5 +1,6 @@
 """One pump delivers factor times the metered rate, all the time."""
 
+from porotwin_core.effect_limits import MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 
@@ -14,7 +15,7 @@ EFFECT = AssetEffect(
     order=100,
     parameters={
         'well': Parameter(unit='name', is_name=True),
-        'factor': Parameter(unit='-', low=0.0, default=1.0, neutral=1.0),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, default=1.0, neutral=1.0),
     },
     rate_factor=rate_factor,
     is_repeatable=True,

@@ -5,6 +5,7 @@ import math
 import cv2
 import numpy as np
 
+from porotwin_core.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.grid import Grid
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
@@ -35,10 +36,10 @@ EFFECT = AssetEffect(
     name='registration',
     order=160,
     parameters={
-        'dx': Parameter(unit='m', default=0.0),
-        'dz': Parameter(unit='m', default=0.0),
-        'rotation': Parameter(unit='rad', default=0.0),
-        'scale': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+        'dx': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'rotation': Parameter(unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0),
+        'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
     },
     on_picture=displace,
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_RETARDATION
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -16,7 +17,9 @@ EFFECT = AssetEffect(
     name='retardation',
     order=40,
     parameters={
-        'retardation_factor': Parameter(unit='-', low=1.0, default=1.0, neutral=1.0),
+        'retardation_factor': Parameter(
+            unit='-', low=1.0, high=MOST_RETARDATION, default=1.0, neutral=1.0
+        ),
     },
     on_rig=change,
 )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.grid import Grid
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
@@ -15,6 +16,10 @@ def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> Float
 EFFECT = AssetEffect(
     name='saturation',
     order=140,
-    parameters={'exponent': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0)},
+    parameters={
+        'exponent': Parameter(
+            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        )
+    },
     on_signal=bend,
 )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, place_near_injector
+from porotwin_core.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -47,7 +48,13 @@ EFFECT = AssetEffect(
         'x_end': Parameter(unit='m', default=0.0),
         'z_end': Parameter(unit='m', default=0.0),
         'width': Parameter(unit='m', low=0.0, default=0.006),
-        'permeability_factor': Parameter(unit='-', above=0.0, default=0.01, neutral=1.0),
+        'permeability_factor': Parameter(
+            unit='-',
+            low=LEAST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            default=0.01,
+            neutral=1.0,
+        ),
     },
     on_rig=change_line,
     is_repeatable=True,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -16,7 +17,9 @@ EFFECT = AssetEffect(
     name='viscosity',
     order=30,
     parameters={
-        'viscosity_ratio': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+        'viscosity_ratio': Parameter(
+            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, default=1.0, neutral=1.0
+        ),
     },
     on_rig=change,
     longest_step=15.0,

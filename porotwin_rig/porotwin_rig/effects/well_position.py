@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_DISTANCE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -19,8 +20,8 @@ EFFECT = AssetEffect(
     order=110,
     parameters={
         'well': Parameter(unit='name', is_name=True),
-        'dx': Parameter(unit='m', default=0.0),
-        'dz': Parameter(unit='m', default=0.0),
+        'dx': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
     },
     on_rig=move,
     is_repeatable=True,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import MOST_DARCY_FLUX
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -26,8 +27,8 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         Candidate(
             'background_flow',
             (
-                FitParameter('x_velocity', 'm/s', 0.0, step),
-                FitParameter('z_velocity', 'm/s', 0.0, step),
+                FitParameter('x_velocity', 'm/s', 0.0, step, -MOST_DARCY_FLUX, MOST_DARCY_FLUX),
+                FitParameter('z_velocity', 'm/s', 0.0, step, -MOST_DARCY_FLUX, MOST_DARCY_FLUX),
             ),
         )
     ]
@@ -56,8 +57,12 @@ EFFECT = Effect(
     order=130,
     scope=Scope.RIG,
     parameters={
-        'x_velocity': Parameter(unit='m/s', default=0.0, vector='velocity'),
-        'z_velocity': Parameter(unit='m/s', default=0.0, vector='velocity'),
+        'x_velocity': Parameter(
+            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0, vector='velocity'
+        ),
+        'z_velocity': Parameter(
+            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0, vector='velocity'
+        ),
     },
     on_physics=drift,
     candidates=candidates,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import MOST_DENSITY_DIFFERENCE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.units import GRAVITY
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -30,7 +31,14 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         * context.rig.viscosity_pa_s
         / (context.permeability * GRAVITY)
     )
-    parameter = FitParameter('density_difference', 'kg/m3', 0.0, 2 * one_cell)
+    parameter = FitParameter(
+        'density_difference',
+        'kg/m3',
+        0.0,
+        2 * one_cell,
+        -MOST_DENSITY_DIFFERENCE,
+        MOST_DENSITY_DIFFERENCE,
+    )
     return [Candidate('buoyancy', (parameter,))]
 
 
@@ -50,7 +58,11 @@ EFFECT = Effect(
     name='buoyancy',
     order=20,
     scope=Scope.RIG,
-    parameters={'density_difference': Parameter(unit='kg/m3')},
+    parameters={
+        'density_difference': Parameter(
+            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE
+        )
+    },
     on_physics=weigh,
     candidates=candidates,
     phrase=phrase,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import MOST_CLOCK_OFFSET
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -51,7 +52,7 @@ EFFECT = Effect(
     name='clock',
     order=170,
     scope=Scope.CAMERA,
-    parameters={'offset': Parameter(unit='s')},
+    parameters={'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET)},
     on_observation=shift,
     candidates=candidates,
     phrase=phrase,

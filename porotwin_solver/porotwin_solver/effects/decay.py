@@ -7,6 +7,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.effect_limits import MOST_REACTION_RATE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -22,7 +23,9 @@ def fade(physics: Physics, values: Values) -> Physics:
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the rate in steps that lose 3 % of the tracer within the recording."""
     duration = context.duration
-    parameter = FitParameter('rate', '1/s', 0.0, 0.03 / duration, 0.0, 20.0 / duration)
+    parameter = FitParameter(
+        'rate', '1/s', 0.0, 0.03 / duration, 0.0, min(20.0 / duration, MOST_REACTION_RATE)
+    )
     return [Candidate('decay', (parameter,))]
 
 
@@ -47,7 +50,7 @@ EFFECT = Effect(
     name='decay',
     order=50,
     scope=Scope.RIG,
-    parameters={'rate': Parameter(unit='1/s', low=0.0)},
+    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE)},
     on_physics=fade,
     candidates=candidates,
     phrase=phrase,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -45,7 +46,9 @@ EFFECT = Effect(
     name='depth',
     order=90,
     scope=Scope.RIG,
-    parameters={'factor_centre': Parameter(unit='-', above=0.0, neutral=1.0)},
+    parameters={
+        'factor_centre': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+    },
     on_physics=bulge,
     candidates=candidates,
     phrase=phrase,

@@ -10,6 +10,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.units import MOLECULAR_DIFFUSION
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -95,11 +96,16 @@ EFFECT = Effect(
     order=10,
     scope=Scope.RIG,
     parameters={
-        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, may_be_fixed=True),
-        'transverse_dispersivity': Parameter(unit='m', low=0.0, may_be_fixed=True),
+        'longitudinal_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISPERSIVITY, may_be_fixed=True
+        ),
+        'transverse_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISPERSIVITY, may_be_fixed=True
+        ),
         'diffusion': Parameter(
             unit='m2/s',
             low=0.0,
+            high=MOST_DIFFUSION,
             default=MOLECULAR_DIFFUSION,
             may_be_fixed=True,
             is_scored=False,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.effect_limits import MOST_REACTION_RATE
 from porotwin_core.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -33,7 +34,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     duration = context.duration
     immobile = FitParameter('immobile_fraction', '-', 0.04, 0.3, 1e-4, 0.8, log=True)
     exchange = FitParameter(
-        'exchange_rate', '1/s', 1.0 / duration, 0.5, 1e-3 / duration, 1.0, log=True
+        'exchange_rate', '1/s', 1.0 / duration, 0.5, 1e-3 / duration, MOST_REACTION_RATE, log=True
     )
     return [Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0)))]
 
@@ -62,7 +63,9 @@ EFFECT = Effect(
         'immobile_fraction': Parameter(
             unit='-', low=0.0, high=MOST_IMMOBILE, reading=Reading(100.0, '%')
         ),
-        'exchange_rate': Parameter(unit='1/s', low=0.0, reading=Reading(3600.0, 'per hour')),
+        'exchange_rate': Parameter(
+            unit='1/s', low=0.0, high=MOST_REACTION_RATE, reading=Reading(3600.0, 'per hour')
+        ),
     },
     on_physics=divide,
     candidates=candidates,

@@ -12,6 +12,12 @@ import numpy as np
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, place_near_injector
+from porotwin_core.effect_limits import (
+    LEAST_PERMEABILITY_FACTOR,
+    LEAST_RADIUS,
+    MOST_DISTANCE,
+    MOST_PERMEABILITY_FACTOR,
+)
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import (
     Candidate,
@@ -105,10 +111,16 @@ EFFECT = Effect(
     order=70,
     scope=Scope.PLACE,
     parameters={
-        'x': Parameter(unit='m', is_scored=False),
-        'z': Parameter(unit='m', is_scored=False),
-        'radius': Parameter(unit='m', above=0.0, is_scored=False),
-        'permeability_factor': Parameter(unit='-', above=0.0, neutral=1.0, is_logarithmic=True),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE, is_scored=False),
+        'permeability_factor': Parameter(
+            unit='-',
+            low=LEAST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+            is_logarithmic=True,
+        ),
     },
     on_physics=change_zone,
     candidates=candidates,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -29,8 +30,17 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         Candidate(
             'illumination',
             (
-                FitParameter('drift', '1/s', 0.0, 0.03 / context.duration),
-                FitParameter('gradient', '1/m', 0.0, 0.03 / half),
+                FitParameter(
+                    'drift',
+                    '1/s',
+                    0.0,
+                    0.03 / context.duration,
+                    -MOST_LIGHT_DRIFT,
+                    MOST_LIGHT_DRIFT,
+                ),
+                FitParameter(
+                    'gradient', '1/m', 0.0, 0.03 / half, -MOST_LIGHT_GRADIENT, MOST_LIGHT_GRADIENT
+                ),
             ),
         )
     ]
@@ -58,8 +68,10 @@ EFFECT = Effect(
     order=150,
     scope=Scope.CAMERA,
     parameters={
-        'drift': Parameter(unit='1/s', default=0.0),
-        'gradient': Parameter(unit='1/m', default=0.0),
+        'drift': Parameter(unit='1/s', low=-MOST_LIGHT_DRIFT, high=MOST_LIGHT_DRIFT, default=0.0),
+        'gradient': Parameter(
+            unit='1/m', low=-MOST_LIGHT_GRADIENT, high=MOST_LIGHT_GRADIENT, default=0.0
+        ),
     },
     on_observation=light,
     candidates=candidates,

@@ -12,6 +12,7 @@ from porotwin_core.blind_draw import (
     place_near_injector,
     random_sign,
 )
+from porotwin_core.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
@@ -42,7 +43,7 @@ def lose_or_gain(physics: Physics, values: Values) -> Physics:
 def leak_at(context: SearchContext, centre: tuple[float, float], rate_ml_h: float) -> Candidate:
     """Return the leak whose fit starts at `centre` [m] with `rate_ml_h`."""
     rig, size = context.rig, context.longer_side
-    rate = FitParameter('rate', 'ml/h', 0.0, 8.0)
+    rate = FitParameter('rate', 'ml/h', 0.0, 8.0, -MOST_LEAK_ML_H, MOST_LEAK_ML_H)
     parameters = (
         FitParameter('x', 'm', centre[0], 0.0065 * size, EDGE_M, rig.width_m - EDGE_M),
         FitParameter('z', 'm', centre[1], 0.0065 * size, EDGE_M, rig.height_m - EDGE_M),
@@ -89,9 +90,9 @@ EFFECT = Effect(
     order=120,
     scope=Scope.PLACE,
     parameters={
-        'x': Parameter(unit='m', is_scored=False),
-        'z': Parameter(unit='m', is_scored=False),
-        'rate': Parameter(unit='ml/h'),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H),
     },
     on_physics=lose_or_gain,
     candidates=candidates,

@@ -5,6 +5,7 @@ The diagnosis compares schemes to find it; no search fits it.
 
 from dataclasses import replace
 
+from porotwin_core.effect_limits import MOST_DIFFUSION
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import number
@@ -35,7 +36,7 @@ EFFECT = Effect(
     name='numerical_diffusion',
     order=0,
     scope=Scope.MODEL,
-    parameters={'model_diffusion': Parameter(unit='m2/s', low=0.0)},
+    parameters={'model_diffusion': Parameter(unit='m2/s', low=0.0, high=MOST_DIFFUSION)},
     on_physics=smear,
     phrase=phrase,
     laboratory_check='run the model with the accurate preset',

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -21,7 +22,7 @@ def scale(physics: Physics, values: Values) -> Physics:
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor up to the one that makes the largest porosity 1."""
-    largest = 1.0 / float(np.max(np.asarray(context.rig.nominal_map('porosity'))))
+    largest = min(MOST_FACTOR, 1.0 / float(np.max(np.asarray(context.rig.nominal_map('porosity')))))
     parameter = FitParameter('factor', '-', 1.0, 0.015, 0.2, largest, log=True)
     return [Candidate('porosity', (parameter,))]
 
@@ -45,7 +46,7 @@ EFFECT = Effect(
     name='porosity',
     order=80,
     scope=Scope.RIG,
-    parameters={'factor': Parameter(unit='-', above=0.0, neutral=1.0)},
+    parameters={'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)},
     on_physics=scale,
     candidates=candidates,
     phrase=phrase,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.effect_limits import MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -46,7 +47,7 @@ EFFECT = Effect(
     scope=Scope.WELL,
     parameters={
         'well': Parameter(unit='name', is_name=True, is_scored=False),
-        'factor': Parameter(unit='-', low=0.0, neutral=1.0),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
     },
     on_physics=misdeliver,
     candidates=candidates,

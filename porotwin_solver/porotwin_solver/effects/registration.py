@@ -10,6 +10,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, displacement
+from porotwin_core.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -79,10 +80,16 @@ EFFECT = Effect(
     order=160,
     scope=Scope.CAMERA,
     parameters={
-        'dx': Parameter(unit='m', default=0.0, vector='displacement'),
-        'dz': Parameter(unit='m', default=0.0, vector='displacement'),
-        'rotation': Parameter(unit='rad', default=0.0, is_scored=False),
-        'scale': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+        'dx': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'dz': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'rotation': Parameter(
+            unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0, is_scored=False
+        ),
+        'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
     },
     on_observation=move,
     candidates=candidates,

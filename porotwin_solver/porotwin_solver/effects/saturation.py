@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -40,7 +41,9 @@ EFFECT = Effect(
     order=140,
     scope=Scope.CAMERA,
     parameters={
-        'exponent': Parameter(unit='-', above=0.0, neutral=1.0, reading=Reading(1.0, '')),
+        'exponent': Parameter(
+            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0, reading=Reading(1.0, '')
+        ),
     },
     on_observation=bend,
     candidates=candidates,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -43,7 +44,11 @@ EFFECT = Effect(
     name='viscosity',
     order=30,
     scope=Scope.RIG,
-    parameters={'viscosity_ratio': Parameter(unit='-', above=0.0, neutral=1.0)},
+    parameters={
+        'viscosity_ratio': Parameter(
+            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
+        )
+    },
     on_physics=thicken,
     candidates=candidates,
     phrase=phrase,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext, DrawnValues, displacement
+from porotwin_core.effect_limits import MOST_DISTANCE
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -62,8 +63,12 @@ EFFECT = Effect(
     scope=Scope.WELL,
     parameters={
         'well': Parameter(unit='name', is_name=True, is_scored=False),
-        'dx': Parameter(unit='m', default=0.0, vector='displacement'),
-        'dz': Parameter(unit='m', default=0.0, vector='displacement'),
+        'dx': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'dz': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
     },
     on_physics=move,
     candidates=candidates,
