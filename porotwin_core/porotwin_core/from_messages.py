@@ -191,7 +191,11 @@ def _named(names: Sequence[str], what: str, *columns: Sequence[Any]) -> Iterable
 def _effect_from_msg(message: Any) -> dict[str, Any]:
     columns = (message.parameter_values, message.parameter_texts)
     named = _named(message.parameter_names, f"effect '{message.name}'", *columns)
-    parameters = {name: text or value for name, value, text in named}
+    parameters: dict[str, Any] = {}
+    for name, value, text in named:
+        if name in parameters:
+            raise InputError(f"effect '{message.name}': {name} is given twice; send it once")
+        parameters[name] = text or value
     return {'name': message.name, 'parameters': parameters}
 
 
@@ -199,7 +203,7 @@ def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
     """Return effects. The caller checks their names and parameters.
 
     Raises:
-        InputError: a parameter has no value, or a number is not finite.
+        InputError: a parameter has no value or is given twice, or a number is not finite.
     """
     found = [_effect_from_msg(message) for message in messages]
     for values in found:

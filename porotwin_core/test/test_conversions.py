@@ -251,6 +251,16 @@ def test_effects_survive_the_wire_and_a_number_must_be_finite() -> None:
         conversions.effects_from_msg([message])
 
 
+def test_a_parameter_of_an_effect_that_is_given_twice_is_refused() -> None:
+    effect = EffectDescription(name='rate', parameters={'well': 'a', 'factor': 0.7})
+    message = conversions.effect_to_msg(effect)
+    message.parameter_names.append('factor')
+    message.parameter_values.append(0.9)
+    message.parameter_texts.append('')
+    with pytest.raises(InputError, match="effect 'rate': factor is given twice; send it once"):
+        conversions.effects_from_msg([message])
+
+
 def test_learnt_physics_survives_the_wire() -> None:
     learnt = LearntPhysics(
         density_difference=0.9,
