@@ -24,5 +24,11 @@ FIELD = _profile(64, DurabilityPolicy.VOLATILE)
 CONFIG = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """Constants of a running graph, such as the description of the rig: late subscribers get them."""
 
+DECISIONS = _profile(64, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Follows a topic of CONFIG where every message counts: a replay sends many of them at once."""
+
+CLOCK = _profile(1000, DurabilityPolicy.VOLATILE)
+"""The time of a replay, where no step back may be missed."""
+
 SETPOINT = _profile(1, DurabilityPolicy.VOLATILE)
 """Setpoints: only the newest counts, and a late subscriber never gets an old one."""

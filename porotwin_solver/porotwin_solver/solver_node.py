@@ -1,12 +1,15 @@
 """The node that offers the physics-based model as services (paper sec. 2.3)."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from porotwin_core import __version__, qos
@@ -58,6 +61,7 @@ from porotwin_solver.grid_models import GridModels, refuse_another_size
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.quantities import QUANTITIES
+from porotwin_solver.replayed_effects import ReplayedEffects
 from porotwin_solver.rollout import rollout
 from porotwin_solver.supervision import Supervision
 from porotwin_solver.turns import BusyError, CancelledError, Turns
@@ -161,20 +165,34 @@ class SolverNode(Node):
         """Tell the effects in force, and take others.
 
         In simulated time the effects may come from a recording that is replayed: they are followed
-        as they were decided.
+        as they were decided. Every replay begins with the model as described, and so does every
+        repetition of one.
         """
+        self._replay = ReplayedEffects() if self.get_parameter('use_sim_time').value else None
         self._in_force = ModelEffects(header=header_at(0.0), reason='the start of the solver')
         self._newest_photograph = 0.0
         self._told = self.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
-        self._told.publish(self._in_force)
+        self._publish_effects()
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(SetEffects, 'solver/set_effects', self._set_effects, callback_group=own)
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
         )
+        # the types of rclpy do not know callbacks that take the info of a message as well
+        on_effects: Any = self._on_effects
+        on_clock: Any = self._on_clock
         self.create_subscription(
-            ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
+            ModelEffects, 'model/effects', on_effects, qos.DECISIONS, callback_group=own
         )
+        if self._replay is not None:
+            self.create_subscription(
+                Clock,
+                '/clock',
+                on_clock,
+                qos.CLOCK,
+                callback_group=own,
+                event_callbacks=SubscriptionEventCallbacks(matched=self._on_player),
+            )
 
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
@@ -230,17 +248,49 @@ class SolverNode(Node):
         response.in_force = self._in_force
         return response
 
-    def _on_effects(self, message: ModelEffects) -> None:
-        """Follow effects that a replay publishes."""
-        is_replay = self.get_parameter('use_sim_time').value
-        if not is_replay or message.sequence <= self._in_force.sequence:
+    def _on_effects(self, message: ModelEffects, info: Mapping[str, int]) -> None:
+        """Follow effects that a replay publishes, if they are others than those in force."""
+        if self._replay is None or self._replay.is_own(str(message)):
             return
         try:
-            self._change_effects(checked_effects(self.model.rig, effects_from_msg(message.effects)))
+            effects = effects_from_msg(message.effects)
+            if effects != effects_from_msg(self._in_force.effects):
+                self._change_effects(checked_effects(self.model.rig, effects))
+                message.sequence = self._in_force.sequence + 1
+                self._tell(message)
         except Exception as error:
             self.get_logger().error(f'model/effects not followed: {refusal(error).message}')
             return
-        self._tell(message)
+        self._replay.decide(info['source_timestamp'])
+
+    def _on_clock(self, message: Clock, info: Mapping[str, int]) -> None:
+        """Return to the model as described where the replay starts again."""
+        assert self._replay is not None
+        now = message.clock.sec * 10**9 + message.clock.nanosec
+        if self._replay.begins_anew(now, info['source_timestamp']):
+            self._begin_replay('the replay goes back in time')
+
+    def _on_player(self, matched: QoSSubscriptionMatchedInfo) -> None:
+        """Return to the model as described for another source of time than the first one."""
+        assert self._replay is not None
+        if 0 < matched.total_count_change < matched.total_count:
+            self._replay.forget()
+            self._begin_replay('another replay begins')
+
+    def _begin_replay(self, reason: str) -> None:
+        if not self._in_force.effects:
+            return
+        try:
+            self._change_effects(())
+        except Exception as error:
+            self.get_logger().error(f'effects not removed: {refusal(error).message}')
+            return
+        sequence = self._in_force.sequence + 1
+        self._tell(
+            ModelEffects(
+                header=header_at(0.0), sequence=sequence, reason=f'{reason}: {in_words(())}'
+            )
+        )
 
     def _change_effects(self, effects: tuple[EffectDescription, ...]) -> None:
         """Let `effects` act from the next request on.
@@ -258,8 +308,14 @@ class SolverNode(Node):
 
     def _tell(self, in_force: ModelEffects) -> None:
         self._in_force = in_force
-        self._told.publish(in_force)
+        self._publish_effects()
         self.get_logger().info(f'effects {in_force.sequence}: {in_force.reason}')
+
+    def _publish_effects(self) -> None:
+        if self._replay is not None:
+            self._replay.tell(str(self._in_force))
+            self._replay.decide(time.time_ns())
+        self._told.publish(self._in_force)
 
     def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
         response.name = self.get_name()

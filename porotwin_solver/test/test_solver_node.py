@@ -21,6 +21,7 @@ from porotwin_solver.quantities import QUANTITIES
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from porotwin_core import qos  # noqa: E402
@@ -60,10 +61,10 @@ SCRIPT = 'from porotwin_solver.solver_node import main; main()'
 class Client:
     """Calls the services of one node, one at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str = '') -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node('test_solver', context=self.context)
+        self.node = rclpy.create_node('test_solver', context=self.context, namespace=namespace)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
@@ -81,6 +82,11 @@ class Client:
         while not condition():
             assert time.monotonic() < deadline
             self.executor.spin_once(timeout_sec=0.1)
+
+    def spin_for(self, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
 
     def close(self) -> None:
         self.node.destroy_node()
@@ -356,6 +362,91 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
     assert client.call(SetEffects, 'set_effects').in_force.sequence == 2
     again = client.call(Predict, 'predict', **request).predicted
     assert again.concentration == plain.concentration
+
+
+@pytest.fixture
+def replayed(rig_file: Path) -> Iterator[Client]:
+    """A client of a solver in simulated time."""
+    process = start(rig_file, '-r', '__ns:=/replay', '-p', 'use_sim_time:=true')
+    client = Client('replay')
+    yield client
+    assert process.poll() is None
+    client.close()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+
+
+class Player:
+    """Publishes effects and the time, as a replay does."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.effects = client.node.create_publisher(ModelEffects, 'model/effects', qos.DECISIONS)
+        self.clock = client.node.create_publisher(Clock, '/clock', 1000)
+        client.spin_until(
+            lambda: self.effects.get_subscription_count() and self.clock.get_subscription_count()
+        )
+
+    def decide(self, *names: str, sequence: int) -> None:
+        effects = [effect_to_msg(REPLAYED[name]) for name in names]
+        self.effects.publish(ModelEffects(sequence=sequence, effects=effects, reason='replayed'))
+
+    def tell_time(self, seconds: int) -> None:
+        clock = Clock()
+        clock.clock.sec = seconds
+        self.clock.publish(clock)
+
+    def leave(self) -> None:
+        self.client.node.destroy_publisher(self.effects)
+        self.client.node.destroy_publisher(self.clock)
+
+
+REPLAYED = {
+    'rate': EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.5}),
+    'decay': EffectDescription(name='decay', parameters={'rate': 1e-4}),
+}
+
+
+def acts(client: Client, *names: str) -> bool:
+    """Return whether these effects act beyond that of rig.yaml."""
+    return [one.name for one in client.call(ModelInfo, 'info').effects] == ['retardation', *names]
+
+
+def test_effects_of_a_replay_are_followed_and_end_with_its_run(replayed: Client) -> None:
+    client = replayed
+    assert acts(client)
+    first = Player(client)
+    first.tell_time(100)
+    first.decide('rate', sequence=3)
+    client.spin_until(lambda: acts(client, 'rate'))
+    first.decide('decay', sequence=1)  # another recording counts its effects anew
+    client.spin_until(lambda: acts(client, 'decay'))
+
+    first.tell_time(50)  # the replay starts again
+    client.spin_until(lambda: acts(client))
+    first.tell_time(100)
+    first.decide('rate', sequence=3)
+    client.spin_until(lambda: acts(client, 'rate'))
+
+    first.leave()
+    second = Player(client)  # a later recording, without effects at its start
+    second.tell_time(1000)
+    client.spin_until(lambda: acts(client))
+    second.decide('rate', sequence=1)
+    client.spin_until(lambda: acts(client, 'rate'))
+
+
+def test_of_many_effects_of_a_replay_the_last_ones_stay(replayed: Client) -> None:
+    client = replayed
+    player = Player(client)
+    player.tell_time(100)
+    for sequence in range(1, 12):
+        player.decide('rate' if sequence % 2 else 'decay', sequence=sequence)
+    player.decide('rate', 'decay', sequence=12)
+    client.spin_until(lambda: acts(client, 'rate', 'decay'))
+    for _ in range(10):
+        client.spin_for(0.1)
+        assert acts(client, 'rate', 'decay')
 
 
 def test_a_second_solver_is_refused_with_one_line(client: Client, rig_file: Path) -> None:
