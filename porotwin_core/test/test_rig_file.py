@@ -160,6 +160,28 @@ def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
     }
 
 
+def test_maps_take_names_that_are_free(tmp_path: Path) -> None:
+    reference = {'file': 'porosity.nc'}
+    with netCDF4.Dataset(tmp_path / 'porosity.nc', 'w') as dataset:
+        dataset.createDimension('z', 3)
+        dataset.createDimension('x', 4)
+        for name, value in (('depth', 0.02), ('porosity', 0.4)):
+            dataset.createVariable(name, 'f8', ('z', 'x'))[:] = value
+    data = {
+        **SMALL,
+        'depth_m': {**reference, 'variable': 'depth'},
+        'porosity': {**reference, 'variable': 'porosity'},
+    }
+    rig = parse_rig(data, tmp_path / 'rig.yaml')
+    copy = tmp_path / 'copy'
+    copy.mkdir()
+    write_rig(rig, copy / 'rig.yaml', is_taken=lambda name: name == 'depth_m.nc')
+    assert load_rig(copy).nominal_maps.keys() == rig.nominal_maps.keys()
+    assert np.unique(load_rig(copy).nominal_map('depth_m')) == [0.02]
+    names = {file.name for file in copy.iterdir()}
+    assert names == {'rig.yaml', 'porosity.nc', 'porosity_2.nc'}
+
+
 @pytest.mark.parametrize(
     ('change', 'same'),
     [

@@ -1,10 +1,11 @@
 """An archive: many recordings, each diagnosed alone, several at the same time.
 
-Every recording gets a folder with its report. A recording whose report exists is done, so an
-interrupted archive continues where it stopped.
+Every recording gets a folder with its report. A recording is done if its report was made from it,
+with the same rig and preset. So an interrupted archive continues where it stopped.
 """
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
@@ -15,7 +16,14 @@ from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.examine import examine
-from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
+from porotwin_diagnosis.report.origin import files_mark, own_rig, place_of, rig_mark
+from porotwin_diagnosis.report.report_folder import (
+    REPORT,
+    SUMMARY,
+    check_apart,
+    checked_folder,
+    write_diagnosis,
+)
 from porotwin_recording.recording import open_recording
 
 RECORDING_BYTES = 1.5e9
@@ -23,6 +31,9 @@ RECORDING_BYTES = 1.5e9
 
 TABLE = 'archive.json'
 """File in the folder of an archive with one entry per recording."""
+
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for every report that is made again."""
 
 
 @dataclass(frozen=True)
@@ -36,18 +47,67 @@ class ArchiveTask:
 
     @property
     def is_done(self) -> bool:
-        """Whether the report is complete."""
+        """Whether there is a complete report, and this task would make the same."""
+        return self.has_report and not self.difference
+
+    @property
+    def has_report(self) -> bool:
+        """Whether there is a complete report in the folder, of this task or another."""
         return (self.folder / REPORT).exists()
+
+    @property
+    def difference(self) -> str:
+        """Why this task would make another report than the one in the folder; empty: it would not.
+
+        A report of an older version does not tell its rig and files. Then recording and preset
+        count alone.
+        """
+        try:
+            found = json.loads((self.folder / SUMMARY).read_text(encoding='utf-8'))
+            made, recordings = found['made_with'], found['recordings']
+            preset, excluded, read = made['preset'], made['excluded'], made.get('read')
+            named = [one['recording'] for one in read] if read else recordings
+            places = [place_of(one) for one in named]
+        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+            return f'{SUMMARY} does not tell the origin of the report'
+        if places != [place_of(self.recording)]:
+            return f'the report belongs to {" and ".join(map(str, places))}'
+        if preset != self.preset:
+            return f'the report was made with the preset {preset}'
+        if excluded:
+            return f'the report was made without {", ".join(excluded)}'
+        if found.get('belief'):
+            return 'the report was made with --history'
+        return self._change_since(read[0]) if read else ''
+
+    def _change_since(self, read: dict[str, Any]) -> str:
+        """Return how the task differs from the origin `read` of a report; empty: not at all."""
+        try:
+            if read.get('files') != files_mark(self.recording):
+                return 'the recording has changed since the report'
+            rig = own_rig(self.recording) if self.rig is None else self.rig
+        except (InputError, OSError):
+            return 'the recording cannot be read as at the time of the report'
+        if read.get('rig') != rig_mark(rig):
+            return 'the report was made with another description of the rig'
+        return ''
 
     def work(self) -> None:
         """Diagnose the recording and write its report.
 
         Raises:
-            InputError: as `examine`.
+            InputError: as `examine`, or the recording changed meanwhile.
         """
+        before = files_mark(self.recording)
         opened = open_recording(self.recording, rig=self.rig)
         folder = checked_folder(self.folder, [self.recording])
-        write_diagnosis(examine([opened], preset=self.preset), folder)
+        result = examine([opened], preset=self.preset)
+        if files_mark(self.recording) != before:
+            raise InputError(
+                f'{self.recording}: changed during its diagnosis; repeat the call when it is '
+                'complete'
+            )
+        write_diagnosis(result, folder)
 
 
 def archive_tasks(
@@ -56,8 +116,9 @@ def archive_tasks(
     """Return the tasks of an archive; the folder of a recording in `output` has its name.
 
     Raises:
-        InputError: two recordings have the same name.
+        InputError: two recordings have the same name, or `output` holds the files of one.
     """
+    check_apart(output, recordings)
     names = [recording.resolve().name for recording in recordings]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -77,7 +138,9 @@ def diagnose_archive(
     crew: Crew,
     done: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
-    """Diagnose the recordings without a report; write and return the table of all.
+    """Diagnose the recordings without a report of their own; return the table of them.
+
+    The table in the folder keeps the rows of other recordings whose folders are still there.
 
     Args:
         tasks: the recordings.
@@ -93,7 +156,11 @@ def diagnose_archive(
     output.mkdir(parents=True, exist_ok=True)
     crew.needs_folder(output)
     refused: dict[str, str] = {}
-    futures = {crew.submit(task.work): task for task in listed if not task.is_done}
+    left = [task for task in listed if not task.is_done]
+    for task in left:
+        if task.has_report:
+            LOG.warning('%s: %s; it is diagnosed again', task.folder, task.difference)
+    futures = {crew.submit(task.work): task for task in left}
     for future in as_completed(futures):
         name = futures[future].folder.name
         try:
@@ -102,8 +169,18 @@ def diagnose_archive(
             refused[name] = str(error)
         done(name)
     table = [_row(task, refused.get(task.folder.name)) for task in listed]
-    (output / TABLE).write_text(json.dumps(table, indent=1), encoding='utf-8')
+    rows = {row['report']: row for row in [*_earlier_rows(output / TABLE), *table]}
+    (output / TABLE).write_text(json.dumps(list(rows.values()), indent=1), encoding='utf-8')
     return table
+
+
+def _earlier_rows(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of an earlier table whose folders are still there."""
+    try:
+        rows = json.loads(path.read_text(encoding='utf-8'))
+        return [row for row in rows if Path(row['report']).is_dir()]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
 
 
 def _row(task: ArchiveTask, refusal: str | None) -> dict[str, Any]:
@@ -111,7 +188,7 @@ def _row(task: ArchiveTask, refusal: str | None) -> dict[str, Any]:
     row: dict[str, Any] = {'recording': str(task.recording), 'report': str(task.folder)}
     if refusal is not None:
         return row | {'verdict': None, 'confidence': None, 'refused': refusal}
-    found = json.loads((task.folder / 'diagnosis.json').read_text(encoding='utf-8'))
+    found = json.loads((task.folder / SUMMARY).read_text(encoding='utf-8'))
     return row | {
         'verdict': found['verdict'], 'confidence': found['confidence'], 'refused': None,
     }  # fmt: skip

@@ -1,18 +1,23 @@
 """The folder of a report: refused before a diagnosis, complete after it."""
 
 import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
 from diagnosis_examples import SKIPPED_FOR_SPEED
-from diagnosis_results import twice
+from diagnosis_results import naming, twice
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import Rig, load_rig, parse_rig, write_rig
+from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
 from porotwin_recording.recording import open_recording
+from porotwin_validation.blind_cases import SMALL
 
 
 @pytest.mark.slow
@@ -72,3 +77,95 @@ def test_a_report_that_cannot_be_written_is_refused(quiet, tmp_path):
     for output, complaint in ((taken, 'exists; name another'), (quiet, 'is the recording; name')):
         with pytest.raises(InputError, match=complaint):
             checked_folder(output, [quiet])
+
+
+def test_the_folder_of_a_recording_or_of_its_rig_is_refused(quiet, tmp_path):
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    (bag / 'bag_0.mcap').touch()
+    for folder, read in (
+        (quiet, quiet / 'rig.yaml'), (bag, bag / 'bag_0.mcap'), (bag, quiet),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=r'holds .*; name another folder for the report'):
+            checked_folder(folder, [read])
+    assert [file.name for file in bag.iterdir()] == ['bag_0.mcap']
+
+
+def test_a_rig_that_no_diagnosis_wrote_is_never_replaced(denser, tmp_path):
+    own = tmp_path / 'myrig'
+    own.mkdir()
+    write_rig(SMALL, own / 'rig.yaml')
+    with pytest.raises(InputError, match=r'myrig: holds a rig\.yaml that no diagnosis wrote.*move'):
+        checked_folder(own, [])
+    report = checked_folder(tmp_path / 'report', [])
+    write_diagnosis(denser, report, apply=True)
+    assert checked_folder(report, []) == report, 'a diagnosis wrote it'
+    shutil.copy(report / 'rig.yaml', own)
+    with pytest.raises(InputError, match='myrig'):
+        checked_folder(own, [])  # a copy is no report
+    with (report / 'rig.yaml').open('a') as file:
+        file.write('# corrected by hand\n')
+    with pytest.raises(InputError, match='edited'):
+        checked_folder(report, [])
+
+
+def test_a_rig_of_an_earlier_diagnosis_goes_with_it(denser, tmp_path):
+    with_map = on_rig(denser, rig_with_depth_map(tmp_path / 'fields.nc'))
+    report = checked_folder(tmp_path / 'report', [])
+    write_diagnosis(with_map, report)
+    alone = names_in(report)
+    write_diagnosis(with_map, report, apply=True)
+    assert names_in(report) == {*alone, 'rig.yaml', 'depth_m.nc'}
+    write_diagnosis(with_map, report, apply=True)
+    assert names_in(report) == {*alone, 'rig.yaml', 'depth_m.nc'}
+    other = naming(with_map, 'rate', {'factor': 0.9})
+    write_diagnosis(other, report)
+    assert names_in(report) == alone
+
+
+@pytest.mark.parametrize('name', ['fields.nc', 'fields_2.nc', 'notes.nc'])
+def test_maps_beside_the_rig_replace_no_file(name, denser, tmp_path):
+    rig = rig_with_depth_map(tmp_path / name)
+    report = checked_folder(tmp_path / 'report', [])
+    (report / 'notes.nc').write_text('mine')
+    write_diagnosis(on_rig(denser, rig), report, apply=True)
+    assert (report / 'notes.nc').read_text() == 'mine'
+    with netCDF4.Dataset(report / 'fields.nc') as fields:
+        assert 'gap' in fields.variables
+    corrected = load_rig(report)
+    assert [effect.name for effect in corrected.effects] == ['porosity']
+    np.testing.assert_array_equal(corrected.nominal_map('depth_m'), rig.nominal_map('depth_m'))
+
+
+def test_an_interrupted_report_has_no_page(denser, tmp_path, monkeypatch):
+    write_diagnosis(denser, tmp_path)
+
+    def fails(*_):
+        raise OSError
+
+    monkeypatch.setattr('porotwin_diagnosis.report.report_folder.write_fields', fails)
+    with pytest.raises(OSError):
+        write_diagnosis(denser, tmp_path)
+    assert not (tmp_path / 'report.html').exists()
+
+
+def names_in(folder: Path) -> set[str]:
+    """Return the names of the files in `folder`."""
+    return {file.name for file in folder.iterdir()}
+
+
+def rig_with_depth_map(path: Path) -> Rig:
+    """Return the small rig with a depth map in the file `path`, which is written."""
+    with netCDF4.Dataset(path, 'w') as dataset:
+        for axis, size in (('z', 5), ('x', 7)):
+            dataset.createDimension(axis, size)
+        values = np.random.default_rng(3).uniform(0.018, 0.022, (5, 7))
+        dataset.createVariable('depth', 'f8', ('z', 'x'))[:] = values
+    data = SMALL.model_dump(mode='json', exclude_defaults=True)
+    depth = {'file': path.name, 'variable': 'depth'}
+    return parse_rig({**data, 'depth_m': depth}, path.parent / 'rig.yaml')
+
+
+def on_rig(result: Diagnosis, rig: Rig) -> Diagnosis:
+    """Return `result` as if its recording described `rig`."""
+    return replace(result, recordings=(replace(result.recordings[0], rig=rig),))

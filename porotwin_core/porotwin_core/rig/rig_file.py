@@ -1,6 +1,8 @@
 """Reading and writing `rig.yaml` and the maps, pictures and tables beside it."""
 
 import logging
+from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -190,34 +192,53 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
     return rig.with_maps(maps)
 
 
-def write_rig(rig: Rig, path: Path | str) -> None:
+def write_rig(
+    rig: Rig, path: Path | str, *, is_taken: Callable[[str], bool] = lambda _: False
+) -> None:
     """Write `rig` to the file `path`, and its maps and pictures beside it.
 
-    Every map gets a NetCDF file of its own, with the file name in `rig`, without folders. If `rig`
-    names one file for two maps, the second file gets the name of its property. A zone from a
-    picture becomes a map too.
+    Every map gets a NetCDF file of its own, with the file name in `rig`, without folders. If that
+    name is not free, the file gets the name of its property, or a number. A zone from a picture
+    becomes a map too.
+
+    Args:
+        rig: the rig.
+        path: the file.
+        is_taken: tells of a name whether no map or picture may have it.
     """
     path = Path(path)
     data = rig.model_dump(mode='json', exclude_defaults=True)
-    used: set[str] = set()
-    for name, content in rig.files.items():
-        used.add(Path(name).name)
-        data['sand_image']['file'] = Path(name).name
-        (path.parent / Path(name).name).write_bytes(content)
+    used = {path.name}
+
+    def free(*wanted: str) -> str:
+        name = next(n for n in _numbered(wanted) if not (n in used or is_taken(n)))
+        used.add(name)
+        return name
+
+    for picture, content in rig.files.items():
+        name = free(Path(picture).name)
+        data['sand_image']['file'] = name
+        (path.parent / name).write_bytes(content)
     for quantity, values in rig.nominal_maps.items():
         reference = getattr(rig, quantity)
         if not isinstance(reference, MapReference):
             continue  # the description itself makes this map
-        name = Path(reference.file).name
-        name = f'{quantity}.nc' if name in used else name
-        used.add(name)
+        name = free(Path(reference.file).name, f'{quantity}.nc')
         data[quantity]['file'] = name
         grid = rig.grid(values.shape[1], values.shape[0])
         write_map(path.parent / name, reference.variable, values, grid)
     if rig.zone is not None:
-        name = next(name for name in ZONE_NAMES if name not in used)
+        name = free(*ZONE_NAMES)
         data['control']['zone'] = {'file': name}
         write_map(path.parent / name, 'zone', rig.zone.shares, rig.zone.raster)
     path.write_text(
         yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding='utf-8'
     )
+
+
+def _numbered(names: Sequence[str]) -> Iterator[str]:
+    """Yield `names`, and then the last one with the numbers 2, 3, ..."""
+    yield from names
+    last = Path(names[-1])
+    for number in count(2):
+        yield f'{last.stem}_{number}{last.suffix}'

@@ -20,6 +20,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import Phase, Spot
 from porotwin_diagnosis.report.doubts import doubt_words
 from porotwin_diagnosis.report.named_rows import occurrence, with_occurrences
+from porotwin_diagnosis.report.origin import origin_of
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import overall_misfit, score
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
@@ -92,6 +93,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'excluded': list(result.excluded),
             'simulations': findings.runs,
             'seconds': round(result.seconds, 1),
+            'read': [origin_of(recording) for recording in result.recordings],
         },
     }
 

@@ -6,32 +6,49 @@ summary = write_diagnosis(examine(recordings), folder)
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
+from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.progress import Progress, no_progress
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.evidence_json import write_evidence
 from porotwin_diagnosis.report.held_out_fields import write_fields
+from porotwin_diagnosis.report.origin import mark_of
 from porotwin_diagnosis.report.page import write_report
+from porotwin_recording.bag_folder import METADATA, mcap_files
 
 REPORT = 'report.html'
 """Name of the page; it is written last, so that a folder with a page is complete."""
+
+SUMMARY, FINDINGS, RIG = 'diagnosis.json', 'findings.json', 'rig.yaml'
+"""Names of further files of a report."""
+
+APPLIED = (
+    '# Written by ./porotwin diagnose --apply. Later diagnoses here replace it unless edited: '
+)
+"""First line of the rig.yaml of a diagnosis; a hash of all further lines follows."""
 
 
 def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path:
     """Return the folder `output`, which is made if it does not exist.
 
+    Args:
+        output: the folder.
+        recordings: recordings and rig.yaml files that the diagnosis reads.
+
     Raises:
-        InputError: it cannot be made or written, or it is one of the `recordings`, whose files
-            would be replaced.
+        InputError: it cannot be made or written, it holds one of the `recordings` or another bag,
+            or it holds a rig.yaml that no diagnosis wrote.
     """
     folder = Path(output)
+    check_apart(folder, recordings)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -40,9 +57,34 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
         ) from error
     if not os.access(folder, os.W_OK):
         raise InputError(f'{folder}: cannot be written; name another folder for the report')
-    if folder.resolve() in {Path(recording).resolve() for recording in recordings}:
-        raise InputError(f'{folder}: is the recording; name another folder for the report')
+    if (folder / METADATA).is_file() or mcap_files(folder):
+        raise InputError(f'{folder}: holds a bag; name another folder for the report')
+    if os.path.lexists(folder / RIG) and not _is_own(folder / RIG):
+        raise InputError(
+            f'{folder}: holds a {RIG} that no diagnosis wrote, or that was edited since; name '
+            'another folder for the report, or move that file'
+        )
     return folder
+
+
+def check_apart(folder: Path, recordings: Sequence[Path | str]) -> None:
+    """Check that a diagnosis in `folder` writes no file beside a recording.
+
+    Raises:
+        InputError: `folder` is one of the `recordings`, or holds one of them that is a file.
+    """
+    place = folder.resolve()
+    for recording in map(Path, recordings):
+        if recording.resolve() == place:
+            raise InputError(f'{folder}: is the recording; name another folder for the report')
+        if recording.is_file() and place in (
+            recording.parent.resolve(),
+            recording.resolve().parent,
+        ):
+            raise InputError(
+                f'{folder}: holds {recording.name}, which is read; name another folder for the '
+                'report'
+            )
 
 
 def write_diagnosis(
@@ -56,20 +98,22 @@ def write_diagnosis(
 
     Files: `diagnosis.json`, `fields.nc` (and `fields_2.nc`, ... of further recordings),
     `findings.json`, `report.html`. With `apply` also `rig.yaml`: the rig description with the
-    effects that were found.
+    effects that were found. The page, and the rig.yaml of an earlier diagnosis, are removed first.
     """
     progress('writing the report', 0.98)
     summary = diagnosis_json(result)
-    (folder / 'diagnosis.json').write_text(
+    (folder / REPORT).unlink(missing_ok=True)
+    _remove_own_rig(folder)
+    (folder / SUMMARY).write_text(
         json.dumps(summary, indent=2, allow_nan=False) + '\n', encoding='utf-8'
     )
     parts = zip(result.recordings, result.gap.each, result.held_out, strict=True)
     for number, (recording, strength, part) in enumerate(parts, 1):
         name = 'fields.nc' if number == 1 else f'fields_{number}.nc'
         write_fields(folder / name, recording.grid, strength, part)
-    write_evidence(folder / 'findings.json', result.evidence)
+    write_evidence(folder / FINDINGS, result.evidence)
     if apply:
-        write_rig(rig_with_effects(result.recordings[0].rig, result.verdict), folder / 'rig.yaml')
+        _write_own_rig(rig_with_effects(result.recordings[0].rig, result.verdict), folder)
     write_report(folder / REPORT, result, summary)
     progress('done', 1.0)
     return summary
@@ -80,3 +124,49 @@ def rig_with_effects(rig: Rig, verdict: Verdict) -> Rig:
     if not verdict.members:
         return rig
     return rig.with_effects(verdict.model.effects)
+
+
+def _write_own_rig(rig: Rig, folder: Path) -> None:
+    """Write `rig` with a first line that says who wrote it; replace no file in `folder`."""
+
+    def is_taken(name: str) -> bool:
+        return _is_of_report(name) or os.path.lexists(folder / name)
+
+    begun = folder / f'{RIG}.partial'
+    write_rig(rig, begun, is_taken=is_taken)
+    text = begun.read_text(encoding='utf-8')
+    begun.write_text(f'{APPLIED}{mark_of(text)}\n{text}', encoding='utf-8')
+    begun.replace(folder / RIG)
+
+
+def _is_of_report(name: str) -> bool:
+    named = name in (SUMMARY, FINDINGS, REPORT, RIG)
+    return named or re.fullmatch(r'fields(_\d+)?\.nc', name) is not None
+
+
+def _is_own(path: Path) -> bool:
+    """Return whether a diagnosis wrote the rig.yaml at `path`, and nobody has edited it."""
+    try:
+        first, _, text = path.read_text(encoding='utf-8').partition('\n')
+    except (OSError, ValueError):
+        return False
+    return first == f'{APPLIED}{mark_of(text)}' and (path.parent / SUMMARY).is_file()
+
+
+def _remove_own_rig(folder: Path) -> None:
+    """Remove the rig.yaml that an earlier diagnosis wrote in `folder`, with the files it names."""
+    path = folder / RIG
+    if not _is_own(path):
+        return
+    names = _named_files(read_yaml(path.read_text(encoding='utf-8')))
+    path.unlink()
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _named_files(data: Any) -> list[str]:
+    """Return the names of all files in `data`, the content of a rig.yaml by `write_rig`."""
+    if not isinstance(data, dict):
+        return []
+    found = [name for value in data.values() for name in _named_files(value)]
+    return [*found, data['file']] if isinstance(data.get('file'), str) else found
