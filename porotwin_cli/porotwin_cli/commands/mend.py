@@ -11,6 +11,9 @@ from porotwin_core.errors import InputError
 from porotwin_core.ros_environment import enter_domain, namespace_of
 from porotwin_hub.graph import NAMESPACE
 
+MOST_OFFER = 2**64 - 1
+"""Largest number of an offer: that of its message."""
+
 
 class Answer(StrEnum):
     """An answer to the newest offer, or none."""
@@ -41,6 +44,10 @@ def command(
     """
     from porotwin_cli.live_mend import MendDesk
 
+    if offer is not None and offer > MOST_OFFER:
+        raise InputError(
+            f'offer {offer}: no offer has this number; ./porotwin mend shows the newest one'
+        )
     enter_domain(domain)
     with MendDesk(namespace=namespace_of(namespace)) as desk:
         desk.wait_for_node()
