@@ -32,7 +32,7 @@ from porotwin_recording.experiment_folder import FILES, folder_data
 from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import EFFECTS, apply_effects
 from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
@@ -114,7 +114,7 @@ def check(
     if not any(remark.refused for remark in remarks):
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
-        remarks += _uses(rig, cells)
+        remarks += [*_uses(rig, cells), *_camera_effects(rig)]
         remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
@@ -171,6 +171,19 @@ def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
             use()
         except InputError as error:
             yield _as_remark(key, error)
+
+
+def _camera_effects(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about every effect of the camera: nothing takes it out of photographs."""
+    for number, described in enumerate(rig.effects, start=1):
+        if described.name in EFFECTS and EFFECTS[described.name].is_of_camera:
+            yield Remark(
+                f'effects.{number}',
+                described.name,
+                'simulations show this effect of the camera, but the twin does not take it out of '
+                'photographs',
+                'correct the camera or calibrate it again',
+            )
 
 
 class Pumped(NamedTuple):

@@ -68,6 +68,15 @@ def test_the_users_of_a_rig_are_asked(keys: dict[str, object], named: str, tmp_p
     assert named in told(changed(tmp_path, **keys))
 
 
+def test_an_effect_of_the_camera_is_odd_and_one_of_the_rig_is_not(tmp_path: Path) -> None:
+    light = {'name': 'illumination', 'parameters': {'drift': -1e-5}}
+    decay = {'name': 'decay', 'parameters': {'rate': 1e-5}}
+    checked = check(changed(tmp_path, effects=[decay, light]))
+    assert checked.runs
+    (remark,) = checked.remarks
+    assert str(remark).startswith('effects.2 is illumination: simulations show this effect')
+
+
 def test_an_impossible_grid_is_named() -> None:
     checked = check(small_rig(), grid='100000x5')
     assert not checked.runs
