@@ -59,7 +59,7 @@ MAY_IMPORT = {
 DIAGNOSIS_ORDER = (
     'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision', 'advice',
     'diagnosis', 'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
-    'rig_history',
+    'history',
 )  # fmt: skip
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
 

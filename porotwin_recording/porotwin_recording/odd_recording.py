@@ -27,9 +27,15 @@ def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
             yield from found
     yield from (remark for remark in _limits(data) if remark.key not in named)
     yield from _end(data)
-    yield from _times(data)
     yield from _photographs(data)
+    yield from remarks_about_times(data)
+
+
+def remarks_about_times(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about times that do not fit to those of the pumps."""
+    yield from _times(data)
     yield from _beside_the_pumps(data)
+    yield from _maps_beside_the_pumps(data)
 
 
 def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
@@ -141,3 +147,22 @@ def _photographs(data: RecordedData) -> Iterator[Remark]:
     times = [photo.time for photo in data.photos if photo.role == 'state']
     if len(set(times)) < len(times):
         yield Remark('imaging.csv', '', 'two photographs have the same time', 'correct one time')
+
+
+def _maps_beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark if no map is of the time at which the pumps ran."""
+    if data.commanded is None or data.maps is None or not len(data.maps.times):
+        return
+    rows = data.commanded.rows
+    pumping = [row.time for row in rows if row.rate.rate]
+    begin, end = float(data.maps.times[0]), rows[-1].time
+    stand = not any(rate.rate for rate in data.commanded.at(end).values())
+    if not pumping or not stand:
+        return
+    if begin > end:
+        why = f'the first map is of {begin:g} s, the pumps stop at {end:g} s'
+    elif float(data.maps.times[-1]) < pumping[0]:
+        why = f'the last map is of {data.maps.times[-1]:g} s, the pumps start at {pumping[0]:g} s'
+    else:
+        return
+    yield Remark('concentration.nc', '', why, 'compare the clocks of camera and pumps')

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,7 +17,7 @@ from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
-    from porotwin_diagnosis.rig_history import PastFinding
+    from porotwin_recording.recording import Recording
 
 
 def command(
@@ -41,6 +41,12 @@ def command(
             help='Folder of earlier findings on this rig, the starting belief; adds the new one.'
         ),
     ] = None,
+    date: Annotated[
+        str,
+        typer.Option(
+            help='Day of the recording for --history, such as 2026-11-23. Default: from its files.'
+        ),
+    ] = '',
     namespace: Namespace = NAMESPACE,
     domain: Domain = None,
     each: Annotated[
@@ -68,12 +74,13 @@ def command(
 
     Example: ./porotwin diagnose runs/* --each --output archive --scheduler tcp://head:8786
     """
+    from porotwin_cli.rig_past import RigPast
     from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
+    from porotwin_diagnosis.history.joint_belief import prior_from
     from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
-    from porotwin_diagnosis.rig_history import prior_from, read_history
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
@@ -81,16 +88,17 @@ def command(
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        asked = each or workers or scheduler or history is not None
+        asked = each or workers or scheduler or date or history is not None
         if rig is not None or apply or preset != 'accurate' or asked:
             raise InputError(
                 '--live diagnoses the twin as it runs; leave out --rig, --preset, --apply, --each, '
-                '--history, --workers and --scheduler'
+                '--history, --date, --workers and --scheduler'
             )
         enter_domain(domain)
         _live(output, namespace_of(namespace), as_json=as_json)
         return
-    earlier = read_history(history) if history is not None else ()
+    if date and history is None:
+        raise InputError('--date: is the day of a finding in a history; name its folder, --history')
     own = load_rig(rig) if rig is not None else None
     if each:
         if apply or history is not None:
@@ -98,8 +106,10 @@ def command(
         _each(recordings, output, own, preset, workers, scheduler, as_json=as_json)
         return
     opened = [open_recording(recording, rig=own) for recording in recordings]
-    folder = checked_folder(output, recordings)
-    names = {str(recording) for recording in recordings}
+    _refuse_twice(opened)
+    past = RigPast(history, opened, date) if history is not None else None
+    folder = checked_folder(output, [*recordings, *([] if rig is None else [rig])])
+    _tell_odd_times(opened)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
@@ -115,17 +125,18 @@ def command(
         result = examine(
             opened,
             preset=preset,
-            prior=prior_from([found for found in earlier if found.recording not in names]),
+            prior=prior_from(past.before() if past else ()),
             crew=simulations,
             progress=show,
         )
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
         simulations.remove()
-    told = _remember(history, earlier, summary, recordings[0]) if history is not None else []
+    told = past.remember(summary) if past else []
     if as_json:
         print_json({'output': output, **summary, **({'history': told} if history else {})})
         return
-    print(f'{summary["verdict"]}, with confidence {summary["confidence"]:.2f}')
+    named = ' and '.join(summary['combination']) or summary['verdict']
+    print(f'{named}, with confidence {summary["confidence"]:.2f}')
     for line in told:
         print(line)
     say(f'report: {output / "report.html"}')
@@ -139,16 +150,29 @@ def command(
         )
 
 
-def _remember(
-    folder: Path, earlier: 'Sequence[PastFinding]', summary: dict[str, Any], recording: Path
-) -> list[str]:
-    """Add a finding to those in `folder`; return lines on how it fits to the `earlier` ones."""
-    from porotwin_diagnosis.rig_history import compared, finding_from, write_history
+def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
+    """Refuse a recording that is named twice: it would count twice.
 
-    new = finding_from(summary, recording)
-    others = [found for found in earlier if found.recording != new.recording]
-    write_history(folder, [*others, new])
-    return compared(others, new)
+    Raises:
+        InputError: it is.
+    """
+    from porotwin_diagnosis.history.past_findings import identity
+
+    seen: set[str] = set()
+    for recording in recordings:
+        name = identity(recording.source)
+        if name in seen:
+            raise InputError(f'{recording.source}: is named twice; name every recording once')
+        seen.add(name)
+
+
+def _tell_odd_times(recordings: 'Sequence[Recording]') -> None:
+    """Tell maps whose times do not fit to the times at which the pumps ran."""
+    from porotwin_recording.odd_recording import remarks_about_times
+
+    for recording in recordings:
+        for remark in remarks_about_times(recording):
+            say(f'{recording.source}: {remark}')
 
 
 def _each(

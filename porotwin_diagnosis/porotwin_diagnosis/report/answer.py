@@ -34,7 +34,7 @@ def answer(result: Diagnosis, summary: Summary) -> str:
         ('Cause', _cause(result, summary)),
         ('Where', _where(result, summary)),
         ('How much', _how_much(result, summary)),
-        ('How sure', _how_sure(result)),
+        ('How sure', _how_sure(result, summary)),
     )
     lines = ''.join(f'<tr><th>{name}</th><td>{text}</td></tr>' for name, text in rows)
     return f'<table class="answer">{lines}</table>'
@@ -293,7 +293,7 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
         yield f'{spoken(name)}: <b>{middle}</b>{known}'
 
 
-def _how_sure(result: Diagnosis) -> str:
+def _how_sure(result: Diagnosis, summary: Summary) -> str:
     verdict, evidence = result.verdict, result.evidence
     lines = [
         f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
@@ -301,6 +301,12 @@ def _how_sure(result: Diagnosis) -> str:
     ]
     if verdict.doubt not in ALWAYS_SAID:
         lines.append(f'The least certain point: {doubt_words(result)}.')
+    if summary['belief']:
+        name, share = max(summary['belief'].items(), key=lambda item: item[1])
+        lines.append(
+            f'Earlier recordings of this rig count too. They spoke for <b>{spoken(name)}</b> with '
+            f'{100 * share:.0f} %.'
+        )
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
     if verdict.name == UNEXPLAINED and evidence.explanation.suffices:

@@ -86,6 +86,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         },
         'next_experiment': [_proposal(proposal) for proposal in result.proposals],
         'remainder': _remainder(result),
+        'belief': _belief(result),
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
         'made_with': {
@@ -96,6 +97,12 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'read': [origin_of(recording) for recording in result.recordings],
         },
     }
+
+
+def _belief(result: Diagnosis) -> dict[str, float] | None:
+    """Return the belief that earlier recordings left; None without any."""
+    believed = result.evidence.findings.prior.probabilities
+    return {name: round(share, 4) for name, share in believed.items()} or None
 
 
 def _remainder(result: Diagnosis) -> dict[str, Any] | None:

@@ -1,7 +1,7 @@
 """The belief about the effects of a rig before a recording of it is searched.
 
-Earlier recordings of the rig make this belief (`rig_history.prior_from`). It decides between
-effects that the new recording cannot separate.
+Earlier recordings of the rig make this belief (`history.joint_belief.prior_from`). It decides
+between effects that the new recording cannot separate.
 """
 
 import math
@@ -20,8 +20,31 @@ DRIFT = 0.1
 NO_EFFECT = 'none'
 """Name under which a belief holds the probability that nothing is missing."""
 
-ValueKey = tuple[str, str, str]
-"""Effect, well (empty: none) and parameter of a believed value."""
+
+@dataclass(frozen=True)
+class BelievedCause:
+    """A cause that earlier recordings have shown.
+
+    Attributes:
+        effect: name of the effect.
+        well: its well; empty if it has none.
+        values: value and standard deviation of every known parameter, in its unit.
+    """
+
+    effect: str
+    well: str
+    values: Mapping[str, tuple[float, float]]
+
+    def distance(self, effect: EffectDescription) -> float:
+        """Return the sum of squared distances of the parameters of `effect`, in deviations."""
+        total = 0.0
+        for parameter, value in effect.parameters.items():
+            believed = self.values.get(parameter)
+            if believed is None or isinstance(value, str):
+                continue
+            mean, deviation = believed
+            total += (value - mean) ** 2 / max(deviation**2 + (DRIFT * mean) ** 2, 1e-300)
+        return total
 
 
 @dataclass(frozen=True)
@@ -30,11 +53,11 @@ class Prior:
 
     Attributes:
         probabilities: probability [-] of every effect alone by name, and of `NO_EFFECT`.
-        values: value and standard deviation of every known parameter, in its unit.
+        causes: the causes that were found; one effect may come at several wells or places.
     """
 
     probabilities: Mapping[str, float] = field(default_factory=dict)
-    values: Mapping[ValueKey, tuple[float, float]] = field(default_factory=dict)
+    causes: Sequence[BelievedCause] = ()
 
     def weight(self, effects: Sequence[EffectDescription]) -> float:
         """Return the prior probability of `effects`, one or none; only ratios matter.
@@ -52,16 +75,14 @@ class Prior:
         return PERSISTENCE * lasting + (1.0 - PERSISTENCE) / (len(EFFECTS) + 1)
 
     def _distance(self, effect: EffectDescription) -> float:
-        """Return the sum of squared distances from the believed values, in deviations."""
+        """Return the squared distance from the nearest believed cause; 0 if none is believed."""
         well = str(effect.parameters.get('well', ''))
-        total = 0.0
-        for parameter, value in effect.parameters.items():
-            believed = self.values.get((effect.name, well, parameter))
-            if believed is None or isinstance(value, str):
-                continue
-            mean, deviation = believed
-            total += (value - mean) ** 2 / max(deviation**2 + (DRIFT * mean) ** 2, 1e-300)
-        return total
+        believed = [
+            cause.distance(effect)
+            for cause in self.causes
+            if (cause.effect, cause.well) == (effect.name, well)
+        ]
+        return min(believed, default=0.0)
 
 
 NO_PRIOR = Prior()

@@ -1,0 +1,61 @@
+"""The earlier findings on a rig beside the diagnosis of a new recording of it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from porotwin_cli.terminal import say
+from porotwin_diagnosis.history.comparison import compared
+from porotwin_diagnosis.history.past_findings import (
+    PastFinding,
+    add_finding,
+    finding_from,
+    findings_on,
+    identity,
+    prepare_history,
+    read_history,
+)
+from porotwin_diagnosis.history.recording_date import date_of_files, parse_date
+from porotwin_recording.recording import Recording
+
+
+class RigPast:
+    """The earlier findings on a rig, and the place of the next one."""
+
+    def __init__(self, folder: Path, recordings: Sequence[Recording], date: str) -> None:
+        """Read the findings in `folder`.
+
+        Raises:
+            InputError: the folder, its file or the date cannot be used, or the rig is another one.
+        """
+        self._folder = folder
+        self._recordings = recordings
+        source = recordings[0].source
+        self._date = parse_date(date) if date else date_of_files(source)
+        if not date:
+            say(
+                f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'
+            )
+        prepare_history(folder)
+        self.before()
+
+    def before(self) -> list[PastFinding]:
+        """Return the findings on this rig up to the date of the recording, without its own."""
+        own = {identity(recording.source) for recording in self._recordings}
+        rig = self._recordings[0].rig
+        return [
+            found
+            for found in findings_on(rig, read_history(self._folder), self._folder)
+            if not own & set(found.recordings) and found.seconds <= self._date.timestamp()
+        ]
+
+    def remember(self, summary: dict[str, Any]) -> list[str]:
+        """Add the finding in `summary`; return lines on how it fits to the earlier ones."""
+        new = finding_from(summary, self._recordings, self._date)
+        lines = compared(self.before(), new)
+        replaced = add_finding(self._folder, new)
+        lost = {name for found in replaced for name in found.recordings} - set(new.recordings)
+        if lost:
+            names = ', '.join(sorted(lost))
+            lines.append(f'a finding on {names} together with this recording was replaced')
+        return lines

@@ -1,0 +1,76 @@
+"""The earlier findings on a rig beside a new diagnosis of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from porotwin_cli.rig_past import RigPast
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription, Rig, load_rig
+
+RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+PORE_EFFECT = EffectDescription(name='porosity', parameters={'factor': 1.15})
+
+
+@dataclass
+class Made:
+    """A recording without data."""
+
+    source: Path
+    rig: Rig
+
+
+def past(folder: Path, name: str, date: str, rig: Rig = RIG) -> RigPast:
+    recordings: Any = [Made(folder / name, rig)]
+    return RigPast(folder / 'history', recordings, date)
+
+
+def summary(factor: float) -> dict[str, Any]:
+    entry = {'value': factor, 'low': factor - 0.02, 'high': factor + 0.02}
+    row = {'name': 'porosity', 'probability': 0.9, 'parameters': {'factor': entry}}
+    return {
+        'verdict': 'porosity',
+        'confidence': 0.9,
+        'combination': ['porosity'],
+        'not_separable_from': [],
+        'effects': [row],
+    }
+
+
+def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None:
+    first = past(tmp_path, 'monday', '2026-11-23')
+    assert 'the first belief' in first.remember(summary(1.15))[0]
+    second = past(tmp_path, 'tuesday', '2026-11-24')
+    assert len(second.before()) == 1
+    (line,) = second.remember(summary(1.3))
+    assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
+
+
+def test_a_recording_knows_neither_itself_nor_a_later_one(tmp_path: Path) -> None:
+    past(tmp_path, 'tuesday', '2026-11-24').remember(summary(1.15))
+    assert past(tmp_path, 'tuesday', '2026-11-24').before() == []
+    assert past(tmp_path, 'monday', '2026-11-23').before() == []
+
+
+def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path) -> None:
+    past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
+    mended = past(tmp_path, 'tuesday', '2026-11-24', RIG.with_effects([PORE_EFFECT]))
+    none = {**summary(1.0), 'verdict': 'none', 'combination': []}
+    (line,) = mended.remember(none)
+    assert 'no earlier finding with this rig.yaml' in line
+
+
+def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> None:
+    past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
+    with pytest.raises(InputError, match='findings on another rig'):
+        past(tmp_path, 'tuesday', '2026-11-24', RIG.model_copy(update={'porosity': 0.3}))
+
+
+def test_what_a_replaced_finding_held_besides_is_told(tmp_path: Path) -> None:
+    recordings: Any = [Made(tmp_path / 'monday', RIG), Made(tmp_path / 'tuesday', RIG)]
+    RigPast(tmp_path / 'history', recordings, '2026-11-23').remember(summary(1.15))
+    recordings = [Made(tmp_path / 'tuesday', RIG), Made(tmp_path / 'friday', RIG)]
+    *_, line = RigPast(tmp_path / 'history', recordings, '2026-11-27').remember(summary(1.15))
+    assert 'monday together with this recording was replaced' in line

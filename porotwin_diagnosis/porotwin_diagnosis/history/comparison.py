@@ -1,0 +1,94 @@
+"""Lines that compare a new finding on a rig with the earlier ones: joint intervals and drifts."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from porotwin_core.units import DAY_S, HOUR_S
+from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.history.joint_belief import CauseCourse, courses, weighted
+from porotwin_diagnosis.history.past_findings import FoundCause, PastFinding, Value
+from porotwin_diagnosis.report.wording import spoken
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.words import number, reading
+
+DRIFT_DEVIATIONS = 2.6
+"""Difference of two findings, in standard deviations of it, from which on it is a drift: chance
+makes one in a hundred as large."""
+
+LEAST_INTERVAL_S = HOUR_S
+"""Least time between two recordings for a rate per day [s]."""
+
+
+def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
+    """Return lines that compare a `new` finding with the `earlier` ones, sorted by date."""
+    if not earlier:
+        return ['no earlier finding with this rig.yaml: this one is the first belief']
+    own = [course for course in courses([*earlier, new]) if course.found[-1][0] is new]
+    named = [course for course in own if course.latest.effect in new.named]
+    lines = [line for course in named for line in _of_course(course)]
+    return [*lines, *_gone(earlier, new), *_fresh(named)]
+
+
+def _of_course(course: CauseCourse) -> Iterator[str]:
+    """Yield a line for every parameter that an earlier finding holds too."""
+    *before, (finding, cause) = course.found
+    for name, value in cause.values.items():
+        known = [(f, one.values[name]) for f, one in before if name in one.values]
+        if not known:
+            continue
+        what = _of(cause, name)
+        now = _number(cause, name, value.value)
+        last, old = known[-1]
+        change = value.value - old.value
+        believed = _with_interval(cause, name, weighted([one for _, one in known]))
+        if abs(change) <= DRIFT_DEVIATIONS * math.hypot(value.deviation, old.deviation):
+            together = weighted([*(one for _, one in known), value])
+            yield (
+                f'{what}: {now} now; believed before: {believed}; '
+                f'together: {_with_interval(cause, name, together)}'
+            )
+            continue
+        seconds = finding.seconds - last.seconds
+        rate = (
+            f', {_number(cause, name, change * DAY_S / seconds)} a day'
+            if seconds >= LEAST_INTERVAL_S
+            else ''
+        )
+        yield (
+            f'{what} drifts: {_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
+            f'believed before: {believed}'
+        )
+
+
+def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
+    """Yield a line for every effect that the last finding named and the new one does not hold."""
+    last = earlier[-1]
+    if new.verdict == UNEXPLAINED or last.verdict in (NONE, UNEXPLAINED):
+        return
+    held = {cause.effect for cause in new.causes}
+    end = 'is not there any more' if new.verdict == NONE else 'is not named any more'
+    same = {cause.effect for cause in last.causes} - set(last.named)
+    for name in dict.fromkeys(last.named):
+        if name not in held and not same & held:
+            yield f'{spoken(name)}, found on {last.day}, {end}'
+
+
+def _fresh(named: Sequence[CauseCourse]) -> Iterator[str]:
+    for name in sorted({course.latest.effect for course in named if len(course.found) == 1}):
+        yield f'{spoken(name)}: new; no earlier recording showed it'
+
+
+def _of(cause: FoundCause, parameter: str) -> str:
+    return ' '.join(filter(None, [spoken(cause.effect), cause.well, spoken(parameter)]))
+
+
+def _with_interval(cause: FoundCause, parameter: str, value: Value) -> str:
+    middle, low, high = (
+        _number(cause, parameter, one) for one in (value.value, value.low, value.high)
+    )
+    return f'{middle} ({low} to {high})'
+
+
+def _number(cause: FoundCause, parameter: str, amount: float) -> str:
+    factor, unit = reading(EFFECTS[cause.effect].parameters[parameter])
+    return f'{number(factor * amount)} {unit}'.strip()

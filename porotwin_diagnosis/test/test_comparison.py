@@ -1,0 +1,49 @@
+"""Tests of the lines that compare a finding on a rig with the earlier ones."""
+
+from history_examples import MONDAY, TUESDAY, cause, finding, pump, value
+
+from porotwin_diagnosis.history.comparison import compared
+
+
+def test_a_second_finding_that_agrees_is_no_drift():
+    (line,) = compared([pump(0.7)], pump(0.71, TUESDAY))
+    assert line == (
+        'rate injector factor: 0.71 now; believed before: 0.7 (0.68 to 0.72); '
+        'together: 0.705 (0.691 to 0.719)'
+    )
+
+
+def test_a_difference_beyond_the_intervals_is_a_drift_with_its_rate_and_no_joint_value():
+    assert compared([pump(0.7)], pump(0.8, TUESDAY)) == [
+        'rate injector factor drifts: 0.7 on 2026-11-23, 0.8 now, 0.1 a day; '
+        'believed before: 0.7 (0.68 to 0.72)'
+    ]
+
+
+def test_recordings_of_one_hour_give_no_rate_of_a_drift():
+    (line,) = compared([pump(0.7)], pump(0.8, MONDAY.replace('10:00:00', '10:00:01')))
+    assert line.startswith('rate injector factor drifts: 0.7 on 2026-11-23, 0.8 now; ')
+
+
+def test_the_drift_of_an_effect_that_monday_could_not_tell_from_another_is_seen():
+    both = [cause(name, **{key: value(1.15)}) for name, key in NAMES]
+    monday = finding(*both, verdict='retardation', named=('retardation',))
+    porous = [cause(name, **{key: value(1.3)}) for name, key in NAMES]
+    tuesday = finding(*porous, date=TUESDAY, verdict='porosity', named=('porosity',))
+    (line,) = compared([monday], tuesday)
+    assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
+
+
+NAMES = (('retardation', 'retardation_factor'), ('porosity', 'factor'))
+
+
+def test_causes_that_come_and_go_are_told():
+    assert 'the first belief' in compared([], pump(0.7))[0]
+    gone = finding(verdict='none', date=TUESDAY)
+    assert compared([pump(0.7)], gone) == ['rate, found on 2026-11-23, is not there any more']
+    leak = finding(cause('leak', rate=value(9.0)), date=TUESDAY)
+    assert compared([pump(0.7)], leak) == [
+        'rate, found on 2026-11-23, is not named any more',
+        'leak: new; no earlier recording showed it',
+    ]
+    assert compared([pump(0.7)], finding(verdict='unexplained', date=TUESDAY)) == []
