@@ -114,5 +114,6 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
 
 def test_a_scant_recording_is_said_to_limit_the_confidence(denser):
     scant = replace(denser, evidence=replace(denser.evidence, columns=47))
-    assert 'shows too little for a confidence above 70 %: 47 columns' in rows(scant)['How sure']
-    assert 'too little' not in rows(denser)['How sure']
+    assert 'more than 70 % here: maps of 47 columns' in rows(scant)['How sure']
+    assert 'coarser than the 80' in rows(scant)['How sure']
+    assert 'No answer gets more' not in rows(denser)['How sure']

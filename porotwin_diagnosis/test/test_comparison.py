@@ -40,10 +40,10 @@ NAMES = (('retardation', 'retardation_factor'), ('porosity', 'factor'))
 def test_causes_that_come_and_go_are_told():
     assert 'the first belief' in compared([], pump(0.7))[0]
     gone = finding(verdict='none', date=TUESDAY)
-    assert compared([pump(0.7)], gone) == ['rate, found on 2026-11-23, is not there any more']
+    assert compared([pump(0.7)], gone) == ['rate, found on 2026-11-23, does not show today']
     leak = finding(cause('leak', rate=value(9.0)), date=TUESDAY)
     assert compared([pump(0.7)], leak) == [
-        'rate, found on 2026-11-23, is not named any more',
+        'rate, found on 2026-11-23, is not named today',
         'leak: new; no earlier recording showed it',
     ]
     assert compared([pump(0.7)], finding(verdict='unexplained', date=TUESDAY)) == []

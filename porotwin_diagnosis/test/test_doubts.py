@@ -14,7 +14,8 @@ def words(result, **changes):
 
 @pytest.mark.parametrize('doubt', list(Doubt))
 def test_every_doubt_has_words(denser, doubt):
-    assert words(denser, doubt=doubt)
+    few = replace(denser, evidence=replace(denser.evidence, columns=47, fitted_frames=3))
+    assert words(few, doubt=doubt)
 
 
 def test_the_next_best_explanation_is_named(denser):

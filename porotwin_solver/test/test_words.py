@@ -21,6 +21,8 @@ def test_directions_and_times() -> None:
     assert words.direction(-0.004, 'right', 'left') == '4 mm left'
     assert words.time_span(18.0) == '18 s'
     assert words.time_span(300.0) == '5 min'
+    assert words.time_span(84000.0) == '23 h'
+    assert words.time_span(864000.0) == '10 days'
 
 
 def test_a_parameter_may_have_a_reading_of_its_own() -> None:

@@ -80,10 +80,12 @@ def command(
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
     from porotwin_diagnosis.history.joint_belief import prior_from
     from porotwin_diagnosis.kept_simulations import KeptSimulations
+    from porotwin_diagnosis.report.answer import sentence
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
+    from porotwin_solver.effects.definition.words import plain
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
@@ -137,12 +139,13 @@ def command(
         return
     named = ' and '.join(summary['combination']) or summary['verdict']
     print(f'{named}, with confidence {summary["confidence"]:.2f}')
+    print(plain(sentence(result, summary)))
     for line in told:
         print(line)
     say(f'report: {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
     if apply and not (result.verdict.members and result.verdict.model.effects):
-        say('rig.yaml is unchanged: the verdict names no effect that it could describe')
+        say(f'{output / "rig.yaml"} repeats the description: the verdict names no effect')
     if apply and camera:
         say(
             f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '

@@ -66,7 +66,7 @@ def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
     if new.verdict == UNEXPLAINED or last.verdict in (NONE, UNEXPLAINED):
         return
     held = {cause.effect for cause in new.causes}
-    end = 'is not there any more' if new.verdict == NONE else 'is not named any more'
+    end = 'does not show today' if new.verdict == NONE else 'is not named today'
     same = {cause.effect for cause in last.causes} - set(last.named)
     for name in dict.fromkeys(last.named):
         if name not in held and not same & held:

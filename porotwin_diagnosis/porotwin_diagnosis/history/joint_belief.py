@@ -79,14 +79,13 @@ def prior_from(findings: Sequence[PastFinding]) -> Prior:
     """Return the belief before the next recording, from `findings` sorted by date.
 
     The newest finding tells the probabilities: it was itself made with the belief of the earlier
-    ones. After an unexplained gap nothing is believed.
+    ones. After no gap, or an unexplained one, no effect is more probable than another. Whether
+    there is a gap at all is never believed: only the maps decide that.
     """
-    if not findings or findings[-1].verdict == UNEXPLAINED:
+    if not findings or findings[-1].verdict in (NONE, UNEXPLAINED):
         return Prior()
     last = findings[-1]
     probabilities = last.probabilities or {last.verdict: last.confidence}
-    if last.verdict == NONE:
-        probabilities = {**probabilities, NONE: last.confidence}
     causes = [
         BelievedCause(
             course.latest.effect,

@@ -10,7 +10,7 @@ from porotwin_diagnosis.decision.held_out import blurred_errors
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words
+from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, phrase, spoken
@@ -343,9 +343,7 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         )
     if evidence.scant:
         lines.append(
-            f'{these(result).capitalize()} shows too little for a confidence above '
-            f'{100 * SCANT_CONFIDENCE:.0f} %: {evidence.columns} columns of cells, '
-            f'{evidence.fitted_frames} frames with tracer in the first 70 %.'
+            f'No answer gets more than {100 * SCANT_CONFIDENCE:.0f} % here: {scant(evidence)}.'
         )
     return '<br>'.join(lines)
 

@@ -1,8 +1,10 @@
 """The least certain point of a verdict, in words."""
 
+from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Doubt, Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report.wording import spoken
+from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_FRAMES
 
 ALWAYS_SAID = {Doubt.CONTRADICTED, Doubt.SCANT}
 """Doubts that the report explains with figures of their own."""
@@ -22,8 +24,24 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.FEWER: 'whether fewer effects are enough',
         Doubt.ORDER: 'which effect is the strongest: they change the maps about equally much',
         Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
-        Doubt.SCANT: 'the recording shows too little',
+        Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
+
+
+def scant(evidence: Evidence) -> str:
+    """Say what a recording lacks for a higher confidence, and what would mend it."""
+    parts = []
+    if evidence.columns < SCANT_COLUMNS:
+        parts.append(
+            f'maps of {evidence.columns} columns of cells are coarser than the {SCANT_COLUMNS} '
+            'that the rules need; make finer maps'
+        )
+    if evidence.fitted_frames < SCANT_FRAMES:
+        parts.append(
+            f'{evidence.fitted_frames} maps with tracer in the first 70 % are fewer than '
+            f'{SCANT_FRAMES}; photograph more often'
+        )
+    return ', and '.join(parts)
 
 
 def _rival(verdict: Verdict) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from porotwin_core.time_units import time_unit
-from porotwin_diagnosis.decision.verdict import UNEXPLAINED
+from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.answer import Summary, label, misplaced_fronts, origin, these
@@ -59,8 +59,9 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         '. These errors come from the cells of the search and differ a little from those of the '
         'answer. Probabilities follow from the misfit at the fronts of the whole recording: '
         'a smaller error may be less probable. All members '
-        'of a combination have its probability. The remainder to 100 % is for causes that the '
-        'library lacks.</p>'
+        'of a combination have its probability. The remainder to 100 % is for no '
+        'effect at all, for causes that the library lacks, and for all that this recording is too '
+        'coarse to tell. “≤”: at or below the noise.</p>'
     )
     return note + table(head, rows, {4, 5})
 
@@ -89,7 +90,8 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
     """Return the table of the pairs that were judged, below the best single effect."""
     findings = result.evidence.findings
     if not findings.pairs:
-        return '<p>No pair was tried: one effect leaves nothing for a second one.</p>'
+        left = 'the model' if result.verdict.name == NONE else 'one effect'
+        return f'<p>No pair was tried: {left} leaves nothing for a further effect.</p>'
     errors, kept = Errors(**summary['error']), result.verdict.model.label
 
     def error(fit: Fit) -> float:

@@ -15,7 +15,8 @@ PERSISTENCE = 0.9
 """Probability that a cause is still there, with the same size, when the next recording is made."""
 
 DRIFT = 0.1
-"""Change of a value from one recording to the next that is no surprise, relative to the value."""
+"""Change of a value from one recording to the next that is no surprise, relative to its distance
+from no effect: a pump at 0.85 of its rate may be at 0.835 or 0.865 next time."""
 
 NO_EFFECT = 'none'
 """Name under which a belief holds the probability that nothing is missing."""
@@ -43,7 +44,9 @@ class BelievedCause:
             if believed is None or isinstance(value, str):
                 continue
             mean, deviation = believed
-            total += (value - mean) ** 2 / max(deviation**2 + (DRIFT * mean) ** 2, 1e-300)
+            neutral = EFFECTS[self.effect].parameters[parameter].neutral
+            drift = DRIFT * (mean - neutral)
+            total += (value - mean) ** 2 / max(deviation**2 + drift**2, 1e-300)
         return total
 
 

@@ -52,7 +52,7 @@ EFFECT = Effect(
     on_physics=misdeliver,
     candidates=candidates,
     phrase=phrase,
-    laboratory_check='let the pump fill a measuring cylinder for ten minutes',
+    laboratory_check='let the pump fill a measuring cylinder until it holds some 50 ml',
     blind_draw=draw,
     appearance=Appearance.DELAY,
 )

@@ -5,6 +5,7 @@ import math
 import re
 
 from porotwin_core.effect_parameter import Parameter, Reading, Values
+from porotwin_core.units import DAY_S, HOUR_S, MINUTE_S
 
 READINGS = {
     'm': Reading(1e3, 'mm'),
@@ -21,8 +22,8 @@ READINGS = {
 MOST_PERCENT = 2.0
 """Factors from this on are stated as a multiple instead of per cent; so are their inverses."""
 
-LONGEST_IN_SECONDS = 90.0
-"""Times from this on are stated in minutes [s]."""
+LONGEST_IN_SECONDS, LONGEST_IN_MINUTES, LONGEST_IN_HOURS = 90.0, 3 * HOUR_S, 3 * DAY_S
+"""Times from these on are stated in minutes, hours and days [s]."""
 
 
 def reading(parameter: Parameter) -> Reading:
@@ -64,10 +65,14 @@ def direction(
 
 
 def time_span(seconds: float) -> str:
-    """Return a time in seconds or minutes."""
+    """Return a time in seconds, minutes, hours or days."""
     if seconds < LONGEST_IN_SECONDS:
         return f'{number(seconds, 2)} s'
-    return f'{number(seconds / 60, 2)} min'
+    if seconds < LONGEST_IN_MINUTES:
+        return f'{number(seconds / MINUTE_S, 2)} min'
+    if seconds < LONGEST_IN_HOURS:
+        return f'{number(seconds / HOUR_S, 2)} h'
+    return f'{number(seconds / DAY_S, 2)} days'
 
 
 def place(values: Values) -> str:
