@@ -63,7 +63,7 @@ MENDED_GRID = '94x56'
 """Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
 a minute."""
 
-DEMO_CONFIDENCE = 0.8
+DEMO_CONFIDENCE = 0.7
 """Least confidence of a verdict that the demo accepts [-]: 40 min of photographs seldom make it
 surer, and the shadow forecast protects the twin."""
 

@@ -129,7 +129,7 @@ class MendNode(Node):
             least_confidence=declare(
                 self,
                 'least_confidence',
-                0.95,
+                0.9,
                 'least confidence of a verdict that is offered',
                 at_least=0.5,
                 at_most=1.0,

@@ -210,11 +210,6 @@ LEAST_LOG_ODDS = -60.0
 CONFIDENCE_RANGE = (0.05, 0.99)
 """Least and greatest confidence that is stated: a few hundred cases cannot prove more."""
 
-CONFIDENCE_SCALE, CONFIDENCE_SHIFT = 0.98, 0.5
-"""Map from the log-odds of the rules to the stated ones, scale * log-odds + shift. The rules alone
-are too cautious: of 95 cases that set nothing they stated 0.87 in the mean, and 0.93 were right
-(docs/reliability.md)."""
-
 CONTRADICTED_CONFIDENCE = 0.6
 """Confidence in `unexplained` where the misfit at the fronts names an effect and the held-out maps
 contradict it."""

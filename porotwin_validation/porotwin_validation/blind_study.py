@@ -24,7 +24,6 @@ from porotwin_core.errors import InputError
 from porotwin_core.parallel import crew
 from porotwin_core.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
-from porotwin_diagnosis.thresholds import CONFIDENCE_SCALE, CONFIDENCE_SHIFT
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_validation.blind_cases import BlindCase, draw_case
@@ -119,11 +118,7 @@ def blind_check(
             )
     scores = [_score(case, folder / case.name, failed=case.name in failed) for case in drawn]
     figures = summary(scores)
-    content = {
-        'summary': figures,
-        'confidence_map': [CONFIDENCE_SCALE, CONFIDENCE_SHIFT],
-        'cases': [asdict(score) for score in scores],
-    }
+    content = {'summary': figures, 'cases': [asdict(score) for score in scores]}
     (folder / 'scores.json').write_text(json.dumps(content, indent=1), encoding='utf-8')
     report = table(scores, figures)
     if source == 'photographs':

@@ -1,16 +1,15 @@
-"""The map from the log-odds of the rules to observed frequencies, fitted to scores of blind checks.
+"""A map from stated confidences to observed frequencies, fitted to the scores of blind checks.
 
     python -m porotwin_validation.confidence_fit blind/scores.json [MORE.json ...]
 
-It is Platt's logistic map (in Advances in Large Margin Classifiers, MIT Press 1999)
+The diagnosis states its confidences without such a map. The fit says which one would make them
+true: Platt's logistic map (in Advances in Large Margin Classifiers, MIT Press 1999)
 
     frequency = 1 / (1 + exp(-(scale * log_odds + shift)))
 
 by maximum likelihood, with a weak prior at the identity (scale 1, shift 0), so that a few lucky
-cases do not raise the confidences. Cross-validation tells whether a new map is better than the one
-in use: each tenth of the cases is judged by a map that was fitted to the others.
-
-A file of scores says with which map its confidences were stated. That map is taken back first.
+cases do not raise the confidences. Cross-validation tells whether the map is better than none: each
+tenth of the cases is judged by a map that was fitted to the others.
 """
 
 import json
@@ -23,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from porotwin_diagnosis.thresholds import CONFIDENCE_SCALE, CONFIDENCE_SHIFT
 from porotwin_validation.blind_table import expected_error
 
 PRIOR_WEIGHT = 2.0
@@ -37,7 +35,7 @@ SCALE_RANGE, SHIFT_RANGE = (0.1, 5.0), (-5.0, 5.0)
 
 
 FEWEST_CASES = 100
-"""Cases below which the map in use is kept: of 100 cases with 0.9, chance moves the share that is
+"""Cases below which the identity is kept: of 100 cases with 0.9, chance moves the share that is
 right by 0.03, as much as a map should gain."""
 
 FOLDS = 10
@@ -52,8 +50,10 @@ class ConfidenceMap(NamedTuple):
 
 
 def fit_confidence_map(confidences: ArrayLike, right: ArrayLike) -> ConfidenceMap:
-    """Return the map that fits `confidences` of the rules to whether each verdict was `right`."""
-    log_odds, observed = _log_odds(confidences), np.asarray(right, dtype=float)
+    """Return the map that fits the stated `confidences` and whether each verdict was `right`."""
+    stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
+    log_odds = np.log(stated / (1 - stated))
+    observed = np.asarray(right, dtype=float)
 
     def cost(values: np.ndarray) -> float:
         logits = values[0] * log_odds + values[1]
@@ -67,53 +67,35 @@ def fit_confidence_map(confidences: ArrayLike, right: ArrayLike) -> ConfidenceMa
 IDENTITY = ConfidenceMap(1.0, 0.0)
 """The map that leaves confidences as they are."""
 
-IN_USE = ConfidenceMap(CONFIDENCE_SCALE, CONFIDENCE_SHIFT)
-"""The map with which the diagnosis states its confidences."""
-
 
 def mapped(found: ConfidenceMap, confidences: ArrayLike) -> np.ndarray:
-    """Return the frequencies that the map `found` states for `confidences` of the rules."""
-    logits = found.scale * _log_odds(confidences) + found.shift
-    return np.asarray(1 / (1 + np.exp(-logits)))
-
-
-def taken_back(stated_with: ConfidenceMap, confidences: ArrayLike) -> np.ndarray:
-    """Return the confidences of the rules, from `confidences` that a map has stated."""
-    logits = (_log_odds(confidences) - stated_with.shift) / stated_with.scale
-    return np.asarray(1 / (1 + np.exp(-logits)))
-
-
-def _log_odds(confidences: ArrayLike) -> np.ndarray:
+    """Return the frequencies that the map `found` states for `confidences`."""
     stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
-    return np.asarray(np.log(stated / (1 - stated)))
+    logits = found.scale * np.log(stated / (1 - stated)) + found.shift
+    return np.asarray(1 / (1 + np.exp(-logits)))
 
 
 class JudgedMap(NamedTuple):
     """A fitted map, and how far confidences are from observed frequencies with and without it.
 
-    `error_in_use` and `error_fitted` are expected calibration errors of `cases` cases, the second
-    one by cross-validation. `kept` is the map to use: the one in use where the cases are too few,
-    or where the fitted map is no better.
+    `error_stated` and `error_mapped` are expected calibration errors of `cases` cases, the second
+    one by cross-validation. `kept` is the map to use: the identity where the cases are too few, or
+    where the fitted map is no better.
     """
 
     fitted: ConfidenceMap
     cases: int
-    error_in_use: float
-    error_fitted: float
+    error_stated: float
+    error_mapped: float
 
     @property
     def kept(self) -> ConfidenceMap:
-        better = self.cases >= FEWEST_CASES and self.error_fitted < self.error_in_use
-        return self.fitted if better else IN_USE
+        better = self.cases >= FEWEST_CASES and self.error_mapped < self.error_stated
+        return self.fitted if better else IDENTITY
 
 
 def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
-    """Return the map that fits the cases, judged by cross-validation.
-
-    Args:
-        confidences: confidences of the rules.
-        right: whether each verdict was right.
-    """
+    """Return the map that fits the cases, judged by cross-validation."""
     stated, observed = np.asarray(confidences, dtype=float), np.asarray(right, dtype=bool)
     part = np.arange(len(stated)) % FOLDS
     foreseen = np.zeros(len(stated))
@@ -124,7 +106,7 @@ def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
     return JudgedMap(
         fit_confidence_map(stated, observed),
         len(stated),
-        expected_error(mapped(IN_USE, stated), observed),
+        expected_error(stated, observed),
         expected_error(foreseen, observed),
     )
 
@@ -132,30 +114,29 @@ def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
 def fit_to_scores(paths: Sequence[Path]) -> JudgedMap:
     """Return the map that fits the cases in the files `scores.json` of blind checks.
 
-    Cases without a verdict do not count. A file without `confidence_map` has the identity.
+    Cases without a verdict do not count.
     """
-    confidences: list[float] = []
-    right: list[bool] = []
-    for path in paths:
-        content = json.loads(path.read_text(encoding='utf-8'))
-        cases = [c for c in content['cases'] if c.get('verdict') not in ('failed', 'refused')]
-        stated_with = ConfidenceMap(*content.get('confidence_map', IDENTITY))
-        confidences += taken_back(stated_with, [case['confidence'] for case in cases]).tolist()
-        right += [bool(case['right']) for case in cases]
-    return judged_map(confidences, right)
+    cases = [
+        case
+        for path in paths
+        for case in json.loads(path.read_text(encoding='utf-8'))['cases']
+        if case.get('verdict') not in ('failed', 'refused')
+    ]
+    return judged_map([case['confidence'] for case in cases], [case['right'] for case in cases])
 
 
 def main() -> None:
     """Print the map that fits the files on the command line."""
     found = fit_to_scores([Path(name) for name in sys.argv[1:]])
     print(
-        f'{found.cases} cases: calibration error {found.error_in_use:.3f}; with scale '
-        f'{found.fitted.scale:.2f}, shift {found.fitted.shift:.2f} it is {found.error_fitted:.3f} '
+        f'{found.cases} cases: calibration error {found.error_stated:.3f}; with the map scale '
+        f'{found.fitted.scale:.2f}, shift {found.fitted.shift:.2f} it is {found.error_mapped:.3f} '
         f'by cross-validation. '
         + (
-            'Write these into thresholds.py.'
-            if found.kept != IN_USE
-            else f'The map in use stays: at least {FEWEST_CASES} cases and a gain are needed.'
+            'The map is better.'
+            if found.kept != IDENTITY
+            else f'Confidences stay as they are: at least {FEWEST_CASES} cases and a gain are '
+            'needed.'
         )
     )
 

@@ -1,7 +1,8 @@
 """Log-odds of the statements in a verdict, and its confidence.
 
-The rules below give log-odds. The smallest value of a verdict becomes its confidence by a map that
-was fitted to observed frequencies (`confidence`). `porotwin_validation.confidence_fit` fits it.
+A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The rules below give the
+log-odds. Confidences are not adjusted to observed frequencies. The blind check measures the
+difference of both, and `porotwin_validation.confidence_fit` fits an adjustment.
 """
 
 import math
@@ -14,9 +15,6 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import (
     CONFIDENCE_RANGE,
-    CONFIDENCE_SCALE,
-    CONFIDENCE_SHIFT,
-    LEAST_LOG_ODDS,
     MISSING_SLOPE,
     NO_GAP_LOG_ODDS,
     NO_GAP_MISFIT,
@@ -38,14 +36,8 @@ alone), and the relative L2 norm of the change that it makes alone in the held-o
 
 
 def confidence(log_odds: float) -> float:
-    """Return the observed frequency of right verdicts whose rules give `log_odds`.
-
-    It is 1 / (1 + exp(-(a log_odds + b))), clipped to `CONFIDENCE_RANGE`, with a =
-    `CONFIDENCE_SCALE` and b = `CONFIDENCE_SHIFT` (Platt, in Advances in Large Margin Classifiers,
-    MIT Press 1999).
-    """
-    stated = CONFIDENCE_SCALE * log_odds + CONFIDENCE_SHIFT
-    probability = 1.0 / (1.0 + math.exp(-max(stated, LEAST_LOG_ODDS)))
+    """Return the probability 1 / (1 + exp(-log_odds)), clipped to `CONFIDENCE_RANGE`."""
+    probability = 1.0 / (1.0 + math.exp(-log_odds))
     return float(np.clip(probability, *CONFIDENCE_RANGE))
 
 

@@ -41,7 +41,7 @@ class MendSettings:
     """
 
     every_s: float = 1200.0
-    least_confidence: float = 0.95
+    least_confidence: float = 0.9
 
 
 class Mender:

@@ -9,8 +9,8 @@ from porotwin_diagnosis.mending.finding import Cause, Finding
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
-REPEATED_CONFIDENCE = 0.85
-"""Least confidence of a cause that two diagnoses in a row have named: odds of six to one, twice.
+REPEATED_CONFIDENCE = 0.75
+"""Least confidence of a cause that two diagnoses in a row have named: odds of three to one, twice.
 The second diagnosis has seen more photographs, and shadow forecasts judge an accepted effect."""
 
 
