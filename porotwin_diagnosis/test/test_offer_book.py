@@ -1,5 +1,7 @@
 """Tests of the offers: asked once, answered once, and not repeated without new evidence."""
 
+from dataclasses import replace
+
 import pytest
 from mending_examples import finding, notice, weak_pump
 
@@ -40,6 +42,19 @@ def test_a_newer_diagnosis_ends_an_offer(book):
 def test_a_cause_that_is_named_twice_in_a_row_needs_less_confidence(book):
     assert 'below 0.9' in book.consider(finding(confidence=0.85), 600.0)[1]
     assert offered(book, finding(weak_pump(0.72), confidence=0.82), 900.0)[0].sequence == 1
+
+
+def test_an_unexplained_gap_between_two_namings_contradicts_neither(book):
+    assert book.consider(finding(confidence=0.85), 600.0)[1]
+    unexplained = replace(finding(confidence=0.53), verdict='unexplained', effects=())
+    assert 'no known effect explains' in book.consider(unexplained, 900.0)[1]
+    assert offered(book, finding(weak_pump(0.72), confidence=0.82), 1200.0)[0].sequence == 1
+
+
+def test_no_gap_between_two_namings_contradicts_the_first(book):
+    assert book.consider(finding(confidence=0.85), 600.0)[1]
+    assert book.consider(replace(finding(), verdict='none', effects=()), 900.0)[1]
+    assert 'below 0.9' in book.consider(finding(confidence=0.85), 1200.0)[1]
 
 
 @pytest.mark.parametrize(

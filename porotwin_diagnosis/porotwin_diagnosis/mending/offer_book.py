@@ -4,13 +4,15 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from porotwin_core.errors import InputError
+from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.mending.finding import Cause, Finding
 
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
 REPEATED_CONFIDENCE = 0.75
-"""Least confidence of a cause that two diagnoses in a row have named: odds of three to one, twice.
+"""Least confidence of a cause that two diagnoses have named, and none between them another answer
+than unexplained: odds of three to one, twice.
 The second diagnosis has seen more photographs, and shadow forecasts judge an accepted effect."""
 
 
@@ -57,7 +59,7 @@ class OfferBook:
     """The newest offer, and the causes that were declined before."""
 
     def __init__(self, least_confidence: float) -> None:
-        """Offer findings of at least this confidence [-], or less surely named twice in a row."""
+        """Offer findings of at least this confidence [-], or less surely named twice."""
         self._least_confidence = least_confidence
         self._last: Finding | None = None
         self._declined: dict[Cause, float] = {}
@@ -79,7 +81,8 @@ class OfferBook:
             return [], f'offer {self.open.sequence} already says so and waits for an answer'
         changed = self._expired(finding)
         doubt = finding.doubt(self._needed(finding)) or self._old_news(finding)
-        self._last = finding
+        if finding.verdict != UNEXPLAINED:  # which contradicts no cause
+            self._last = finding
         if doubt:
             return changed, doubt
         number = self.newest.sequence + 1 if self.newest is not None else 1
