@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from porotwin_cli.control_words import control_words
@@ -23,6 +24,7 @@ from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_abou
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import ML, to_ml_h
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.geometry import Geometry
@@ -230,10 +232,22 @@ def in_words(checked: CheckedRig, interval: float) -> list[str]:
         )
         if checked.runs and pumped.stock > 0.0:
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
+    if checked.data is not None and checked.data.maps is not None:
+        lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
+    """Return how many maps there are, of which times and cells, and what that means."""
+    words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
+    if grid.nx < SCANT_COLUMNS:
+        words += (
+            f'; below {SCANT_COLUMNS} columns a diagnosis states at most {SCANT_CONFIDENCE:.0%}'
+        )
+    return words
 
 
 def _pumped(data: RecordedData) -> Iterator[Remark]:

@@ -47,3 +47,10 @@ def test_causes_that_come_and_go_are_told():
         'leak: new; no earlier recording showed it',
     ]
     assert compared([pump(0.7)], finding(verdict='unexplained', date=TUESDAY)) == []
+
+
+def test_a_cause_that_comes_back_is_told():
+    wednesday = '2026-11-25T10:00:00+00:00'
+    none = finding(verdict='none', date=TUESDAY)
+    *_, line = compared([pump(0.7), none], pump(0.7, wednesday))
+    assert line == 'rate injector is back: found on 2026-11-23, not on 2026-11-24'

@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 
 from porotwin_cli.app import app
 from porotwin_cli.check_picture import shading
-from porotwin_cli.rig_check import CheckedRig, check, in_words, pumped_in
+from porotwin_cli.rig_check import CheckedRig, check, in_words, maps_in_words, pumped_in
 from porotwin_cli.workspace import ROOT, small_rig
+from porotwin_core.grid import Grid
 
 
 def changed(folder: Path, **keys: object) -> Path:
@@ -34,6 +35,13 @@ def test_the_small_rig_is_drawn_and_not_odd(tmp_path: Path) -> None:
     assert 'one prediction over 30 s on 187x112: 20,944 cells' in result.stdout
     assert 'nothing odd' in result.stdout
     assert (tmp_path / 'check.png').read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize(('columns', 'limited'), [(60, True), (80, False)])
+def test_maps_too_coarse_for_a_sure_diagnosis_are_told(columns: int, limited: bool) -> None:
+    words = maps_in_words(np.arange(3) * 60.0, Grid(columns, 40, 1.0, 0.5))
+    assert words.startswith(f'maps: 3, from 0 to 120 s, on {columns}x40')
+    assert ('at most 70%' in words) is limited
 
 
 def test_what_is_impossible_is_listed_with_status_2(tmp_path: Path) -> None:

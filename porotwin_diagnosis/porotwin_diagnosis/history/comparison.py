@@ -26,7 +26,7 @@ def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     own = [course for course in courses([*earlier, new]) if course.found[-1][0] is new]
     named = [course for course in own if course.latest.effect in new.named]
     lines = [line for course in named for line in _of_course(course)]
-    return [*lines, *_gone(earlier, new), *_fresh(named)]
+    return [*lines, *_back(earlier, named), *_gone(earlier, new), *_fresh(named)]
 
 
 def _of_course(course: CauseCourse) -> Iterator[str]:
@@ -58,6 +58,16 @@ def _of_course(course: CauseCourse) -> Iterator[str]:
             f'{what} drifts: {_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
             f'believed before: {believed}'
         )
+
+
+def _back(earlier: Sequence[PastFinding], named: Sequence[CauseCourse]) -> Iterator[str]:
+    """Yield a line for every cause that an earlier recording between two findings did not show."""
+    for course in named:
+        for last, cause in course.found[-2:-1]:
+            gap = [f for f in earlier if f.verdict == NONE and f.seconds > last.seconds]
+            if gap:
+                what = ' '.join(filter(None, [spoken(cause.effect), cause.well]))
+                yield f'{what} is back: found on {last.day}, not on {gap[-1].day}'
 
 
 def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
