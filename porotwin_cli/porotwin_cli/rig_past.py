@@ -11,16 +11,20 @@ from porotwin_diagnosis.history.past_findings import (
     add_finding,
     finding_from,
     findings_on,
-    identity,
     prepare_history,
     read_history,
 )
 from porotwin_diagnosis.history.recording_date import date_of_files, parse_date
+from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.recording import Recording
 
 
 class RigPast:
-    """The earlier findings on a rig, and the place of the next one."""
+    """The earlier findings on a rig, and the place of the next one.
+
+    Attributes:
+        before: the findings up to the date of the new recording, when this object was made.
+    """
 
     def __init__(self, folder: Path, recordings: Sequence[Recording], date: str) -> None:
         """Read the findings in `folder`.
@@ -37,11 +41,11 @@ class RigPast:
                 f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'
             )
         prepare_history(folder)
-        self.before()
+        self.before = self._before()
 
-    def before(self) -> list[PastFinding]:
+    def _before(self) -> list[PastFinding]:
         """Return the findings on this rig up to the date of the recording, without its own."""
-        own = {identity(recording.source) for recording in self._recordings}
+        own = {str(place_of(recording.source)) for recording in self._recordings}
         rig = self._recordings[0].rig
         return [
             found
@@ -52,7 +56,7 @@ class RigPast:
     def remember(self, summary: dict[str, Any]) -> list[str]:
         """Add the finding in `summary`; return lines on how it fits to the earlier ones."""
         new = finding_from(summary, self._recordings, self._date)
-        lines = compared(self.before(), new)
+        lines = compared(self._before(), new)
         replaced = add_finding(self._folder, new)
         lost = {name for found in replaced for name in found.recordings} - set(new.recordings)
         if lost:

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from box_rig import box_rig
 
 from porotwin_cli.density_words import density_words
 from porotwin_core.rig import Rig
@@ -11,26 +12,14 @@ from porotwin_solver.effects.definition.words import number
 
 
 def rig(permeability_m2: float) -> Rig:
-    return Rig.model_validate(
-        {
-            'name': 'box',
-            'width_m': 1.0,
-            'height_m': 0.5,
-            'depth_m': 0.01,
-            'porosity': 0.4,
-            'permeability_m2': permeability_m2,
-            'viscosity_pa_s': 0.001,
-            'density_kg_m3': 998.0,
-            'wells': {'in': {'x_m': 0.5, 'z_m': 0.25}},
-        }
-    )
+    return box_rig().model_copy(update={'permeability_m2': permeability_m2})
 
 
 def test_the_way_and_the_radius_are_those_of_the_formulas():
     found = rig(1e-10)
     hour, stock = 3600.0, 1e-5
     way = 1e-10 * GRAVITY / (found.viscosity_pa_s * 0.4) * hour
-    radius = math.sqrt(stock / (math.pi * 0.4 * 0.01))
+    radius = math.sqrt(stock / (math.pi * 0.4 * 0.02))
     words = density_words(found, found.default_grid(), stock, hour)
     assert f'{number(1e3 * way, 2)} mm by itself' in words
     assert f'radius of {number(1e3 * radius, 2)} mm' in words

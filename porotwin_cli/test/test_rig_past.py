@@ -43,15 +43,15 @@ def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None
     first = past(tmp_path, 'monday', '2026-11-23')
     assert 'the first belief' in first.remember(summary(1.15))[0]
     second = past(tmp_path, 'tuesday', '2026-11-24')
-    assert len(second.before()) == 1
+    assert len(second.before) == 1
     (line,) = second.remember(summary(1.3))
     assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
 
 
 def test_a_recording_knows_neither_itself_nor_a_later_one(tmp_path: Path) -> None:
     past(tmp_path, 'tuesday', '2026-11-24').remember(summary(1.15))
-    assert past(tmp_path, 'tuesday', '2026-11-24').before() == []
-    assert past(tmp_path, 'monday', '2026-11-23').before() == []
+    assert past(tmp_path, 'tuesday', '2026-11-24').before == []
+    assert past(tmp_path, 'monday', '2026-11-23').before == []
 
 
 def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from porotwin_diagnosis.history.past_findings import (
     described,
     finding_from,
     findings_on,
-    identity,
     prepare_history,
     read_history,
     rig_without_effects,
@@ -128,11 +127,3 @@ def test_the_finding_of_a_diagnosis_holds_what_cannot_be_told_from_it(denser):
     assert found.named == ('rate',)
     assert found.probabilities == {'rate': 0.6, 'leak': 0.01, 'decay': 0.3}
     assert found.seconds == datetime.fromisoformat(MONDAY).timestamp() - 36000
-
-
-def test_a_recording_has_one_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / 'mon'
-    folder.mkdir()
-    paths = ('mon', './mon/', folder, folder / 'rig.yaml')
-    assert {identity(tmp_path.__class__(path)) for path in paths} == {str(folder.resolve())}

@@ -127,7 +127,7 @@ def command(
         result = examine(
             opened,
             preset=preset,
-            prior=prior_from(past.before() if past else ()),
+            prior=prior_from(past.before if past else ()),
             crew=simulations,
             progress=show,
         )
@@ -159,14 +159,14 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
     Raises:
         InputError: it is.
     """
-    from porotwin_diagnosis.history.past_findings import identity
+    from porotwin_diagnosis.report.origin import place_of
 
-    seen: set[str] = set()
+    seen: set[Path] = set()
     for recording in recordings:
-        name = identity(recording.source)
-        if name in seen:
+        place = place_of(recording.source)
+        if place in seen:
             raise InputError(f'{recording.source}: is named twice; name every recording once')
-        seen.add(name)
+        seen.add(place)
 
 
 def _tell_odd_times(recordings: 'Sequence[Recording]') -> None:

@@ -90,7 +90,6 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
     windows = np.stack(force.windows)
     times = (np.arange(WINDOWS) + 0.5) / WINDOWS
     unit = time_unit(runs.duration)
-
     whole = unit.text(runs.duration)
 
     def grown(amounts: Amounts) -> str:

@@ -38,6 +38,7 @@ def decide(evidence: Evidence) -> Verdict:
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
     explanation = evidence.explanation
+    probabilities = effect_probabilities(evidence.findings)
     members, inseparable, alternatives = _named(evidence)
     if not explanation.suffices:
         name, doubt = UNEXPLAINED, Doubt.REMAINDER
@@ -46,7 +47,7 @@ def decide(evidence: Evidence) -> Verdict:
         name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, CONTRADICTED_CONFIDENCE
     else:
         name = members[0] if members else NONE
-        log_odds, doubt = min(_statements(evidence))
+        log_odds, doubt = min(_statements(evidence, probabilities))
         sure = confidence(log_odds)
     if evidence.scant and sure > SCANT_CONFIDENCE:
         doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
@@ -58,11 +59,11 @@ def decide(evidence: Evidence) -> Verdict:
         explanation.model,
         members,
         inseparable,
-        effect_probabilities(evidence.findings),
+        probabilities,
         alternatives,
         close=explanation.close if name in explanation.members else (),
         doubt=doubt,
-        rival=_rival(evidence),
+        rival=_rival(evidence, probabilities),
     )
 
 
@@ -83,7 +84,7 @@ def _named(evidence: Evidence) -> tuple[Names, Names, tuple[Names, ...]]:
     return (NUMERICAL, *members), (), tuple((NUMERICAL, *names) for names in same)
 
 
-def _statements(evidence: Evidence) -> list[tuple[float, Doubt]]:
+def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tuple[float, Doubt]]:
     """Return the log-odds of all statements of an explanation that suffices.
 
     - Any: that it explains more than the errors that all maps share, or that these are no gap.
@@ -102,7 +103,7 @@ def _statements(evidence: Evidence) -> list[tuple[float, Doubt]]:
     same = (kept.members[0], *kept.inseparable)
     enough = [(sufficient_log_odds(kept.lack_of_fit), Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
-        return [(single_log_odds(same, effect_probabilities(findings)), Doubt.RIVAL), *enough]
+        return [(single_log_odds(same, probabilities), Doubt.RIVAL), *enough]
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
     return [
@@ -113,14 +114,14 @@ def _statements(evidence: Evidence) -> list[tuple[float, Doubt]]:
     ]
 
 
-def _rival(evidence: Evidence) -> Names:
+def _rival(evidence: Evidence, probabilities: dict[str, float]) -> Names:
     """Return the effects of the most probable explanation beside the kept one."""
     findings, kept = evidence.findings, evidence.explanation
     if not kept.members:
         return ()
     same = (kept.members[0], *kept.inseparable)
     if len(kept.members) == 1:
-        other = rival_of_single(same, effect_probabilities(findings))
+        other = rival_of_single(same, probabilities)
         return (other,) if other else ()
     fit = rival_of_pair(same, findings)
     return tuple(member.effect for member in fit.members) if fit else ()

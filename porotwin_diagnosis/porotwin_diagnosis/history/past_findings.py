@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.errors import InputError, check_writable, writing
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.report.named_rows import named_rows
+from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.one_writer import only_writer
 from porotwin_recording.recording import Recording
 from porotwin_solver.effects import EFFECTS
@@ -120,7 +121,7 @@ def finding_from(
     known = [*named, *(name for name in same if name not in named)]
     return PastFinding(
         date=date.astimezone().isoformat(timespec='seconds'),
-        recordings=tuple(identity(recording.source) for recording in recordings),
+        recordings=tuple(str(place_of(recording.source)) for recording in recordings),
         rig=rig_without_effects(rig),
         effects=described(rig.effects),
         verdict=summary['verdict'],
@@ -129,12 +130,6 @@ def finding_from(
         named=tuple(named),
         probabilities={row['name']: row['probability'] for row in summary['effects']},
     )
-
-
-def identity(source: Path) -> str:
-    """Return the path by which a recording counts once."""
-    place = source.resolve()
-    return str(place.parent if place.name == 'rig.yaml' else place)
 
 
 def rig_without_effects(rig: Rig) -> str:

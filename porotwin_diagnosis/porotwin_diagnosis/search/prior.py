@@ -18,9 +18,6 @@ DRIFT = 0.1
 """Change of a value from one recording to the next that is no surprise, relative to its distance
 from no effect: a pump at 0.85 of its rate may be at 0.835 or 0.865 next time."""
 
-NO_EFFECT = 'none'
-"""Name under which a belief holds the probability that nothing is missing."""
-
 
 @dataclass(frozen=True)
 class BelievedCause:
@@ -55,7 +52,7 @@ class Prior:
     """What is believed before a recording is searched; empty: nothing.
 
     Attributes:
-        probabilities: probability [-] of every effect alone by name, and of `NO_EFFECT`.
+        probabilities: probability [-] of every effect alone by name.
         causes: the causes that were found; one effect may come at several wells or places.
     """
 
@@ -72,9 +69,10 @@ class Prior:
         """
         if not self.probabilities:
             return 1.0
-        name = effects[0].name if effects else NO_EFFECT
-        distance = self._distance(effects[0]) if effects else 0.0
-        lasting = self.probabilities.get(name, 0.0) * math.exp(-0.5 * distance)
+        lasting = sum(
+            self.probabilities.get(effect.name, 0.0) * math.exp(-0.5 * self._distance(effect))
+            for effect in effects
+        )
         return PERSISTENCE * lasting + (1.0 - PERSISTENCE) / (len(EFFECTS) + 1)
 
     def _distance(self, effect: EffectDescription) -> float:
