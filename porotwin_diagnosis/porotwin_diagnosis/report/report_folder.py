@@ -23,11 +23,12 @@ from porotwin_diagnosis.report.held_out_fields import write_fields
 from porotwin_diagnosis.report.origin import mark_of
 from porotwin_diagnosis.report.page import write_report
 from porotwin_recording.bag_folder import METADATA, mcap_files
+from porotwin_recording.experiment_folder import RIG_FILE
 
 REPORT = 'report.html'
 """Name of the page; it is written last, so that a folder with a page is complete."""
 
-SUMMARY, FINDINGS, RIG = 'diagnosis.json', 'findings.json', 'rig.yaml'
+SUMMARY, FINDINGS = 'diagnosis.json', 'findings.json'
 """Names of further files of a report."""
 
 APPLIED = (
@@ -59,9 +60,9 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
         raise InputError(f'{folder}: cannot be written; name another folder for the report')
     if (folder / METADATA).is_file() or mcap_files(folder):
         raise InputError(f'{folder}: holds a bag; name another folder for the report')
-    if os.path.lexists(folder / RIG) and not _is_own(folder / RIG):
+    if os.path.lexists(folder / RIG_FILE) and not _is_own(folder / RIG_FILE):
         raise InputError(
-            f'{folder}: holds a {RIG} that no diagnosis wrote, or that was edited since; name '
+            f'{folder}: holds a {RIG_FILE} that no diagnosis wrote, or that was edited since; name '
             'another folder for the report, or move that file'
         )
     return folder
@@ -132,15 +133,15 @@ def _write_own_rig(rig: Rig, folder: Path) -> None:
     def is_taken(name: str) -> bool:
         return _is_of_report(name) or os.path.lexists(folder / name)
 
-    begun = folder / f'{RIG}.partial'
+    begun = folder / f'{RIG_FILE}.partial'
     write_rig(rig, begun, is_taken=is_taken)
     text = begun.read_text(encoding='utf-8')
     begun.write_text(f'{APPLIED}{mark_of(text)}\n{text}', encoding='utf-8')
-    begun.replace(folder / RIG)
+    begun.replace(folder / RIG_FILE)
 
 
 def _is_of_report(name: str) -> bool:
-    named = name in (SUMMARY, FINDINGS, REPORT, RIG)
+    named = name in (SUMMARY, FINDINGS, REPORT, RIG_FILE)
     return named or re.fullmatch(r'fields(_\d+)?\.nc', name) is not None
 
 
@@ -155,7 +156,7 @@ def _is_own(path: Path) -> bool:
 
 def _remove_own_rig(folder: Path) -> None:
     """Remove the rig.yaml that an earlier diagnosis wrote in `folder`, with the files it names."""
-    path = folder / RIG
+    path = folder / RIG_FILE
     if not _is_own(path):
         return
     names = _named_files(read_yaml(path.read_text(encoding='utf-8')))
