@@ -17,6 +17,7 @@ from porotwin_imaging.calibration_evidence import (
     PhotographEvidence,
     SandEvidence,
 )
+from porotwin_imaging.core_trend import CoreTrend, core_trend
 from porotwin_imaging.plume_evidence import PlumeEvidence
 from porotwin_imaging.sand_edges import EdgeEvidence
 from porotwin_imaging.settings import DEFAULTS, TrustSettings
@@ -100,6 +101,7 @@ def judged(
         (
             *_absence(evidence, plume),
             *_place(evidence, plume, settings),
+            *_changing_cores(evidence, settings),
             *_amount(evidence, plume, settings),
             *_baseline(evidence, plume, settings),
             *_followers(evidence, settings),
@@ -197,15 +199,63 @@ def _baseline(
         )
 
 
+def _too_few_agree(evidence: CalibrationEvidence, settings: TrustSettings) -> bool:
+    """Return whether too few photographs agree with each other."""
+    total, apart = len(evidence.photographs), len(evidence.disagreeing)
+    return total > 0 and (total - apart) / total < settings.least_followers
+
+
+def _changing_cores(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if photographs disagree because the cores change steadily in time.
+
+    It comes before the masses: without one level of stock, they have no scale.
+    """
+    trend = core_trend(evidence.photographs, settings)
+    if trend is not None and _too_few_agree(evidence, settings):
+        yield _rising(trend, evidence.rates_file) if trend.rises else _falling(trend)
+
+
+def _rising(trend: CoreTrend, rates_file: str) -> Objection:
+    """Return the objection that the cores get darker in time."""
+    return Objection(
+        f'the core of the plume gets steadily darker ({_course(trend)})',
+        'dye that stays on the sand (sorption, a stain), first stock that water in the tube '
+        f'diluted, or stock that is stronger later than in {rates_file}',
+        'flush with clean water and photograph: colour that is left is a stain, and needs another '
+        'dye; otherwise fill the tube with stock up to the well, inject again, and photograph a '
+        'known dilution',
+    )
+
+
+def _falling(trend: CoreTrend) -> Objection:
+    """Return the objection that the cores get paler in time."""
+    return Objection(
+        f'the core of the plume gets steadily paler ({_course(trend)})',
+        'tracer that fades, light that drifts, or water that enters',
+        'inject fresh stock and photograph: if it is pale too, keep the light steady; if '
+        'not, stop all pumps: a core that still gets paler fades, and needs another dye',
+    )
+
+
+def _course(trend: CoreTrend) -> str:
+    """Return the first and the last level of the cores with their times."""
+    first, last = trend.first, trend.last
+    return (
+        f'{first.core_level:.2f} of stock at {first.time:.0f} s, {last.core_level:.2f} at '
+        f'{last.time:.0f} s'
+    )
+
+
 def _followers(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
     """Yield objections if too few photographs agree, or agree too loosely."""
     total, apart = len(evidence.photographs), evidence.disagreeing
-    if total and (total - len(apart)) / total < settings.least_followers:
-        yield Objection(
-            f'{total - len(apart)} of {total} photographs agree ({_named(apart)})',
-            'hands, shadows or reflections, a moved camera, or times in imaging.csv',
-            'photograph the injection again with steady light and camera',
-        )
+    if _too_few_agree(evidence, settings):
+        if core_trend(evidence.photographs, settings) is None:
+            yield Objection(
+                f'{total - len(apart)} of {total} photographs agree ({_named(apart)})',
+                'hands, shadows or reflections, a moved camera, or times in imaging.csv',
+                'photograph the injection again with steady light and camera',
+            )
     elif evidence.mass_misfit > settings.most_mass_misfit:
         yield Objection(
             f'the tracer in the photographs scatters by {100 * evidence.mass_misfit:.0f} % about '

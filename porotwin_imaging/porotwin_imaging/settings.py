@@ -540,6 +540,12 @@ class TrustSettings:
     """Least signal at the injecting well relative to the level of the plume [-]."""
     least_followers: float = 0.6
     """Least share of photographs that agree with each other [-]."""
+    core_noise: float = 0.02
+    """Difference of two cores that noise causes at most [-]: two deviations of the difference of
+    two levels with `CoreSettings.level_error`."""
+    fewest_core_levels: int = 4
+    """Levels one after the other, each beyond the noise, that make a trend of the cores. A lamp or
+    a moved camera makes two, before and after."""
     most_mass_misfit: float = 0.08
     """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
     most_factor: float = 4.0

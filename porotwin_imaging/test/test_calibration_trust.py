@@ -172,6 +172,48 @@ def test_most_photographs_must_agree_and_the_others_are_named() -> None:
     assert '3 of 7 photographs agree (300 s: a shadow; ' in refusal(disagreeing(4))
 
 
+def with_cores(*levels: float) -> CalibrationEvidence:
+    some = [
+        replace(one, core_level=level, disagreement='' if abs(level - 1) < 0.04 else 'its core')
+        for one, level in zip(PHOTOGRAPHS, levels, strict=True)
+    ]
+    return replace(GOOD, photographs=tuple(some), rates_file='rates_measured.csv')
+
+
+def test_cores_that_get_steadily_darker_are_a_stain_or_diluted_stock() -> None:
+    line = refusal(with_cores(0.47, 0.71, 0.86, 0.95, 1.0, 1.05, 1.07))
+    assert 'gets steadily darker (0.47 of stock at 300 s, 1.07 at 2100 s)' in line
+    assert 'dye that stays on the sand' in line
+    assert 'stronger later than in rates_measured.csv' in line
+    assert 'flush with clean water' in line
+    assert 'hands' not in line
+    assert 'photographs agree' not in line
+
+
+def test_cores_that_get_steadily_paler_are_fading_light_or_water() -> None:
+    line = refusal(with_cores(1.3, 1.2, 1.1, 1.0, 0.9, 0.8, 0.7))
+    assert 'gets steadily paler (1.30 of stock at 300 s, 0.70 at 2100 s)' in line
+    assert 'tracer that fades, light that drifts, or water that enters' in line
+    assert 'inject fresh stock' in line
+
+
+def test_changing_cores_come_before_the_masses_that_follow_from_them() -> None:
+    stained = with_cores(0.47, 0.71, 0.86, 0.95, 1.0, 1.05, 1.07)
+    line = refusal(replace(stained, mass_factor=1.4, mass_offset=-0.2))
+    assert line.startswith('calibration refused: the core of the plume gets steadily darker')
+    assert '(also: ' in line
+
+
+def test_cores_that_change_to_and_fro_are_hands_and_shadows() -> None:
+    line = refusal(with_cores(0.8, 1.3, 0.7, 1.0, 1.2, 0.9, 1.0))
+    assert '2 of 7 photographs agree' in line
+    assert 'hands, shadows or reflections' in line
+
+
+def test_a_small_trend_refuses_no_calibration() -> None:
+    assert refusal(with_cores(0.93, 0.965, 0.99, 1.0, 1.01, 1.015, 1.02)) == ''
+
+
 def test_a_sand_with_an_impossible_factor_is_refused_unless_no_tracer_was_there() -> None:
     wild = replace(SAND, factor=37.7)
     assert 'sand 1 x 37.70' in refusal(replace(GOOD, sands=(SAND, wild)))
