@@ -19,7 +19,9 @@ from porotwin_solver.flow import (
     transmissibilities,
     transmissibilities_adjoint,
 )
+from porotwin_solver.multigrid import GridLevel, Multigrid
 from porotwin_solver.physics import Physics
+from porotwin_solver.pressure import COARSEST_CELLS, factorised
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
 
 TOLERANCE = 1e-8
@@ -28,24 +30,28 @@ TOLERANCE = 1e-8
 MAX_ITERATIONS = 1000
 """Enough for viscosity ratios from 1 / 1000 to 1000."""
 
+LARGEST_PRECONDITIONED = 30_000
+"""Cells above which multigrid for the varying viscosity is faster than conjugate gradients with the
+factor of pure water: 14 instead of 21 ms on 42 000 cells, 7 instead of 6 ms on 21 000."""
+
 
 class Coupling:
     """The part of the flow that the tracer drives, for the coefficients of one grid."""
 
     def __init__(self, physics: Physics, *, max_iterations: int = MAX_ITERATIONS) -> None:
-        """Factorise the flow of pure water on the grid of `physics`."""
+        """Prepare the flow of pure water on the grid of `physics`."""
         self.physics = physics
         self.grid = physics.grid
         self.sources_and_sinks = SourcesAndSinks(physics)
         self._max_iterations = max_iterations
+        self._pure_water: tuple[WellRates, FaceField] | None = None
         self._water = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
 
     def flux(self, rates: WellRates, concentration: FloatArray) -> FaceField:
         """Return the flux [m^3/s] with tracer minus the flux of pure water at the same `rates`.
 
-        `concentration` is (nz, nx). The divergence is zero to round-off. With a varying viscosity,
-        conjugate gradients are preconditioned by the factor of pure water, and a flow of pure water
-        removes the divergence that they leave.
+        `concentration` is (nz, nx). The divergence is zero to round-off. With a varying viscosity
+        the pressure is iterated, and a flow of pure water removes the divergence that is left.
 
         Raises:
             InputError: the iteration does not converge because the viscosities differ too much.
@@ -58,8 +64,17 @@ class Coupling:
         trans = self._transmissibility(concentration)
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
-        difference = pressure_flux(pressure, trans) + driven + water.flux(source) * -1.0
-        return difference + water.flux(-difference.divergence())
+        difference = (
+            pressure_flux(pressure, trans) + driven + self._water_flux(rates, source) * -1.0
+        )
+        return water.flux(np.zeros(self.grid.shape), difference)
+
+    def _water_flux(self, rates: WellRates, source: FloatArray) -> FaceField:
+        """Return the flux of pure water for the `source` of `rates`; the latest one is kept."""
+        kept = self._pure_water
+        if kept is None or kept[0] != rates:
+            kept = self._pure_water = dict(rates), self._water.flux(source)
+        return kept[1]
 
     def flux_adjoint(
         self, rates: WellRates, concentration: FloatArray, bar: FaceField
@@ -107,9 +122,27 @@ class Coupling:
         )
 
     def _pressure(self, trans: FaceField, source: FloatArray) -> FloatArray:
+        """Return the pressure [Pa] for `source` (nz, nx) [m^3/s] and transmissibilities `trans`."""
         shape, water = self.grid.shape, self._water
         if trans is water.transmissibility:
             return water.solve(source.ravel()).reshape(shape)
+        large = source.size > LARGEST_PRECONDITIONED
+        pressure = self._by_multigrid(trans, source) if large else self._by_water(trans, source)
+        if pressure is None:
+            raise InputError(
+                f'viscosity_ratio {self.physics.viscosity_ratio:g}: the pressure does not converge '
+                f'in {self._max_iterations} iterations; choose a ratio closer to 1'
+            )
+        return pressure
+
+    def _by_multigrid(self, trans: FaceField, source: FloatArray) -> FloatArray | None:
+        level = GridLevel.of(trans, pin=self._water.pin)
+        cycles = Multigrid(level, factorised, largest_factor=COARSEST_CELLS)
+        return cycles.solve(source, tolerance=TOLERANCE, most_iterations=self._max_iterations)
+
+    def _by_water(self, trans: FaceField, source: FloatArray) -> FloatArray | None:
+        """Return the pressure by conjugate gradients; the factor of pure water preconditions."""
+        shape, water = self.grid.shape, self._water
 
         def outflow(pressure: FloatArray) -> FloatArray:
             flux = pressure_flux(pressure.reshape(shape), trans)
@@ -124,12 +157,7 @@ class Coupling:
             maxiter=self._max_iterations,
             M=LinearOperator((source.size,) * 2, matvec=water.solve, dtype=float),
         )
-        if unconverged:
-            raise InputError(
-                f'viscosity_ratio {self.physics.viscosity_ratio:g}: the pressure does not converge '
-                f'in {self._max_iterations} iterations; choose a ratio closer to 1'
-            )
-        return np.asarray(pressure).reshape(shape)
+        return None if unconverged else np.asarray(pressure).reshape(shape)
 
 
 def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) -> FaceField:

@@ -7,6 +7,7 @@ rate of every well. Other rates are a superposition of these unit flows.
 """
 
 from collections import OrderedDict
+from collections.abc import Callable
 from threading import Lock
 
 import numpy as np
@@ -15,9 +16,9 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
 from porotwin_solver.discs import disc_fractions
 from porotwin_solver.face_field import FaceField
-from porotwin_solver.multigrid import GridLevel
+from porotwin_solver.multigrid import GridLevel, Solve
 from porotwin_solver.physics import SourceSink
-from porotwin_solver.pressure import PressureSolver, SolverFactory, pressure_solver
+from porotwin_solver.pressure import Pressures
 
 REMEMBERED_CELLS = 300_000
 """Cells of all remembered flows together; a factor takes about 1 kB per cell, so 300 MB."""
@@ -78,7 +79,7 @@ def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
 
 
 class Flow:
-    """The flow for one field of coefficients: factorised once, solved for any sources.
+    """The flow for one field of coefficients, solved for any sources.
 
     Open sides have a constant potential. In a rig with closed sides only, the caller makes sure
     that the sources add up to zero; the flux then does not depend on the pinned pressure.
@@ -90,7 +91,7 @@ class Flow:
         mobility_thickness: FloatArray,
         boundaries: Boundaries,
         *,
-        make_solver: SolverFactory = pressure_solver,
+        make_pressures: Callable[[GridLevel], Pressures] = Pressures,
     ) -> None:
         """Prepare the pressures of `mobility_thickness` = d k / mu [m^3/(Pa s)], (nz, nx)."""
         self.grid = grid
@@ -99,7 +100,7 @@ class Flow:
         trans = self.transmissibility
         # any transmissibility will do; one column has none along x, one cell none at all
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
-        self.solve: PressureSolver = make_solver(GridLevel.of(trans, pin=self.pin))
+        self._pressures = make_pressures(GridLevel.of(trans, pin=self.pin))
         # not lru_cache on a method: it would keep a discarded flow and its factor alive
         self._unit_fluxes: OrderedDict[SourceSink, FaceField] = OrderedDict()
         self._lock = Lock()
@@ -118,7 +119,7 @@ class Flow:
             )
             source = np.zeros(self.grid.shape)
             source.ravel()[cells] = fractions
-            flux = self.flux(source)
+            flux = self._balanced(source, FaceField.zeros(self.grid), self._pressures.solve_once)
         with self._lock:
             self._unit_fluxes[source_sink] = flux
             self._unit_fluxes.move_to_end(source_sink)
@@ -135,11 +136,23 @@ class Flow:
         Raises:
             InputError: the iterative solver for large grids does not converge.
         """
-        flux = FaceField.zeros(self.grid) if driven is None else driven
+        driven = FaceField.zeros(self.grid) if driven is None else driven
+        return self._balanced(source, driven, self._pressures.solve)
+
+    def solve(self, source: FloatArray) -> FloatArray:
+        """Return the pressure [Pa] for `source` [m^3/s], both flat (nz * nx,); see `Pressures`.
+
+        Raises:
+            InputError: as `flux`.
+        """
+        return self._pressures.solve(source)
+
+    def _balanced(self, source: FloatArray, flux: FaceField, solve: Solve) -> FaceField:
+        """Return `flux` and the pressure-driven flux that gives it the divergence `source`."""
         # twice: the second solution removes the round-off of the first one
         for _ in range(2):
             imbalance = source - flux.divergence()
-            pressure = self.solve(imbalance.ravel()).reshape(self.grid.shape)
+            pressure = solve(imbalance.ravel()).reshape(self.grid.shape)
             flux = flux + pressure_flux(pressure, self.transmissibility)
         return flux
 
@@ -147,8 +160,8 @@ class Flow:
 class FlowCache:
     """The flows used last, for models of one rig that share their flow.
 
-    Many models differ in the porosity or the pumps only, and a factorisation takes as long as a
-    good part of a simulation.
+    Many models differ in the porosity or the pumps only, and a solution of the flow takes a good
+    part of a simulation.
     """
 
     def __init__(self, *, max_cells: int) -> None:

@@ -1,22 +1,26 @@
-"""Solvers for the pressure: a sparse factor, or multigrid on large grids."""
+"""The pressures of one matrix: by a sparse factor, or by multigrid.
 
-from collections.abc import Callable
+A factor takes as long as ten to thirty iterated solutions, and then solves four times as fast. So a
+matrix is factorised only if the flow is solved at every step. The unit flows of a few wells
+are iterated.
+"""
+
+from functools import cached_property
+from threading import Lock
 
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
-from porotwin_solver.multigrid import GridLevel, Multigrid
+from porotwin_solver.multigrid import GridLevel, Multigrid, Solve
 
-PressureSolver = Callable[[FloatArray], FloatArray]
-"""From the source of every cell [m^3/s] to its pressure [Pa], both flat (nz * nx,)."""
-
-SolverFactory = Callable[[GridLevel], PressureSolver]
-"""From the matrix of the pressures to a solver."""
+FACTORISED_AT_ONCE = 12_000
+"""Cells up to which the matrix is factorised in any case: that takes as long as a few iterated
+solutions."""
 
 LARGEST_FACTOR = 200_000
-"""Cells up to which the matrix is factorised; a factor takes about 1 kB per cell."""
+"""Cells up to which the matrix may be factorised; a factor takes about 1 kB per cell."""
 
 TOLERANCE = 1e-8
 """Relative residual of the iteration. `flow.Flow.flux` solves twice and so reaches round-off."""
@@ -24,33 +28,94 @@ TOLERANCE = 1e-8
 MAX_ITERATIONS = 500
 """Fifteen iterations are usual, more where the permeability of neighbours differs by decades."""
 
-COARSEST_CELLS = 20_000
+WORTHWHILE_ITERATIONS = 40
+"""Iterations that take as long as a factor, which is made if they do not suffice."""
+
+COARSEST_CELLS = 5_000
 """Cells of the coarsest grid of the iteration: its factor is used several times in an iteration."""
 
 
-def pressure_solver(
-    level: GridLevel,
-    *,
-    largest_factor: int = LARGEST_FACTOR,
-    max_iterations: int = MAX_ITERATIONS,
-) -> PressureSolver:
-    """Return a solver for the symmetric positive definite matrix of `level`.
-
-    Up to `largest_factor` cells the matrix is factorised; beyond, `multigrid` iterates, and its
-    solver raises InputError where it does not converge.
+class Pressures:
+    """Solver for the symmetric positive definite matrix of `level`; it may serve several threads.
 
     Args:
         level: potential [Pa] to net outflow [m^3/s].
-        largest_factor: most cells of a matrix that is factorised.
-        max_iterations: most iterations of one solution.
+        factorised_at_once: most cells of a matrix that is factorised even for a single solution.
+        largest_factor: most cells of a matrix that is ever factorised.
+        max_iterations: most iterations of one solution on larger grids.
     """
-    if level.diagonal.size <= largest_factor:
-        return factorised(level.matrix())
-    coarsest = min(largest_factor, COARSEST_CELLS)
-    return multigrid(level, largest_factor=coarsest, max_iterations=max_iterations)
+
+    def __init__(
+        self,
+        level: GridLevel,
+        *,
+        factorised_at_once: int = FACTORISED_AT_ONCE,
+        largest_factor: int = LARGEST_FACTOR,
+        max_iterations: int = MAX_ITERATIONS,
+    ) -> None:
+        """Prepare nothing yet: the factor and the coarse grids are made when they are needed."""
+        self._level = level
+        self._at_once = factorised_at_once
+        self._largest_factor = largest_factor
+        self._max_iterations = max_iterations
+        self._lock = Lock()
+
+    def solve(self, source: FloatArray) -> FloatArray:
+        """Return the pressure of every cell [Pa] for its `source` [m^3/s], both flat (nz * nx,).
+
+        Use it where the matrix has many sources: the first call factorises it.
+
+        Raises:
+            InputError: the grid is too large for a factor, and the iteration does not converge.
+        """
+        if self._level.diagonal.size <= self._largest_factor:
+            return self._by_factor(source)
+        pressure = self._iterated(source, self._max_iterations)
+        if pressure is None:
+            rows, columns = self._level.shape
+            raise InputError(
+                f'pressure on {columns} x {rows} cells: no convergence in {self._max_iterations} '
+                'iterations; the permeability varies too much for so fine a grid, make it coarser'
+            )
+        return pressure
+
+    def solve_once(self, source: FloatArray) -> FloatArray:
+        """Return the same as `solve`, without a factor on grids where that would take longer.
+
+        Raises:
+            InputError: as `solve`.
+        """
+        cells = self._level.diagonal.size
+        if self._at_once < cells <= self._largest_factor:
+            pressure = self._iterated(source, WORTHWHILE_ITERATIONS)
+            if pressure is not None:
+                return pressure
+        return self.solve(source)
+
+    def _iterated(self, source: FloatArray, most_iterations: int) -> FloatArray | None:
+        with self._lock:
+            cycles = self._cycles
+        pressure = cycles.solve(
+            source.reshape(self._level.shape), tolerance=TOLERANCE, most_iterations=most_iterations
+        )
+        return None if pressure is None else pressure.ravel()
+
+    def _by_factor(self, source: FloatArray) -> FloatArray:
+        with self._lock:
+            solve = self._factor
+        return solve(source)
+
+    @cached_property
+    def _factor(self) -> Solve:
+        return factorised(self._level.matrix())
+
+    @cached_property
+    def _cycles(self) -> Multigrid:
+        coarsest = min(self._at_once, COARSEST_CELLS)
+        return Multigrid(self._level, factorised, largest_factor=coarsest)
 
 
-def factorised(matrix: csc_matrix) -> PressureSolver:
+def factorised(matrix: csc_matrix) -> Solve:
     """Return a solver for `matrix` (nz * nx, nz * nx) by sparse LU without pivoting.
 
     The columns are in minimum-degree order, which suits a symmetric positive definite matrix.
@@ -61,31 +126,5 @@ def factorised(matrix: csc_matrix) -> PressureSolver:
         diag_pivot_thresh=0.0,
         options={'SymmetricMode': True},
     )
-    return factor.solve
-
-
-def multigrid(
-    level: GridLevel,
-    *,
-    largest_factor: int = COARSEST_CELLS,
-    max_iterations: int = MAX_ITERATIONS,
-) -> PressureSolver:
-    """Return a solver by conjugate gradients with `Multigrid`, for matrices too large to factorise.
-
-    The solver raises InputError when it does not converge within `max_iterations`.
-    """
-    cycles = Multigrid(level, factorised, largest_factor=largest_factor)
-
-    def solve(source: FloatArray) -> FloatArray:
-        pressure = cycles.solve(
-            source.reshape(level.shape), tolerance=TOLERANCE, most_iterations=max_iterations
-        )
-        if pressure is None:
-            rows, columns = level.shape
-            raise InputError(
-                f'pressure on {columns} x {rows} cells: no convergence in {max_iterations} '
-                'iterations; the permeability varies too much for so fine a grid, make it coarser'
-            )
-        return pressure.ravel()
-
+    solve: Solve = factor.solve
     return solve

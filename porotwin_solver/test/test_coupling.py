@@ -7,6 +7,7 @@ import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
+from porotwin_solver import coupling
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.physics import nominal_physics
 
@@ -17,3 +18,28 @@ def test_viscosities_too_far_apart_are_refused(rig) -> None:
     concentration = np.random.default_rng(5).uniform(0.0, 1.0, (20, 30))
     with pytest.raises(InputError, match='viscosity_ratio 50: the pressure does not converge in 5'):
         coupled.flux({next(iter(rig.wells)): WellRate(1e-7)}, concentration)
+
+
+def test_multigrid_gives_the_flux_of_the_preconditioned_iteration(rig, monkeypatch) -> None:
+    physics = replace(
+        nominal_physics(rig, rig.grid(90, 60)), viscosity_ratio=0.2, density_difference=1.0
+    )
+    concentration = np.random.default_rng(5).uniform(0.0, 1.0, (60, 90))
+    rates = {next(iter(rig.wells)): WellRate(1e-7)}
+    small = Coupling(physics).flux(rates, concentration)
+    monkeypatch.setattr(coupling, 'LARGEST_PRECONDITIONED', 0)
+    large = Coupling(physics).flux(rates, concentration)
+    np.testing.assert_allclose(large.x, small.x, atol=1e-7 * np.abs(small.x).max())
+    np.testing.assert_allclose(large.divergence(), 0.0, atol=1e-14 * 1e-7)
+
+
+def test_the_flux_follows_rates_that_change(rig) -> None:
+    physics = replace(nominal_physics(rig, rig.grid(30, 20)), viscosity_ratio=0.2)
+    concentration = np.random.default_rng(5).uniform(0.0, 1.0, (20, 30))
+    first, second = (WellRate(1e-7), WellRate(-3e-7))
+    name = next(iter(rig.wells))
+    kept = Coupling(physics)
+    kept.flux({name: first}, concentration)
+    again = kept.flux({name: second}, concentration)
+    fresh = Coupling(physics).flux({name: second}, concentration)
+    np.testing.assert_allclose(again.x, fresh.x, atol=1e-14 * 1e-7)

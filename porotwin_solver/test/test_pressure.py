@@ -8,12 +8,14 @@ import pytest
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Boundaries
+from porotwin_solver import pressure
 from porotwin_solver.flow import Flow
-from porotwin_solver.pressure import pressure_solver
+from porotwin_solver.physics import SourceSink
+from porotwin_solver.pressure import Pressures, factorised
 
 GRID = Grid(61, 37, 0.934, 0.562)  # odd: the last blocks are single rows and columns
 
-multigrid = partial(pressure_solver, largest_factor=100)
+multigrid = partial(Pressures, factorised_at_once=100, largest_factor=100)
 """A solver that iterates on GRID and three coarser grids."""
 
 
@@ -27,16 +29,48 @@ def test_multigrids_give_the_flux_of_the_factor(boundaries, decades) -> None:
     source = np.zeros(GRID.shape)
     source[5, 9], source[30, 50] = 1.4e-7, -1.4e-7
     direct = Flow(GRID, mobility_thickness, boundaries).flux(source)
-    iterated = Flow(GRID, mobility_thickness, boundaries, make_solver=multigrid).flux(source)
+    iterated = Flow(GRID, mobility_thickness, boundaries, make_pressures=multigrid).flux(source)
     np.testing.assert_allclose(iterated.x, direct.x, atol=1e-12 * 1.4e-7)
     np.testing.assert_allclose(iterated.z, direct.z, atol=1e-12 * 1.4e-7)
     np.testing.assert_allclose(iterated.divergence(), source, atol=1e-14 * 1.4e-7)
 
 
 def test_an_iteration_without_convergence_is_refused() -> None:
-    impatient = partial(pressure_solver, largest_factor=100, max_iterations=2)
+    impatient = partial(Pressures, factorised_at_once=100, largest_factor=100, max_iterations=2)
     source = np.zeros(GRID.shape)
     source[5, 9] = 1.4e-7
     mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-3.5, 0.0, GRID.shape)
     with pytest.raises(InputError, match='61 x 37 cells: no convergence in 2 iterations'):
-        Flow(GRID, mobility_thickness, Boundaries(), make_solver=impatient).flux(source)
+        Flow(GRID, mobility_thickness, Boundaries(), make_pressures=impatient).flux(source)
+
+
+def test_a_single_well_is_iterated_and_many_sources_are_factorised(monkeypatch) -> None:
+    made = []
+
+    def counted(matrix):
+        made.append(matrix.shape[0])
+        return factorised(matrix)
+
+    monkeypatch.setattr(pressure, 'factorised', counted)
+    mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-1.0, 0.0, GRID.shape)
+    well = SourceSink(0.3, 0.2)
+    once = partial(Pressures, factorised_at_once=100)
+    flow = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=once)
+    unit = flow.unit_flux(well)
+    assert made
+    assert max(made) <= 100
+    np.testing.assert_allclose(
+        unit.x, Flow(GRID, mobility_thickness, Boundaries()).unit_flux(well).x, atol=1e-12
+    )
+    flow.flux(np.zeros(GRID.shape), unit)
+    assert made.count(GRID.nx * GRID.nz) == 2  # of the small grid's own flow, and this one
+
+
+def test_a_flow_that_would_take_too_many_iterations_is_factorised(monkeypatch) -> None:
+    monkeypatch.setattr(pressure, 'WORTHWHILE_ITERATIONS', 2)
+    mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-9.0, 0.0, GRID.shape)
+    well = SourceSink(0.3, 0.2)
+    once = partial(Pressures, factorised_at_once=100)
+    unit = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=once).unit_flux(well)
+    direct = Flow(GRID, mobility_thickness, Boundaries()).unit_flux(well)
+    np.testing.assert_array_equal(unit.x, direct.x)
