@@ -205,11 +205,6 @@ def study_what_if(
             that do not balance in a closed rig.
     """
     times = recording.times
-    if not len(times):
-        raise InputError(
-            f'{recording.source}: holds no maps; make them with ./porotwin image --output '
-            'concentration.nc, or simulate, and put that file into the folder'
-        )
     if start < times[0] - recording_step(times):
         raise InputError(
             f'{recording.source}: its first map is from {_minutes(times)}; give a later --at'

@@ -7,6 +7,7 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, load_rig, write_rig
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
+from porotwin_recording.map_files import files_with_maps
 from porotwin_recording.odd_recording import remarks_about_recording
 from porotwin_recording.photos import IMAGING_FILE, read_photos, write_photos
 from porotwin_recording.rates import read_rates, write_rates
@@ -56,9 +57,11 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     commanded, measured = folder / COMMANDED_FILE, folder / MEASURED_FILE
     maps, imaging = folder / MAPS_FILE, folder / IMAGING_FILE
     if not (commanded.exists() or maps.exists() or imaging.exists()):
+        found = files_with_maps(folder)
+        rename = f'; if {" or ".join(found)} holds its maps, name it {MAPS_FILE}' if found else ''
         raise InputError(
             f'{folder}: not an experiment folder; it has none of {COMMANDED_FILE}, {MAPS_FILE}, '
-            f'{IMAGING_FILE}'
+            f'{IMAGING_FILE}{rename}'
         )
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')

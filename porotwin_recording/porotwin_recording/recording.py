@@ -14,7 +14,8 @@ from porotwin_core.wells import Schedule
 from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps
-from porotwin_recording.experiment_folder import RIG_FILE, read_folder
+from porotwin_recording.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
+from porotwin_recording.map_files import files_with_maps
 from porotwin_recording.recorded_data import RecordedData
 
 
@@ -65,7 +66,7 @@ class Recording(RecordedData):
         Raises:
             InputError: the recording holds no maps.
         """
-        return self._present_maps.times
+        return self.present_maps.times
 
     @property
     def grid(self) -> Grid:
@@ -74,7 +75,7 @@ class Recording(RecordedData):
         Raises:
             InputError: the recording holds no maps.
         """
-        return self._present_maps.grid
+        return self.present_maps.grid
 
     @cached_property
     def concentration(self) -> Maps:
@@ -83,15 +84,31 @@ class Recording(RecordedData):
         Raises:
             InputError: the recording holds no maps.
         """
-        return self._present_maps[:]
+        return self.present_maps[:]
 
     @property
-    def _present_maps(self) -> ConcentrationMaps:
+    def present_maps(self) -> ConcentrationMaps:
+        """The tracer maps.
+
+        Raises:
+            InputError: the recording holds none; the line names the file that is expected.
+        """
         if self.maps is None:
-            raise InputError(
-                f'{self.source}: holds no concentration maps; make them with ./porotwin image'
-            )
+            raise InputError(f'{self.source}: holds no concentration maps; {self._maps_remedy()}')
         return self.maps
+
+    def _maps_remedy(self) -> str:
+        """Return how to give the recording maps."""
+        make = './porotwin image {0} --output {0}/' + MAPS_FILE
+        if not _is_folder(self.source):
+            return (
+                f'./porotwin export {self.source} FOLDER makes a folder of it, and '
+                f'{make.format("FOLDER")} the maps'
+            )
+        ways = [f'make them with {make.format(self.source)}'] if self.photos else []
+        if found := files_with_maps(self.source):
+            ways.insert(0, f'if {" or ".join(found)} holds them, name it {MAPS_FILE}')
+        return ', or '.join(ways) or f'write them as {self.source / MAPS_FILE}'
 
 
 def open_recording(
@@ -114,8 +131,13 @@ def open_recording(
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
     if path.name == RIG_FILE and path.is_file():  # the folder is meant
         path = path.parent
-    is_folder = path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))
+    is_folder = _is_folder(path)
     if is_folder and segment not in (None, 1):
         raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
     data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
     return Recording(source=path, **vars(data))
+
+
+def _is_folder(path: Path) -> bool:
+    """Return whether `path` is an experiment folder, and no bag."""
+    return path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))

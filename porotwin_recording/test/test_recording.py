@@ -27,6 +27,39 @@ def test_missing_data_are_named(folder: Path) -> None:
         _ = recording.schedule
 
 
+def without_maps(folder: Path, **data) -> str:
+    """Return the line about missing maps."""
+    with pytest.raises(InputError) as refused:
+        _ = Recording(bench_rig(), source=folder, **data).present_maps
+    return str(refused.value)
+
+
+def test_photographs_become_maps_in_the_file_that_is_read(folder: Path) -> None:
+    (folder / 'concentration.nc').unlink()
+    line = without_maps(folder, photos=bench_experiment().photos)
+    expected = f'make them with ./porotwin image {folder} --output {folder}/concentration.nc'
+    assert line.endswith(expected)
+
+
+def test_maps_under_another_name_are_named(folder: Path) -> None:
+    (folder / 'concentration.nc').rename(folder / 'tracer.nc')
+    (folder / 'depth.nc').write_bytes(b'no maps')
+    line = without_maps(folder, photos=bench_experiment().photos)
+    assert 'if tracer.nc holds them, name it concentration.nc, or make them with' in line
+    assert without_maps(folder).endswith('if tracer.nc holds them, name it concentration.nc')
+
+
+def test_without_photographs_the_place_of_maps_is_told(folder: Path) -> None:
+    (folder / 'concentration.nc').unlink()
+    assert without_maps(folder).endswith(f'write them as {folder / "concentration.nc"}')
+
+
+def test_a_bag_without_maps_becomes_a_folder_first() -> None:
+    line = without_maps(Path('run.mcap'))
+    assert './porotwin export run.mcap FOLDER' in line
+    assert './porotwin image FOLDER --output FOLDER/concentration.nc' in line
+
+
 def test_a_given_rig_replaces_the_recorded_one(folder: Path, tmp_path: Path) -> None:
     other = bench_rig().model_copy(update={'porosity': 0.5})
     assert open_recording(folder, rig=other).rig.porosity == 0.5

@@ -31,7 +31,10 @@ LONG_S = 5.0
 @one_call_for_each_output
 def command(
     experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
-    output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
+    output: Annotated[
+        Path,
+        typer.Option(help='NetCDF file to write; the experiment reads its concentration.nc.'),
+    ],
     grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
     calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
     learnt: Annotated[
@@ -44,13 +47,15 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A bad photograph is named and left out. If the calibration only guessed the factor of a sand,
-    the core of the plume in that sand corrects it. --learnt FOLDER keeps the corrected calibration
-    for ./porotwin up --calibration FOLDER/calibration.yaml. A picture of the maps lies beside the
-    output, with the same name and the suffix .png. After an interruption a second call continues.
-    It begins anew if the photographs, rig.yaml or the rates have changed since.
+    The other commands, such as diagnose, read the maps of an experiment folder from the file
+    concentration.nc in it. A picture of the maps lies beside the output, with the same name and the
+    suffix .png. A bad photograph is named and left out. If the calibration only guessed the factor
+    of a sand, the core of the plume in that sand corrects it. --learnt FOLDER keeps the corrected
+    calibration for ./porotwin up --calibration FOLDER/calibration.yaml. After an interruption a
+    second call continues. It begins anew if the photographs, rig.yaml or the rates have changed
+    since.
 
-    Example: ./porotwin image experiment --output maps.nc --grid 280x150
+    Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
     from porotwin_cli.many_photos import each_photo

@@ -130,9 +130,7 @@ def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
         description = load_rig(beside)
         return description, open_maps(path, description)
     recording = open_recording(path)
-    if recording.maps is None:
-        raise InputError(f'{path}: holds no maps; make them with ./porotwin image')
-    return load_rig(rig) if rig else recording.rig, recording.maps
+    return load_rig(rig) if rig else recording.rig, recording.present_maps
 
 
 def _rig_beside(path: Path) -> Path | None:

@@ -1,0 +1,23 @@
+"""The NetCDF files of a folder that hold tracer maps, whatever their names are."""
+
+from pathlib import Path
+
+import netCDF4
+
+_DAMAGE = (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeError)
+"""Exceptions of the NetCDF library at damaged bytes."""
+
+
+def files_with_maps(folder: Path) -> list[str]:
+    """Return the names of the readable NetCDF files in `folder` that hold tracer maps, sorted."""
+    return [path.name for path in sorted(folder.glob('*.nc')) if _holds_maps(path)]
+
+
+def _holds_maps(path: Path) -> bool:
+    """Return whether the file has a variable `concentration` (time, z, x)."""
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            variable = dataset.variables.get('concentration')
+            return variable is not None and variable.dimensions == ('time', 'z', 'x')
+    except _DAMAGE:
+        return False
