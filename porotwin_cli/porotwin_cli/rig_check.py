@@ -50,6 +50,9 @@ LITTLE_INJECTED = 0.01
 STEP_TOLERANCE_ML_H = 1e-3
 """Difference from a step of the pump that is rounding [ml/h]: far below any display."""
 
+USUAL_INTERVAL_S = 30.0
+"""Time between photographs where no recording tells it [s]."""
+
 Kind = Literal['rig', 'experiment folder', 'bag']
 
 OUTSIDE_PHOTOGRAPH = 0.02
@@ -62,6 +65,13 @@ SMALL_IN_PHOTOGRAPH = 0.1
 """Part of a photograph below which the rig is suspiciously small in it."""
 
 
+class Interval(NamedTuple):
+    """The time from one photograph to the next [s], and its origin in words."""
+
+    seconds: float
+    origin: str = ''
+
+
 @dataclass(frozen=True)
 class CheckedRig:
     """The result of a check.
@@ -70,6 +80,7 @@ class CheckedRig:
     rig: its description.
     grid: the grid for the cost.
     remarks: all remarks, the impossible values first.
+    interval: from one photograph to the next.
     cost: of a prediction to the next photograph; None where none can be made.
     data: the recording, if there is one.
     photograph: the pixels (rows, columns, 3) of the first baseline photograph, if there is one.
@@ -80,6 +91,7 @@ class CheckedRig:
     rig: Rig
     grid: Grid
     remarks: tuple[Remark, ...]
+    interval: Interval
     cost: PredictionCost | None
     data: RecordedData | None = None
     photograph: np.ndarray | None = field(default=None, repr=False)
@@ -91,7 +103,7 @@ class CheckedRig:
 
 
 def check(
-    path: Path, *, grid: str = '', preset: str = 'fast', interval: float = 30.0
+    path: Path, *, grid: str = '', preset: str = 'fast', interval: float | None = None
 ) -> CheckedRig:
     """Check a `rig.yaml`, a folder with one, an experiment folder, or a bag.
 
@@ -99,7 +111,8 @@ def check(
         path: the thing to check.
         grid: columns x rows, such as 187x112; by default square cells of 5 mm.
         preset: preset of the prediction.
-        interval: time to predict, from one photograph to the next [s].
+        interval: time to predict, from one photograph to the next [s]; None: the usual one of the
+            recording, and 30 s without one.
 
     Raises:
         InputError: it cannot be read at all.
@@ -121,9 +134,22 @@ def check(
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
     runs = not any(remark.refused for remark in remarks)
-    cost = _cost(rig, cells, preset, interval) if runs else None
+    chosen = recorded_interval(data) if interval is None else Interval(interval)
+    cost = _cost(rig, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
-    return CheckedRig(path, kind, rig, cells, ordered, cost, data, photograph)
+    return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph)
+
+
+def recorded_interval(data: RecordedData | None) -> Interval:
+    """Return the usual time between the photographs of a recording, or between its maps."""
+    if data is None:
+        return Interval(USUAL_INTERVAL_S)
+    maps = [] if data.maps is None else data.maps.times.tolist()
+    states = [photo.time for photo in data.photos if photo.role == 'state']
+    for times, origin in ((states, 'photographs'), (maps, 'maps')):
+        if len(times) > 1 and (step := float(np.median(np.diff(times)))) > 0.0:
+            return Interval(step, f', as between the recorded {origin},')
+    return Interval(USUAL_INTERVAL_S)
 
 
 def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
@@ -213,16 +239,12 @@ def pumped_in(data: RecordedData) -> Pumped:
     return Pumped(volume, stock, end)
 
 
-def in_words(checked: CheckedRig, interval: float) -> list[str]:
-    """Return what a check tells beside its remarks, one line each.
-
-    Args:
-        checked: the result of the check.
-        interval: the time that its cost is for [s].
-    """
+def in_words(checked: CheckedRig) -> list[str]:
+    """Return what a check tells beside its remarks, one line each."""
     lines = []
     if checked.cost is not None:
-        lines.append(f'one prediction over {interval:g} s on {checked.grid}: {checked.cost}')
+        seconds, origin = checked.interval
+        lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
     if checked.data is not None and checked.data.commanded is not None:
         pumped = pumped_in(checked.data)
         share = pumped.volume / checked.rig.pore_volume

@@ -22,8 +22,13 @@ def command(
     ] = '',
     preset: Annotated[str, typer.Option(help=f'Preset: {PRESET_WORDS}.')] = 'fast',
     photo_interval_s: Annotated[
-        float, typer.Option(help='Time between photographs, for the cost [s].', min=0.1)
-    ] = 30.0,
+        float | None,
+        typer.Option(
+            help='Time between photographs, for the cost [s]; default: that of the recording, or '
+            '30 s.',
+            min=0.1,
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Check a rig or a recording before work begins.
@@ -41,7 +46,7 @@ def command(
     if output.name != PICTURE:  # the picture of an earlier check may be replaced
         check_output(output, path, command='check')
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
-    words = in_words(checked, photo_interval_s)
+    words = in_words(checked)
     check_picture(output, checked, words)
     if as_json:
         print_json(
@@ -53,6 +58,7 @@ def command(
                 'remarks': [dataclasses.asdict(remark) for remark in checked.remarks],
                 'grid': str(checked.grid),
                 'preset': preset,
+                'photo_interval_s': checked.interval.seconds,
                 'cost': None if checked.cost is None else dataclasses.asdict(checked.cost),
                 'picture': output,
             }

@@ -12,9 +12,21 @@ from typer.testing import CliRunner
 
 from porotwin_cli.app import app
 from porotwin_cli.check_picture import shading
-from porotwin_cli.rig_check import CheckedRig, check, in_words, maps_in_words, pumped_in
+from porotwin_cli.rig_check import (
+    CheckedRig,
+    check,
+    in_words,
+    maps_in_words,
+    pumped_in,
+    recorded_interval,
+)
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
+from porotwin_recording.experiment_folder import folder_data, write_folder
+from porotwin_recording.photos import Photo
+from porotwin_recording.recorded_data import RecordedData
 
 
 def changed(folder: Path, **keys: object) -> Path:
@@ -165,9 +177,46 @@ def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
     assert (found.volume, found.stock, found.end) == pytest.approx((250e-6, 250e-6, 1800.0))
     rates = (tmp_path / 'rates.csv').read_text()
     (tmp_path / 'rates.csv').write_text(rates.replace('500,1', '500,0.4'))
-    words = '\n'.join(in_words(check(tmp_path), 30.0))
+    words = '\n'.join(in_words(check(tmp_path)))
     assert 'injected: 250 ml of fluid, 100 ml of stock, until 1800 s' in words
     assert 'time steps: 1, which each cell divides into substeps of its own' in words
+
+
+def photo(time: float, role: str = 'state') -> Photo:
+    return Photo(time, role, f'{time:g}.jpg', bytes)
+
+
+def test_the_cost_is_for_the_interval_of_the_recording(tmp_path: Path) -> None:
+    folder, rig = tmp_path / 'slow', check(small_rig()).rig
+    write_folder(folder, RecordedData(rig, maps=stored_maps(tmp_path, rig)))
+    checked = check(folder)
+    words = 'one prediction over 3600 s, as between the recorded maps, on '
+    assert in_words(checked)[0].startswith(words)
+    asked = check(folder, interval=30.0)
+    assert in_words(asked)[0].startswith('one prediction over 30 s on ')
+    assert asked.cost is not None
+    assert checked.cost is not None
+    assert checked.cost.steps > asked.cost.steps
+
+
+def test_the_interval_is_that_of_photographs_with_tracer_or_of_maps(tmp_path: Path) -> None:
+    rig = check(small_rig()).rig
+    assert recorded_interval(None).seconds == 30.0
+    photos = (photo(0.0, 'baseline'), *(photo(time) for time in (10.0, 610.0, 1210.0, 2900.0)))
+    assert recorded_interval(RecordedData(rig, photos=photos)).seconds == 600.0
+    assert recorded_interval(RecordedData(rig, photos=photos[:2])).seconds == 30.0
+    write_folder(tmp_path / 'maps', RecordedData(rig, maps=stored_maps(tmp_path, rig)))
+    found = recorded_interval(folder_data(tmp_path / 'maps'))
+    assert (found.seconds, found.origin) == (3600.0, ', as between the recorded maps,')
+
+
+def stored_maps(folder: Path, rig: Rig) -> ConcentrationMaps:
+    """Return three empty maps, an hour apart."""
+    grid = rig.grid(4, 3)
+    with ConcentrationWriter(folder / 'three.nc', grid) as writer:
+        for hour in range(3):
+            writer.append(3600.0 * hour, np.zeros(grid.shape))
+    return open_maps(folder / 'three.nc', rig)
 
 
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
