@@ -65,7 +65,7 @@ SMALL_IN_PHOTOGRAPH = 0.1
 """Part of a photograph below which the rig is suspiciously small in it."""
 
 
-class Interval(NamedTuple):
+class PhotoInterval(NamedTuple):
     """The time from one photograph to the next [s], and its origin in words."""
 
     seconds: float
@@ -91,7 +91,7 @@ class CheckedRig:
     rig: Rig
     grid: Grid
     remarks: tuple[Remark, ...]
-    interval: Interval
+    interval: PhotoInterval
     cost: PredictionCost | None
     data: RecordedData | None = None
     photograph: np.ndarray | None = field(default=None, repr=False)
@@ -134,22 +134,22 @@ def check(
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
     runs = not any(remark.refused for remark in remarks)
-    chosen = recorded_interval(data) if interval is None else Interval(interval)
+    chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(rig, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
     return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph)
 
 
-def recorded_interval(data: RecordedData | None) -> Interval:
+def recorded_interval(data: RecordedData | None) -> PhotoInterval:
     """Return the usual time between the photographs of a recording, or between its maps."""
     if data is None:
-        return Interval(USUAL_INTERVAL_S)
+        return PhotoInterval(USUAL_INTERVAL_S)
     maps = [] if data.maps is None else data.maps.times.tolist()
     states = [photo.time for photo in data.photos if photo.role == 'state']
     for times, origin in ((states, 'photographs'), (maps, 'maps')):
         if len(times) > 1 and (step := float(np.median(np.diff(times)))) > 0.0:
-            return Interval(step, f', as between the recorded {origin},')
-    return Interval(USUAL_INTERVAL_S)
+            return PhotoInterval(step, f', as between the recorded {origin},')
+    return PhotoInterval(USUAL_INTERVAL_S)
 
 
 def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
