@@ -21,11 +21,9 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.effect_traits import is_of_camera
 from porotwin_diagnosis.report.error_course import ErrorCourse, error_course, fitted_part
 
-PER_CENT_A_MINUTE = 6e3
-"""Factor from 1/s of the tracer stock to % of the stock per minute."""
-
 LEAST_COLOUR_TOP = 1.0
-"""Least upper end [%/min] of the gap's colours where there is no gap, so that noise stays dark."""
+"""Least upper end of the gap's colours where there is no gap, so that noise stays dark [% of stock
+per minute, hour or day]. Maps of long recordings lie further apart, so their noise grows slower."""
 
 CONCENTRATION = {'cmap': 'viridis', 'vmin': 0.0, 'vmax': 1.0}
 """Colours of a concentration, relative to the tracer stock."""
@@ -119,11 +117,12 @@ def arises_in_rig(result: Diagnosis) -> bool:
 
 
 def _draw_strength(figure: Figure, axis: Axes, result: Diagnosis, title: str) -> None:
-    strength = PER_CENT_A_MINUTE * result.gap.strength
+    unit = time_unit(result.samples[0].duration)
+    strength = 100.0 * unit.seconds * result.gap.strength
     top = max(float(strength.max()), LEAST_COLOUR_TOP if result.verdict.name == NONE else 1e-3)
     image = _map(axis, result, strength, cmap='inferno', vmin=0, vmax=top)
     axis.set_title(title, fontsize=10)
-    figure.colorbar(image, ax=axis, label='gap strength [% of stock per min]', shrink=0.8)
+    figure.colorbar(image, ax=axis, label=f'gap strength [% of stock per {unit.name}]', shrink=0.8)
 
 
 def remainder(result: Diagnosis) -> Figure:
