@@ -87,13 +87,15 @@ def command(
     """
     from scipy.ndimage import gaussian_filter
 
-    from porotwin_cli.grids import grid_of, tell_cost
+    from porotwin_cli.grids import coupled_flow_seconds, grid_of, tell_cost
     from porotwin_cli.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
+    from porotwin_cli.run_course import run_course
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
-    from porotwin_solver.effects import parse_effects
+    from porotwin_solver.effects import apply_effects, parse_effects
     from porotwin_solver.free_run_step import longest_free_step
+    from porotwin_solver.observation_operator import ObservationOperator
     from porotwin_solver.physics import nominal_physics
     from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
@@ -110,13 +112,16 @@ def command(
     effects = parse_effects(effect or [])
     last = max(moments, default=0.0)
     rates = schedule.largest
-    step = longest_free_step(nominal_physics(rig, rig.default_grid()), rates)
+    described = (*rig.effects, *effects)
+    physics, _ = apply_effects(nominal_physics(rig, cells), ObservationOperator(), described)
+    step = longest_free_step(physics, rates)
     cost = prediction_cost(rig, cells, preset=preset, duration=last, rates=rates, longest_step=step)
-    tell_cost(cost, 'simulation')
+    tell_cost(cost, 'simulation', more=coupled_flow_seconds(physics, cost.steps))
+    course = run_course(moments, step)
     maps = simulated_maps(
         rig,
         schedule,
-        moments,
+        [moment.time for moment in course],
         grid=cells,
         preset=preset,
         effects=effects,
@@ -127,14 +132,18 @@ def command(
     shown = chosen_maps(len(moments))
     pictured: list[FloatArray] = []
     with ConcentrationWriter(output, cells, origin=origin) as writer, progress() as bar:
-        task = bar.add_task('simulating', total=len(moments))
-        for index, (time, values) in enumerate(zip(moments, maps, strict=True)):
+        task = bar.add_task('simulating', total=len(course))
+        index = 0
+        for (time, is_map), values in zip(course, maps, strict=True):
+            bar.advance(task)
+            if not is_map:
+                continue
             writer.append(time, gaussian_filter(values, blur) if blur else values)
             if index in shown:
                 pictured.append(values)
             if compared is not None:
                 compared.see(index, values)
-            bar.advance(task)
+            index += 1
     title = f'{recording.source.name}: model, preset {preset}'
     with maps_are_kept(output):
         sheet_of_maps(
