@@ -240,7 +240,7 @@ def pumped_in(data: RecordedData) -> Pumped:
 
 
 def in_words(checked: CheckedRig) -> list[str]:
-    """Return what a check tells beside its remarks, one line each."""
+    """Return the lines of a check beside its remarks."""
     lines = []
     if checked.cost is not None:
         seconds, origin = checked.interval

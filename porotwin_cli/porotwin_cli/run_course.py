@@ -16,14 +16,14 @@ MANY_STEPS = 1000
 """Steps between two maps from which there are moments between them."""
 
 
-class Moment(NamedTuple):
+class CourseMoment(NamedTuple):
     """A `time` [s] of a run, and whether its map is wanted."""
 
     time: float
     is_map: bool = True
 
 
-def run_course(times: Sequence[float], step: float) -> list[Moment]:
+def run_course(times: Sequence[float], step: float) -> list[CourseMoment]:
     """Return the ascending `times` [s] of maps, with moments between maps that lie far apart.
 
     `step` is the time step of the run [s], which begins at 0.
@@ -31,10 +31,10 @@ def run_course(times: Sequence[float], step: float) -> list[Moment]:
     if not times:
         return []
     part = step * max(1, math.ceil(times[-1] / (PARTS * step)))
-    found: list[Moment] = []
+    found: list[CourseMoment] = []
     for begin, end in itertools.pairwise((0.0, *times)):
         if end - begin > MANY_STEPS * step:
             count = math.ceil((end - begin) / part) - 1
-            found += [Moment(begin + number * part, False) for number in range(1, count + 1)]
-        found.append(Moment(end))
+            found += [CourseMoment(begin + number * part, False) for number in range(1, count + 1)]
+        found.append(CourseMoment(end))
     return found

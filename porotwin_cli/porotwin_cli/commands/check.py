@@ -24,8 +24,7 @@ def command(
     photo_interval_s: Annotated[
         float | None,
         typer.Option(
-            help='Time between photographs, for the cost [s]; default: that of the recording, or '
-            '30 s.',
+            help='Time between photographs, for the cost [s]; default: as recorded, or 30 s.',
             min=0.1,
         ),
     ] = None,
