@@ -1,6 +1,6 @@
 """An experiment on the virtual rig, written as an experiment folder."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,11 +67,17 @@ class NoiseFloor:
 
 
 def signals(
-    rig: VirtualRig, commanded: Schedule, *, times: Iterable[float], grid: Grid
+    rig: VirtualRig,
+    commanded: Schedule,
+    *,
+    times: Iterable[float],
+    grid: Grid,
+    passed: Callable[[float], None] = lambda _time: None,
 ) -> Iterator[tuple[float, FloatArray]]:
     """Yield (time, signal (nz, nx)) of photographs at ascending `times` [s] while `rig` runs.
 
-    The photograph stamped t shows the rig at pump time t + `rig.clock_offset`.
+    The photograph stamped t shows the rig at pump time t + `rig.clock_offset`. `passed` is called
+    with the pump time [s] after every step of the rig.
 
     Raises:
         InputError: a well of the schedule is not known.
@@ -80,7 +86,7 @@ def signals(
         until = max(time + rig.clock_offset, 0.0)
         for start, end, rates in commanded.intervals(rig.time, until):
             rig.set_rates(rates)
-            rig.advance(end - start)
+            rig.advance(end - start, passed)
         yield time, signal_seen(rig, grid, time=time)
 
 
@@ -100,6 +106,7 @@ def make_experiment(
     conditions: Conditions | None = None,
     truth: Path | None = None,
     cell: float | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> MadeExperiment:
     """Run an experiment and write it into `folder`; the folder does not name the effects.
 
@@ -118,6 +125,8 @@ def make_experiment(
         conditions: conditions of the photographs.
         truth: file for the noise-free signal at the times of the frames, outside `folder`.
         cell: size of the elements of the virtual rig [m]; its default if None.
+        progress: called with the share of the experiment that is done, 0 to 1, after every step of
+            the virtual rig. A slow rig with a dense tracer takes steps of 15 s over days.
 
     Raises:
         InputError: the folder is in use, or an effect, a well or a time is wrong.
@@ -143,7 +152,14 @@ def make_experiment(
         ConcentrationWriter(truth, grid) if truth else nullcontext() as clean,
     ):
         fine = grid if photographer is None else grid.refined(2)
-        for number, (time, visible) in enumerate(signals(asset, commanded, times=times, grid=fine)):
+        seen_by_camera = signals(
+            asset,
+            commanded,
+            times=times,
+            grid=fine,
+            passed=lambda time: progress(min(time / duration, 1.0)),
+        )
+        for number, (time, visible) in enumerate(seen_by_camera):
             if camera_of_maps.is_lost(number):
                 continue
             signal = conservative_resample(visible, grid.shape)

@@ -1,7 +1,7 @@
 """The virtual rig: an independent simulator in place of the physical rig."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +91,12 @@ class VirtualRig:
         """Time of the rig minus the stamp of its photographs [s]."""
         return self._true_rig.clock_offset
 
-    def advance(self, duration: float) -> None:
+    def advance(
+        self, duration: float, passed: Callable[[float], None] = lambda _time: None
+    ) -> None:
         """Advance by `duration` [s] with the rates that were set.
+
+        `passed` is called with the time [s] after every step: some effects take thousands of them.
 
         Raises:
             InputError: the duration is negative.
@@ -104,6 +108,7 @@ class VirtualRig:
         steps = max(1, math.ceil(duration / longest - STEP_ROUND_OFF)) if duration > 0.0 else 0
         for _ in range(steps):
             self._step(duration / steps)
+            passed(self.time)
 
     def concentration(self, grid: Grid) -> FloatArray:
         """Return the visible tracer on `grid`, (nz, nx).

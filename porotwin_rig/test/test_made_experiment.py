@@ -50,6 +50,23 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
     assert made.injected == pytest.approx(from_ml_h(500.0) * 230.0)
 
 
+def test_every_step_of_a_slow_experiment_is_told(tmp_path: Path) -> None:
+    shares: list[float] = []
+    make_experiment(
+        tmp_path / 'run',
+        make_rig(),
+        commanded=COMMANDED,
+        duration=300.0,
+        photo_interval=300.0,
+        seed=4,
+        effects=parse_effects('buoyancy:density_difference=1'),
+        progress=shares.append,
+    )
+    assert len(shares) >= 20  # steps of 15 s between two maps
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
+
+
 def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
     made = make_experiment(
         tmp_path / 'run',

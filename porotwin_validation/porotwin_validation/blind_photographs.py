@@ -38,6 +38,7 @@ from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer
 from porotwin_solver.plume_model import plume_model
 from porotwin_validation.blind_cases import BlindCase
+from porotwin_validation.case_progress import Share, no_share, part_of
 from porotwin_validation.dyed_sand import DyedSand, Shot, sands_of
 from porotwin_validation.photo_cases import baseline_of, drawn_dye, drawn_shots
 
@@ -181,7 +182,12 @@ def with_read_corners(rig: Rig, width_px: int, seed: int) -> Rig:
 
 
 def photograph_case(
-    case: BlindCase, folder: Path, *, clean: Path, baseline: Path | None = None
+    case: BlindCase,
+    folder: Path,
+    *,
+    clean: Path,
+    baseline: Path | None = None,
+    progress: Share = no_share,
 ) -> None:
     """Write the recording of `case` with maps from photographs into `folder`.
 
@@ -193,6 +199,7 @@ def photograph_case(
         clean: file for the maps without noise.
         baseline: experiment folder with the baseline photograph of a real rig, which is then the
             rig of `case`; None renders the photographs.
+        progress: called with the share of the work that is done.
 
     Raises:
         CalibrationRefused: the calibration cannot be trusted; `REFUSED` holds the reason.
@@ -203,10 +210,12 @@ def photograph_case(
     room = RenderedRoom(case) if baseline is None else ComposedRoom(case, baseline)
     grid = case.rig.default_grid(case.cell_m)
     times = np.arange(0.0, case.duration + 1e-6, case.photo_interval)
-    _experiment(case, room, 0, case.schedule, times, folder / RECORDING, clean=clean)
+    part = part_of(progress, 0.0, RECORDING_SHARE)
+    _experiment(case, room, 0, case.schedule, times, folder / RECORDING, clean=clean, progress=part)
     schedule, end = calibration_schedule(case)
     moments = np.linspace(0.0, end, CALIBRATION_PHOTOGRAPHS + 1)
-    _experiment(case, room, 1, schedule, moments, folder / INJECTION)
+    part = part_of(progress, RECORDING_SHARE, INJECTION_SHARE)
+    _experiment(case, room, 1, schedule, moments, folder / INJECTION, progress=part)
     try:
         calibration = calibrated(folder / INJECTION)
     except CalibrationRefused as refusal:
@@ -217,6 +226,9 @@ def photograph_case(
 
 
 MAPS = 'concentration.nc'
+
+RECORDING_SHARE, INJECTION_SHARE = 0.7, 0.9
+"""Share of the work that is done after both experiments; calibration and maps take the rest."""
 
 
 def calibration_schedule(case: BlindCase) -> tuple[Schedule, float]:
@@ -251,6 +263,7 @@ def _experiment(
     folder: Path,
     *,
     clean: Path | None = None,
+    progress: Share = no_share,
 ) -> None:
     """Run experiment `number` on the rig of `case`, and write it with photographs at `times` [s].
 
@@ -264,7 +277,13 @@ def _experiment(
     rig = case.virtual_rig(case.effects)
     finer = max(LEAST_FINER, rig.mesh.nx // grid.nx)
     photos = [_photo(0.0, 'baseline', camera.baseline())]
-    seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(finer))
+    seen = signals(
+        rig,
+        schedule,
+        times=times.tolist(),
+        grid=grid.refined(finer),
+        passed=lambda time: progress(time / float(times[-1])),
+    )
     maps = []
     for time, signal in seen:
         maps.append((time, conservative_resample(signal, grid.shape)))

@@ -12,12 +12,19 @@ from porotwin_recording.recording import open_recording
 
 
 def main() -> None:
-    """Diagnose the recording that the command line names, and write the report."""
+    """Diagnose the recording that the command line names, and write the report.
+
+    Lines on standard output tell the share of the work that is done.
+    """
     end_with_parent()  # a case whose worker was killed begins anew
     recording, output, *excluded = sys.argv[1:]
     folder = checked_folder(output, [recording])
-    result = examine([open_recording(recording)], excluded=excluded)
+    result = examine([open_recording(recording)], excluded=excluded, progress=_tell)
     write_diagnosis(result, folder)
+
+
+def _tell(_stage: str, share: float) -> None:
+    print(f'{share:.4f}', flush=True)
 
 
 if __name__ == '__main__':

@@ -12,7 +12,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, wait
+from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -34,10 +35,12 @@ from porotwin_validation.blind_score import CaseScore, failed_score, score_case
 from porotwin_validation.blind_table import summary, table
 from porotwin_validation.blind_truth import CaseTruth, truth_of
 from porotwin_validation.calibration_absorption import MapFigures, absorption_table, map_figures
+from porotwin_validation.case_progress import CaseProgress, Share, no_share, part_of, shares
 from porotwin_validation.photo_cases import baseline_of
 
-CaseProgress = Callable[[int, int, str], None]
-"""Called with the number of cases that are done, the number of all cases, and the event."""
+CheckProgress = Callable[[float, int, str], None]
+"""Called with the cases that are done, parts of cases included, the number of all cases, and the
+event."""
 
 Work = Callable[[BlindCase, Path], None]
 """Makes and diagnoses a case in its folder."""
@@ -50,11 +53,20 @@ MAP_FIGURES = 'maps.json'
 CASE_BYTES = 1.5e9
 """Memory of a case, most of it in the process that diagnoses [B]."""
 
+IN_WORK = 'cases in work'
+"""The event that some part of a case was done."""
+
+LOOK_EACH_S = 2.0
+"""Time between two looks at the progress of the cases [s]."""
+
+MADE_SHARE = 0.3
+"""Share of the work on a case that is done when its recording is made."""
+
 CLEAN_MAPS = 'clean.nc'
 """File with the maps of a case without noise, beside its recording."""
 
 
-def ignore_progress(_done: int, _all: int, _event: str) -> None:
+def ignore_progress(_done: float, _all: int, _event: str) -> None:
     """Ignore the progress."""
 
 
@@ -66,7 +78,7 @@ def blind_check(
     workers: int | None = None,
     scheduler: str = '',
     tell: Callable[[str], None] = lambda _: None,
-    progress: CaseProgress = ignore_progress,
+    progress: CheckProgress = ignore_progress,
     draw: Callable[..., BlindCase] = draw_case,
     source: Source = 'maps',
     baseline: Path | None = None,
@@ -84,7 +96,7 @@ def blind_check(
             None: one per core, as far as the memory holds.
         scheduler: address of a Dask scheduler whose workers do the cases instead.
         tell: called with a line about the workers.
-        progress: called after every case.
+        progress: called after every case, and every two seconds in between.
         draw: returns case `number` of the check with `seed`; with a `baseline` also of its `rig`.
         source: whether maps of the rig are disturbed, or photographs of it become maps.
         baseline: experiment folder with the baseline photograph of a real rig; all photographs are
@@ -135,8 +147,12 @@ def make_and_diagnose(case: BlindCase, folder: Path) -> None:
         InputError, CalledProcessError: the diagnosis failed.
     """
     if not (folder / 'result' / REPORT).exists():
-        make_recording(case, folder / 'recording', clean=folder / CLEAN_MAPS)
-        _diagnose_in_own_process(folder / 'recording', folder / 'result', case.withheld)
+        with CaseProgress(folder) as progress:
+            made = part_of(progress, 0.0, MADE_SHARE)
+            make_recording(case, folder / 'recording', clean=folder / CLEAN_MAPS, progress=made)
+            _diagnose_in_own_process(
+                folder / 'recording', folder / 'result', case.withheld, progress
+            )
     truth_of(case, folder / 'result', folder / CLEAN_MAPS).write(folder / COMPARISON)
 
 
@@ -154,8 +170,10 @@ def photograph_and_diagnose(case: BlindCase, folder: Path, *, baseline: Path | N
     clean = folder / CLEAN_MAPS
     if not (folder / 'result' / REPORT).exists():
         folder.mkdir(parents=True, exist_ok=True)
-        photograph_case(case, folder, clean=clean, baseline=baseline)
-        _diagnose_in_own_process(folder / RECORDING, folder / 'result', case.withheld)
+        with CaseProgress(folder) as progress:
+            made = part_of(progress, 0.0, MADE_SHARE)
+            photograph_case(case, folder, clean=clean, baseline=baseline, progress=made)
+            _diagnose_in_own_process(folder / RECORDING, folder / 'result', case.withheld, progress)
     map_figures(case, folder / RECORDING / MAPS, clean).write(folder / MAP_FIGURES)
     truth_of(case, folder / 'result', clean).write(folder / COMPARISON)
 
@@ -186,32 +204,41 @@ def work_through(
     folder: Path,
     cases: Sequence[BlindCase],
     pool: Executor,
-    progress: Callable[[int, str], None],
+    progress: Callable[[float, str], None],
     work: Work = make_and_diagnose,
 ) -> set[str]:
     """Do `work` on all `cases` in `pool`, and return the names of those that failed.
 
+    `progress` is called with the cases that are done, and with parts of cases in between.
     An interrupt stops the cases in work, and the others are not begun. `pool` is shut down.
     """
     failed = set()
     try:
         futures = {pool.submit(work, case, folder / case.name): case.name for case in cases}
-        for done, future in enumerate(as_completed(futures), start=1):
-            name = futures[future]
-            try:
-                future.result()
-            except (InputError, subprocess.CalledProcessError):
-                failed.add(name)
-            progress(done, f'{name} {"failed" if name in failed else "diagnosed"}')
+        done, waiting = 0, set(futures)
+        while waiting:
+            finished, waiting = wait(waiting, LOOK_EACH_S, FIRST_COMPLETED)
+            for future in finished:
+                done, name = done + 1, futures[future]
+                try:
+                    future.result()
+                except (InputError, subprocess.CalledProcessError):
+                    failed.add(name)
+                progress(done, f'{name} {"failed" if name in failed else "diagnosed"}')
+            if not finished:
+                progress(done + shares(folder / futures[one] for one in waiting), IN_WORK)
     finally:
         pool.shutdown(cancel_futures=True)
     return failed
 
 
-def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) -> None:
+def make_recording(
+    case: BlindCase, folder: Path, *, clean: Path | None = None, progress: Share = no_share
+) -> None:
     """Make the recording of `case` on the virtual rig, and its maps without noise in `clean`.
 
-    A folder that exists is an unfinished recording, and is made again.
+    A folder that exists is an unfinished recording, and is made again. `progress` is called with
+    the share of the experiment that is done.
 
     Raises:
         InputError: an effect of the case is not known or impossible.
@@ -230,15 +257,38 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
         grid=case.rig.default_grid(case.cell_m),
         truth=clean,
         cell=case.element_m,
+        progress=progress,
     )
 
 
-def _diagnose_in_own_process(recording: Path, result: Path, withheld: Sequence[str]) -> None:
+def _diagnose_in_own_process(
+    recording: Path, result: Path, withheld: Sequence[str], progress: Share
+) -> None:
     """Diagnose `recording` in a process that knows only its folder and the `withheld` effects."""
     module = 'porotwin_validation.blind_process'
     command = [sys.executable, '-m', module, str(recording), str(result), *withheld]
     own = {'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1', PARENT: str(os.getpid())}
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, **own})
+    diagnosed = part_of(progress, MADE_SHARE, 1.0)
+    run_with_shares(command, {**os.environ, **own}, diagnosed)
+
+
+def run_with_shares(command: Sequence[str], environment: dict[str, str], progress: Share) -> None:
+    """Run `command`, whose lines on standard output tell the share of its work that is done.
+
+    Raises:
+        CalledProcessError: it failed.
+    """
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                with suppress(ValueError):  # a line of a library
+                    progress(float(line))
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
 
 
 def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:

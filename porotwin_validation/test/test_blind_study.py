@@ -1,15 +1,20 @@
 """The run of a blind check: it continues where it stopped, and survives a failure."""
 
+import os
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from subprocess import CalledProcessError
+from threading import Event
 
 import pytest
 from diagnosis_examples import SKIPPED_FOR_SPEED
 
 from porotwin_core.parallel import SchedulerLost
+from porotwin_validation import blind_study
 from porotwin_validation.blind_cases import draw_case
-from porotwin_validation.blind_study import blind_check, work_through
+from porotwin_validation.blind_study import IN_WORK, blind_check, run_with_shares, work_through
+from porotwin_validation.case_progress import CaseProgress
 
 
 def light_case(number, seed):
@@ -58,6 +63,34 @@ def test_a_failed_case_does_not_stop_the_others(tmp_path):
         'case_002 diagnosed',
     ]
     assert [done for done, _ in events] == [1, 2, 3]
+
+
+def test_parts_of_a_case_are_told_while_it_is_in_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(blind_study, 'LOOK_EACH_S', 0.01)
+    seen, events = Event(), []
+
+    def half_done(_case, folder):
+        with CaseProgress(folder) as progress:
+            progress(0.5)
+            assert seen.wait(30.0)
+
+    def told(done, event):
+        events.append((done, event))
+        if done == 0.5:
+            seen.set()
+
+    work_through(tmp_path, [draw_case(0, 1)], ThreadPoolExecutor(1), told, work=half_done)
+    assert (0.5, IN_WORK) in events
+    assert events[-1] == (1, 'case_000 diagnosed')
+
+
+def test_a_process_tells_its_shares_and_its_failure():
+    told = []
+    program = 'print(0.25, flush=True); print("a library speaks"); print(0.5); raise SystemExit({})'
+    run_with_shares([sys.executable, '-c', program.format(0)], dict(os.environ), told.append)
+    assert told == [0.25, 0.5]
+    with pytest.raises(CalledProcessError):
+        run_with_shares([sys.executable, '-c', program.format(2)], dict(os.environ), told.append)
 
 
 def test_a_lost_scheduler_ends_the_check_and_a_second_call_goes_on(tmp_path):
