@@ -9,8 +9,6 @@ import io
 import re
 import struct
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -43,8 +41,6 @@ _UPRIGHT = 1
 _INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
 """Section of the EXIF data, and its word for Adobe RGB."""
 _SRGB = 'sRGB'
-_DIRECT_MODES = ('RGB', 'L')
-"""Pillow's modes of JPEGs whose levels need no conversion: colour and grey."""
 OTHER_FORMATS = {
     'HEIC': re.compile(rb'....ftyp(hei|hev|mif1|msf1)', re.DOTALL),
     'AVIF': re.compile(rb'....ftypavi', re.DOTALL),
@@ -94,51 +90,14 @@ class DecodedPhoto:
 
 
 def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
-    """Return decoded pixels, or None if the file cannot be decoded."""
-    if data.startswith(JPEG_START) and (found := _jpeg_pixels(data, reduction)) is not None:
-        return found
+    """Return decoded pixels, or None if OpenCV cannot decode the file."""
     if data.startswith(TIFF_STARTS):
         data = _without_orientation(data)
     try:
-        with _quiet_opencv():
-            pixels = cv2.imdecode(np.frombuffer(data, np.uint8), DECODING_FLAGS[reduction])
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), DECODING_FLAGS[reduction])
     except cv2.error:  # a damaged header may claim a size that OpenCV refuses
         return None
     return None if pixels is None else np.asarray(pixels, np.uint8)
-
-
-def _jpeg_pixels(data: bytes, reduction: int) -> NDArray[np.uint8] | None:
-    """Return the decoded pixels of a JPEG, or None if it needs OpenCV.
-
-    Pillow and OpenCV contain the same library, libjpeg-turbo, and give the same pixels. But within
-    OpenCV the library prints lines of its own about damage. Pillow takes twice as long for all
-    pixels of a file, and about the same time for an eighth of them in each direction.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')
-            image = Image.open(io.BytesIO(data), formats=('JPEG',))
-        with image:
-            if image.mode not in _DIRECT_MODES:  # OpenCV has its own colours of CMYK
-                return None
-            width, height = image.size
-            image.draft(image.mode, (width // reduction, height // reduction))
-            levels = np.asarray(image)
-    except Exception:  # a damaged header makes Pillow raise errors of many types
-        return None
-    if levels.ndim == 2:
-        return np.repeat(levels[:, :, None], 3, axis=2)
-    return np.ascontiguousarray(levels[:, :, ::-1])
-
-
-@contextmanager
-def _quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV from printing about damaged files in the block; the caller tells it."""
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
 
 
 def _without_orientation(tiff: bytes) -> bytes:
