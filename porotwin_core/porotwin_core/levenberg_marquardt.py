@@ -6,6 +6,11 @@ With residuals r(u) and slopes J = -dr/du, a step p solves
 
 (Nocedal & Wright, Numerical Optimization, section 10.3). Parameters at a bound whose step points
 outward are kept fixed. The residuals come as a list of arrays, one per recording.
+
+Slopes that are dear need not be taken anew in every iteration. Broyden's update corrects them so
+that they explain the latest step p, with the change of the residuals (Math. Comput. 19 (1965) 577):
+
+    J <- J + (r_before - r_after - J p) p^T / (p^T p)
 """
 
 from collections.abc import Callable, Sequence
@@ -72,8 +77,11 @@ def minimise(
     iterations: int,
     trials: int = TRIALS,
     least_gain: float = LEAST_GAIN,
+    updated_slopes: bool = False,
 ) -> FloatArray:
     """Return the parameters (p,) with the least sum of squares that at most `iterations` find.
+
+    With `updated_slopes` the slopes are taken at `start` only, and updated after every step.
 
     An iteration that takes less than `least_gain` of the sum is the last one. If the model cannot
     run at a trial step, the step is rejected and a shorter one is tried. If it cannot run at
@@ -86,8 +94,10 @@ def minimise(
         return parameters
     cost = _sum_of_squares(residuals)
     damping = FIRST_DAMPING
+    slopes: Sequence[FloatArray] = ()
     for _ in range(iterations):
-        normal, gradient = _normal_equations(slopes_at(parameters, residuals), residuals)
+        slopes = slopes if updated_slopes and slopes else slopes_at(parameters, residuals)
+        normal, gradient = _normal_equations(slopes, residuals)
         for _ in range(trials):
             step = _bounded_step(normal, gradient, damping, parameters, bounds)
             if np.abs(step).max() < LEAST_STEP:
@@ -100,11 +110,27 @@ def minimise(
         else:
             return parameters
         gain = 1.0 - trial_cost / cost
+        if updated_slopes:
+            slopes = _updated(slopes, trial - parameters, residuals, trial_residuals)
         parameters, residuals, cost = trial, trial_residuals, trial_cost
         damping *= DAMPING_DECAY
         if gain < least_gain:
             break
     return parameters
+
+
+def _updated(
+    slopes: Sequence[FloatArray],
+    step: FloatArray,
+    before: Sequence[FloatArray],
+    after: Sequence[FloatArray],
+) -> list[FloatArray]:
+    """Return `slopes` with Broyden's update for a `step` (p,) and the residuals on both sides."""
+    share = step / float(step @ step)
+    return [
+        columns + np.multiply.outer(share, old - new - np.tensordot(step, columns, axes=(0, 0)))
+        for columns, old, new in zip(slopes, before, after, strict=True)
+    ]
 
 
 def _tried(residuals_at: ResidualsFn, parameters: FloatArray) -> tuple[Sequence[FloatArray], float]:

@@ -81,3 +81,21 @@ def test_the_iteration_ends_where_it_gains_less_than_asked_for():
     once = minimum(arctangent, [0.9], iterations=1)
     assert minimum(arctangent, [0.9], least_gain=1.0) == once
     assert abs(minimum(arctangent, [0.9], least_gain=0.0)) < 1e-3 * abs(once)
+
+
+def curved(parameters):
+    """Return residuals of a curved model with the optimum (0, 0)."""
+    first, second = parameters
+    return [np.array([np.expm1(first) + 0.3 * second, second + 0.2 * first**2])]
+
+
+def test_updated_slopes_converge_faster_than_those_of_the_start():
+    bounds = Bounds(np.full(2, -20.0), np.full(2, 20.0))
+    start = np.array([1.5, 0.5])
+    first = slopes_of(curved)(start, curved(start))
+    left = [
+        minimise(curved, lambda *_: first, start, bounds, iterations=5, updated_slopes=updated)
+        for updated in (False, True)
+    ]
+    assert np.abs(left[1]).max() < 0.05
+    assert np.abs(left[1]).max() < 0.5 * np.abs(left[0]).max()

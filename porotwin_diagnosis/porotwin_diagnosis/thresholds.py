@@ -124,9 +124,21 @@ PART_OF_A_TRIPLE = 0.2
 looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
 3."""
 
-TRIPLE_BASES, TRIPLE_COUPLES = 3, 6
+TRIPLE_BASES, TRIPLE_COUPLES = 3, 10
 """Number of single effects that get two more effects at once, and of couples that are fitted beside
 each; they bound the time. The linear responses rank couples only roughly."""
+
+TRIPLE_PAIRS = 3
+"""Number of pairs that get a third effect. The best one may be an imitation."""
+
+TIED_TRIPLE = 1.05
+"""Ratio of the misfits of a triple and of the best one, on screening cells, below which both are
+judged although they share two effects: such cells cannot tell a porosity from a depth."""
+
+MOST_REFITS, LEAST_REFIT_GAIN = 3, 0.95
+"""Largest number of times that a judged triple is fitted again, and the ratio of its misfits above
+which it is fitted no more. Nine parameters need more iterations than two: a true triple stayed at
+1.5 of its limit, and at 0.9 after these."""
 
 REFINED_TRIPLES = 4
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
@@ -161,6 +173,10 @@ one must earn its place."""
 BARELY_SUFFICIENT = 0.88
 """Lack of fit above which a single effect that suffices is compared with pairs. Below it, pairs
 took minutes and changed no verdict; a wrong single effect that hid its partner had 0.93."""
+
+SURELY_SUFFICIENT_PAIR = 0.6
+"""The same for a pair that is compared with triples. A pair without two of three true effects left
+0.70, the true three 0.37."""
 
 FAR_LESS = 0.5
 """The same ratio where the fewer effects suffice already: a pair that halves the misfit of a

@@ -42,6 +42,13 @@ def test_a_triple_is_kept_although_no_pair_is_better_than_its_best_member():
     assert kept_model(replace(found, triples=[worse])).label == 'rate'
 
 
+def test_a_triple_is_kept_beside_a_sufficient_pair_only_if_it_leaves_far_less():
+    found = findings(6.0, [('rate', 2.0)], [(('rate', 'decay'), 0.5)])
+    for misfit, kept in ((0.2, 'rate + decay + clock'), (0.3, 'rate + decay')):
+        triple = fit_of('rate', 'decay', 'clock', misfit=misfit)
+        assert kept_model(replace(found, triples=[triple])).label == kept
+
+
 def test_a_model_that_does_not_suffice_names_nothing():
     explanation = explain(findings(6.0, [('rate', 4.0), ('clock', 4.0)]))
     assert not explanation.suffices

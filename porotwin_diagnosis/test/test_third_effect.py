@@ -10,13 +10,19 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.joint_scan import may_act
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.search.third_effect import distinct, judged_triples
-from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, SUFFICIENT_PAIR_MISFIT
+from porotwin_diagnosis.search.third_effect import bases_of_triples, distinct, judged_triples
+from porotwin_diagnosis.thresholds import (
+    EXCHANGE_MISFIT,
+    SUFFICIENT_PAIR_MISFIT,
+    SURELY_SUFFICIENT_PAIR,
+)
 
 NOTHING = SearchSpace((), ())
 
 
-@pytest.mark.parametrize('misfit', [0.9 * SUFFICIENT_PAIR_MISFIT, 1.1 * EXCHANGE_MISFIT, None])
+@pytest.mark.parametrize(
+    'misfit', [0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_PAIR_MISFIT, 1.1 * EXCHANGE_MISFIT, None]
+)
 def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails(quiet, misfit):
     levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)
     null, single = fit_of(misfit=9.0), fit_of('rate', misfit=5.0)
@@ -40,6 +46,20 @@ def test_no_two_of_the_distinct_triples_share_two_effects():
     triples.append(fit_of('registration', 'decay', 'depth', misfit=1.0))
     chosen = [fit.label for fit in distinct(triples)]
     assert chosen == ['registration + decay + depth', 'registration + leak + rate']
+
+
+def test_a_triple_that_is_tied_with_the_best_is_judged_too():
+    names = ('rate', 'clock', 'depth'), ('rate', 'clock', 'porosity'), ('rate', 'clock', 'decay')
+    triples = [fit_of(*members, misfit=1.0 + 0.02 * n) for n, members in enumerate(names)]
+    assert distinct(triples) == triples[:2]
+    assert distinct([]) == []
+
+
+def test_the_best_pair_and_those_without_a_common_effect_get_a_third_one():
+    names = ('rate', 'decay'), ('rate', 'clock'), ('rate', 'depth'), ('leak', 'decay')
+    pairs = [fit_of(*members, misfit=1.0 + n) for n, members in enumerate(names)]
+    assert bases_of_triples(pairs) == [pairs[0], pairs[1], pairs[3]]
+    assert bases_of_triples([]) == []
 
 
 def test_a_leak_does_not_push_out_a_zone_beside_the_same_effects():

@@ -24,6 +24,7 @@ from porotwin_diagnosis.thresholds import (
     INDISTINGUISHABLE,
     NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
+    SURELY_SUFFICIENT_PAIR,
 )
 
 
@@ -85,9 +86,10 @@ def kept_model(findings: Findings) -> Fit:
     null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return null
-    for combinations in (findings.pairs, findings.triples):
+    stages = (findings.pairs, BARELY_SUFFICIENT), (findings.triples, SURELY_SUFFICIENT_PAIR)
+    for combinations, surely in stages:
         lack = lack_of_fit(kept, null)
-        if lack <= BARELY_SUFFICIENT:
+        if lack <= surely:
             break
         gain = FAR_LESS if lack <= 1.0 else COMBINATION_GAIN
         if combinations and earns_its_place(combinations[0], kept, gain):

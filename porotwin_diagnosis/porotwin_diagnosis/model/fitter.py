@@ -105,6 +105,7 @@ class Fitter:
         start: FloatArray | None = None,
         coarse_steps: int = 3,
         fine_steps: int = 3,
+        updated_slopes: bool = False,
     ) -> Fit:
         """Return the best fit of `members` together.
 
@@ -113,13 +114,15 @@ class Fitter:
             start: scaled parameters (p,); by default the first start of every member.
             coarse_steps: iterations on coarsely smoothed residuals.
             fine_steps: iterations on finely smoothed residuals, after those.
+            updated_slopes: whether slopes are taken once per width, and then updated.
 
-        Effects of the camera alone need no simulation and take eight times as many iterations. The
-        fit is not feasible if the model cannot run with the effects.
+        Effects of the camera alone need no simulation and take eight times as many iterations, with
+        new slopes in each. The fit is not feasible if the model cannot run with the effects.
         """
         if _needs_no_simulation(members):
             coarse_steps *= FREE_ITERATIONS_FACTOR
             fine_steps *= FREE_ITERATIONS_FACTOR
+            updated_slopes = False
         scaled = np.concatenate([member.first for member in members]) if start is None else start
         scaled = np.array(scaled, dtype=float)
         for width, iterations in (
@@ -127,7 +130,9 @@ class Fitter:
             (SMOOTHING_WIDTH, fine_steps),
         ):
             if iterations:
-                scaled = self._minimised(members, scaled, width, iterations)
+                scaled = self._minimised(
+                    members, scaled, width, iterations, updated_slopes=updated_slopes
+                )
         return self.evaluate(members, scaled)
 
     def polish(self, fit: Fit, coarser: 'Fitter') -> Fit:
@@ -153,6 +158,7 @@ class Fitter:
             POLISHING_ITERATIONS,
             slopes_at=lambda _parameters, _residuals: slopes,
             trials=POLISHING_TRIALS,
+            updated_slopes=True,
         )
         polished = self.evaluate(members, scaled)
         return polished if polished.is_feasible else self.evaluate(members, start)
@@ -321,6 +327,7 @@ class Fitter:
         *,
         slopes_at: SlopesFn | None = None,
         trials: int = TRIALS,
+        updated_slopes: bool = False,
     ) -> FloatArray:
         """Return the scaled parameters after at most `iterations` with residuals of `width`."""
         ranges = np.array([parameter.range for parameter in _parameters(members)]).reshape(-1, 2)
@@ -332,6 +339,7 @@ class Fitter:
             Bounds(*ranges.T),
             iterations=iterations,
             trials=trials,
+            updated_slopes=updated_slopes,
         )
 
     @cached_property

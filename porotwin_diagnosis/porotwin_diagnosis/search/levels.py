@@ -211,6 +211,7 @@ class Levels:
                 start=fit.scaled_parameters,
                 coarse_steps=0,
                 fine_steps=REFINING_ITERATIONS,
+                updated_slopes=True,
             )
 
         refined = self.side_by_side(refine, range(len(fits)))

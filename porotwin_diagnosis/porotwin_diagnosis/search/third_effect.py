@@ -1,16 +1,17 @@
 """Three effects, where the best pair leaves more than a true one may.
 
-A third effect is looked for beside the best pair, two at once beside the best single effects, and
+A third effect is looked for beside the best pairs, two at once beside the best single effects, and
 three at once beside none: the best single effect may be an imitation of all three.
 The best pair is often an imitation: without the third effect a leak lies at a wrong place, so that
-the true pair is never fitted.
+the true pair is never fitted. So pairs without a common effect get a third one too.
 
 The partners of the pair are found like those of a single effect: by the part of its residual that
 their linear response explains, and that its own parameters cannot imitate. Couples are found by
 `joint_scan`. The leak or the zone of the best triples is then looked for again, because a linear
 response gives its place only roughly, and a zone may stand for a leak. Other members are not
-exchanged: with so many parameters an exchange soon finds an imitation. Only a triple that earns its
-place is returned.
+exchanged: with so many parameters an exchange soon finds an imitation. A triple has up to ten
+parameters, and is fitted until its misfit falls no more. Only a triple that earns its place is
+returned.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from porotwin_core.errors import InputError
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.effect_pairs import (
+    Combinations,
     best_partners,
     combined_fits,
     extended_fits,
@@ -39,13 +41,21 @@ from porotwin_diagnosis.search.ranking import (
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
+    COMBINATION_GAIN,
+    CORRECTABLE_MISFIT,
     EXCHANGE_MISFIT,
+    FAR_LESS,
+    LEAST_REFIT_GAIN,
+    MOST_REFITS,
     PAIR_PENALTY_PER_PARAMETER,
     PART_OF_A_TRIPLE,
     REFINED_TRIPLES,
     RELOCATED_TRIPLES,
+    SURELY_SUFFICIENT_PAIR,
+    TIED_TRIPLE,
     TRIPLE_BASES,
     TRIPLE_COUPLES,
+    TRIPLE_PAIRS,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
 
@@ -59,31 +69,70 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     Raises:
         InputError: the model cannot run with one of the fits.
     """
-    pairs = findings.pairs
-    if not pairs or lack_of_fit(pairs[0], findings.null) <= 1.0:
+    pairs, null = findings.pairs, findings.null
+    if not pairs or lack_of_fit(pairs[0], null) <= SURELY_SUFFICIENT_PAIR:
         return Judgement(levels, [])
-    of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(findings.null)
+    of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
     if normalised_misfit(pairs[0]) > max(EXCHANGE_MISFIT, of_the_gap):
         return Judgement(levels, [])
-    best = distinct(_screened_triples(levels, space, findings))[:REFINED_TRIPLES]
-    judged = levels.judged(levels.refined(best, 0.88), 0.89)
-    again = levels.judged_again(judged, findings.null, 0.9)
-    kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0])]
+    coarse = levels
+    if score(pairs[0]) < CORRECTABLE_MISFIT:
+        coarse = levels.with_corrected_coarse_cells(pairs[0].effects)
+    best = distinct(_screened_triples(coarse, space, findings))[:REFINED_TRIPLES]
+    judged = coarse.judged(coarse.refined(best, 0.88), 0.89)
+    again = coarse.judged_again([_converged(coarse, fit) for fit in judged], null, 0.9)
+    gain = FAR_LESS if lack_of_fit(pairs[0], null) <= 1.0 else COMBINATION_GAIN
+    kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0], gain)]
     return Judgement(again.levels if kept else levels, kept)
+
+
+def _converged(levels: Levels, fit: Fit) -> Fit:
+    """Return the judged `fit`, fitted again as long as its misfit falls clearly.
+
+    The cells of the recording are corrected at `fit`: they then have the misfit of the judging
+    cells, and its slopes at less cost.
+
+    Raises:
+        InputError: the model cannot run with `fit`.
+    """
+    for _ in range(MOST_REFITS):
+        near = levels.with_corrected_coarse_cells(fit.effects)
+        again = near.judged(near.refined([fit], 0.89), 0.89)
+        if not again or score(again[0]) > LEAST_REFIT_GAIN * score(fit):
+            break
+        fit = again[0]
+    return fit
+
+
+def bases_of_triples(pairs: Sequence[Fit]) -> list[Fit]:
+    """Return the judged `pairs` that get a third effect, the best first.
+
+    No two of them share an effect, except with the best one: it may hold one true effect only.
+    """
+    bases = list(pairs[:1])
+    for pair in pairs[1:]:
+        labels = member_labels(pair.members)
+        if all(labels.isdisjoint(member_labels(base.members)) for base in bases[1:]):
+            bases.append(pair)
+    return bases[:TRIPLE_PAIRS]
 
 
 def distinct(triples: Sequence[Fit]) -> list[Fit]:
     """Return the `triples` of which no two share two effects, the best score first.
 
     A pair that imitates much would otherwise fill all places, each time with another third effect.
-    Triples that differ in a leak and a zone are kept: coarse cells cannot tell these apart. The
-    score has a penalty per parameter, like that of pairs.
+    Triples that coarse cells cannot tell apart are kept: those that differ in a leak and a zone,
+    and one that is tied with the best. The score has a penalty per parameter, like that of pairs.
     """
-    chosen: list[Fit] = []
-    for fit in sorted(triples, key=_penalised):
-        if not any(_nearly_the_same(fit, other) for other in chosen):
+    if not triples:
+        return []
+    first, *others = sorted(triples, key=_penalised)
+    tied = [fit for fit in others if score(fit) <= TIED_TRIPLE * score(first)][:1]
+    chosen = [first, *tied]
+    for fit in others:
+        if not any(fit is other or _nearly_the_same(fit, other) for other in chosen):
             chosen.append(fit)
-    return chosen
+    return sorted(chosen, key=_penalised)
 
 
 def _nearly_the_same(one: Fit, other: Fit) -> bool:
@@ -157,12 +206,13 @@ def _fitted_afresh(
 
 def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) -> list[Fit]:
     """Return fits of three effects on the screening cells."""
-    pair, known = findings.pairs[0], findings.screened
-    levels.progress(f'a third effect beside {pair.label}', 0.88)
-    base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
-    triples = combined_fits(
-        levels, base, best_partners(levels, space, base, known, with_places=True), ()
-    )
+    known = findings.screened
+    triples: Combinations = {}
+    for pair in bases_of_triples(findings.pairs):
+        levels.progress(f'a third effect beside {pair.label}', 0.88)
+        base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
+        partners = best_partners(levels, space, base, known, with_places=True)
+        triples |= combined_fits(levels, base, partners, triples.keys())
     singles, _ = pair_bases(findings.singles[0], known)
     for single in singles[:TRIPLE_BASES]:
         levels.progress(f'two more effects beside {single.label}', 0.88)
