@@ -10,6 +10,8 @@ true: Platt's logistic map (in Advances in Large Margin Classifiers, MIT Press 1
 by maximum likelihood, with a weak prior at the identity (scale 1, shift 0), so that a few lucky
 cases do not raise the confidences. Cross-validation tells whether the map is better than none: each
 tenth of the cases is judged by a map that was fitted to the others.
+
+Even true confidences have an error if the cases are few. `error_by_chance` says how large it is.
 """
 
 import json
@@ -79,19 +81,32 @@ class JudgedMap(NamedTuple):
     """A fitted map, and how far confidences are from observed frequencies with and without it.
 
     `error_stated` and `error_mapped` are expected calibration errors of `cases` cases, the second
-    one by cross-validation. `kept` is the map to use: the identity where the cases are too few, or
-    where the fitted map is no better.
+    one by cross-validation. True confidences would have `error_by_chance`. `kept` is the map to
+    use: the identity where the cases are too few, or where the fitted map is no better.
     """
 
     fitted: ConfidenceMap
     cases: int
     error_stated: float
     error_mapped: float
+    error_by_chance: float
 
     @property
     def kept(self) -> ConfidenceMap:
         better = self.cases >= FEWEST_CASES and self.error_mapped < self.error_stated
         return self.fitted if better else IDENTITY
+
+
+CHANCE_DRAWS = 500
+"""Draws of outcomes for the error by chance, which they determine to about 3 % of its value."""
+
+
+def error_by_chance(confidences: ArrayLike) -> float:
+    """Return the mean calibration error [-] that cases have if their `confidences` are true."""
+    stated = np.asarray(confidences, dtype=float)
+    generator = np.random.default_rng(0)
+    drawn = generator.random((CHANCE_DRAWS, len(stated))) < stated
+    return float(np.mean([expected_error(stated, right) for right in drawn]))
 
 
 def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
@@ -108,6 +123,7 @@ def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
         len(stated),
         expected_error(stated, observed),
         expected_error(foreseen, observed),
+        error_by_chance(stated),
     )
 
 
@@ -129,7 +145,8 @@ def main() -> None:
     """Print the map that fits the files on the command line."""
     found = fit_to_scores([Path(name) for name in sys.argv[1:]])
     print(
-        f'{found.cases} cases: calibration error {found.error_stated:.3f}; with the map scale '
+        f'{found.cases} cases: calibration error {found.error_stated:.3f} (true confidences would '
+        f'have {found.error_by_chance:.3f} by chance); with the map scale '
         f'{found.fitted.scale:.2f}, shift {found.fitted.shift:.2f} it is {found.error_mapped:.3f} '
         f'by cross-validation. '
         + (

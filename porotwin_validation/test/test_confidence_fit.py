@@ -7,6 +7,7 @@ import pytest
 
 from porotwin_validation.confidence_fit import (
     IDENTITY,
+    error_by_chance,
     fit_confidence_map,
     fit_to_scores,
     judged_map,
@@ -50,3 +51,11 @@ def test_a_map_is_kept_only_where_it_is_better_on_cases_that_it_has_not_seen():
     assert wrong.error_mapped < 0.4 * wrong.error_stated
     few = judged_map(stated[:40], generator.random(40) < 0.6)
     assert few.kept == IDENTITY
+
+
+def test_chance_alone_makes_an_error_that_falls_with_the_number_of_cases():
+    few, many = error_by_chance([0.9] * 25), error_by_chance([0.9] * 2500)
+    # the mean distance of a binomial share from 0.9 is 0.8 of its standard deviation
+    assert few == pytest.approx(0.8 * 0.06, rel=0.1)
+    assert many == pytest.approx(0.1 * few, rel=0.1)
+    assert error_by_chance([1.0] * 10) == 0.0
