@@ -15,9 +15,9 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_solver.multigrid import GridLevel, Multigrid, Solve
 
-FACTORISED_AT_ONCE = 12_000
-"""Cells up to which the matrix is factorised in any case: that takes as long as a few iterated
-solutions."""
+QUICK_FACTOR = 1_000_000
+"""Cells times those along the shorter side, up to which a factor takes as long as a few iterated
+solutions. The factor of a long and narrow grid is quick."""
 
 LARGEST_FACTOR = 200_000
 """Cells up to which the matrix may be factorised; a factor takes about 1 kB per cell."""
@@ -40,7 +40,8 @@ class Pressures:
 
     Args:
         level: potential [Pa] to net outflow [m^3/s].
-        factorised_at_once: most cells of a matrix that is factorised even for a single solution.
+        quick_factor: cells times those along the shorter side up to which the matrix is factorised
+            even for a single solution.
         largest_factor: most cells of a matrix that is ever factorised.
         max_iterations: most iterations of one solution on larger grids.
     """
@@ -49,13 +50,13 @@ class Pressures:
         self,
         level: GridLevel,
         *,
-        factorised_at_once: int = FACTORISED_AT_ONCE,
+        quick_factor: int = QUICK_FACTOR,
         largest_factor: int = LARGEST_FACTOR,
         max_iterations: int = MAX_ITERATIONS,
     ) -> None:
         """Prepare nothing yet: the factor and the coarse grids are made when they are needed."""
         self._level = level
-        self._at_once = factorised_at_once
+        self._quick_factor = quick_factor
         self._largest_factor = largest_factor
         self._max_iterations = max_iterations
         self._lock = Lock()
@@ -86,7 +87,8 @@ class Pressures:
             InputError: as `solve`.
         """
         cells = self._level.diagonal.size
-        if self._at_once < cells <= self._largest_factor:
+        work = cells * min(self._level.shape)
+        if work > self._quick_factor and cells <= self._largest_factor:
             pressure = self._iterated(source, WORTHWHILE_ITERATIONS)
             if pressure is not None:
                 return pressure
@@ -111,7 +113,7 @@ class Pressures:
 
     @cached_property
     def _cycles(self) -> Multigrid:
-        coarsest = min(self._at_once, COARSEST_CELLS)
+        coarsest = min(self._largest_factor, COARSEST_CELLS)
         return Multigrid(self._level, factorised, largest_factor=coarsest)
 
 

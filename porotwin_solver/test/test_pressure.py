@@ -15,8 +15,17 @@ from porotwin_solver.pressure import Pressures, factorised
 
 GRID = Grid(61, 37, 0.934, 0.562)  # odd: the last blocks are single rows and columns
 
-multigrid = partial(Pressures, factorised_at_once=100, largest_factor=100)
+multigrid = partial(Pressures, largest_factor=100)
 """A solver that iterates on GRID and three coarser grids."""
+
+iterated = partial(Pressures, quick_factor=100)
+"""A solver that iterates for a few sources and has a factor for many."""
+
+
+@pytest.fixture(autouse=True)
+def several_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the iteration have coarser grids on GRID."""
+    monkeypatch.setattr(pressure, 'COARSEST_CELLS', 100)
 
 
 @pytest.mark.parametrize(
@@ -29,14 +38,14 @@ def test_multigrids_give_the_flux_of_the_factor(boundaries, decades) -> None:
     source = np.zeros(GRID.shape)
     source[5, 9], source[30, 50] = 1.4e-7, -1.4e-7
     direct = Flow(GRID, mobility_thickness, boundaries).flux(source)
-    iterated = Flow(GRID, mobility_thickness, boundaries, make_pressures=multigrid).flux(source)
-    np.testing.assert_allclose(iterated.x, direct.x, atol=1e-12 * 1.4e-7)
-    np.testing.assert_allclose(iterated.z, direct.z, atol=1e-12 * 1.4e-7)
-    np.testing.assert_allclose(iterated.divergence(), source, atol=1e-14 * 1.4e-7)
+    found = Flow(GRID, mobility_thickness, boundaries, make_pressures=multigrid).flux(source)
+    np.testing.assert_allclose(found.x, direct.x, atol=1e-12 * 1.4e-7)
+    np.testing.assert_allclose(found.z, direct.z, atol=1e-12 * 1.4e-7)
+    np.testing.assert_allclose(found.divergence(), source, atol=1e-14 * 1.4e-7)
 
 
 def test_an_iteration_without_convergence_is_refused() -> None:
-    impatient = partial(Pressures, factorised_at_once=100, largest_factor=100, max_iterations=2)
+    impatient = partial(Pressures, largest_factor=100, max_iterations=2)
     source = np.zeros(GRID.shape)
     source[5, 9] = 1.4e-7
     mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-3.5, 0.0, GRID.shape)
@@ -54,8 +63,7 @@ def test_a_single_well_is_iterated_and_many_sources_are_factorised(monkeypatch) 
     monkeypatch.setattr(pressure, 'factorised', counted)
     mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-1.0, 0.0, GRID.shape)
     well = SourceSink(0.3, 0.2)
-    once = partial(Pressures, factorised_at_once=100)
-    flow = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=once)
+    flow = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=iterated)
     unit = flow.unit_flux(well)
     assert made
     assert max(made) <= 100
@@ -70,7 +78,24 @@ def test_a_flow_that_would_take_too_many_iterations_is_factorised(monkeypatch) -
     monkeypatch.setattr(pressure, 'WORTHWHILE_ITERATIONS', 2)
     mobility_thickness = 1e-8 * 10 ** np.random.default_rng(3).uniform(-9.0, 0.0, GRID.shape)
     well = SourceSink(0.3, 0.2)
-    once = partial(Pressures, factorised_at_once=100)
-    unit = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=once).unit_flux(well)
+    unit = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=iterated).unit_flux(well)
     direct = Flow(GRID, mobility_thickness, Boundaries()).unit_flux(well)
     np.testing.assert_array_equal(unit.x, direct.x)
+
+
+def test_a_unit_flow_of_a_closed_rig_is_iterated_to_round_off(monkeypatch) -> None:
+    monkeypatch.setattr(Pressures, 'solve', None)  # no factor
+    flow = Flow(GRID, np.full(GRID.shape, 1e-8), Boundaries(top='closed'), make_pressures=iterated)
+    one, other = flow.unit_flux(SourceSink(0.3, 0.2)), flow.unit_flux(SourceSink(0.7, 0.4))
+    divergence = (one + other * -1.0).divergence()
+    assert np.sort(np.abs(divergence).ravel())[-9] < 1e-14  # beside both wells
+
+
+def test_an_iterated_flow_behind_a_tight_wall_is_solved_by_the_factor() -> None:
+    mobility_thickness = np.full(GRID.shape, 1e-8)
+    mobility_thickness[20] = 1e-20
+    well = SourceSink(0.3, 0.2)
+    unit = Flow(GRID, mobility_thickness, Boundaries(), make_pressures=iterated).unit_flux(well)
+    direct = Flow(GRID, mobility_thickness, Boundaries()).unit_flux(well)
+    np.testing.assert_allclose(unit.x, direct.x, atol=1e-11)
+    np.testing.assert_allclose(unit.z, direct.z, atol=1e-11)
