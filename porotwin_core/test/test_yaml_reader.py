@@ -3,7 +3,8 @@
 import pytest
 import yaml
 
-from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.errors import InputError
+from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file
 
 
 @pytest.mark.parametrize(
@@ -45,3 +46,30 @@ def test_a_key_that_stands_twice_is_named_with_its_lines() -> None:
 def test_sections_may_be_merged() -> None:
     text = 'a: &a {x: 1, y: 2}\nb:\n  <<: *a\n  y: 3\n'
     assert read_yaml(text)['b'] == {'x': 1, 'y': 3}
+
+
+@pytest.mark.parametrize(
+    ('content', 'line'),
+    [
+        (None, 'no such file; write one'),
+        (b'name: caf\xe9', 'not a text in UTF-8; save it as UTF-8'),
+        (b'[' * 5000, 'nested too deeply; correct it'),
+        (b'a: {', 'not readable as YAML: while parsing'),
+        (b'a: 2026-99-99', 'not readable as YAML: month must be in 1..12'),
+        (b'a: 1\na: 2', "the key 'a' stands twice, in the lines 1 and 2"),
+    ],
+)
+def test_a_file_that_is_no_yaml_gets_one_line(tmp_path, content, line):
+    path = tmp_path / 'odd.yaml'
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError) as refusal:
+        read_yaml_file(path, remedy='write one')
+    assert line in str(refusal.value)
+    assert str(refusal.value).startswith(f'{path}: ')
+    assert '\n' not in str(refusal.value)
+
+
+def test_a_folder_is_no_yaml(tmp_path):
+    with pytest.raises(InputError, match='is a folder; name a file in it'):
+        read_yaml_file(tmp_path, remedy='write one')

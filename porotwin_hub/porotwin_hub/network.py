@@ -106,8 +106,8 @@ def network_of(path: Path | None) -> Network:
     """
     if path is None:
         return Network()
+    content = read_parameter_file(path)
     try:
-        content = read_parameter_file(path)
         return parsed_network(content[NETWORK]) if NETWORK in (content or {}) else Network()
     except InputError as error:
         raise InputError(f'{path}: {error}') from None

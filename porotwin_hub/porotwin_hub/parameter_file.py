@@ -94,8 +94,9 @@ def with_parameters(
     running = {node.name: node for node in nodes}
     namespace = nodes[0].namespace if nodes else NAMESPACE
     taken: dict[str, dict[str, Any]] = {name: {} for name in rules}
+    content = read_parameter_file(path)
     try:
-        for pattern, parameters in _entries(read_parameter_file(path)):
+        for pattern, parameters in _entries(content):
             matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
                 for node in _nodes_with(name, pattern, matched, rules):
@@ -118,14 +119,9 @@ def read_parameter_file(path: Path) -> Any:
     Raises:
         InputError: it cannot be read.
     """
-    from porotwin_core.rig.yaml_reader import read_yaml  # brings large packages
+    from porotwin_core.rig.yaml_reader import read_yaml_file  # brings large packages
 
-    try:
-        return read_yaml(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        raise InputError('no such file; ./porotwin up --params-template prints one') from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'not readable as YAML: {" ".join(str(error).split())}') from None
+    return read_yaml_file(path, remedy='./porotwin up --params-template prints one')
 
 
 def _entries(content: Any) -> list[tuple[str, dict[str, Any]]]:

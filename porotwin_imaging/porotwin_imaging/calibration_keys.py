@@ -7,10 +7,8 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from porotwin_core.errors import InputError
-from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.rig.yaml_reader import read_yaml_file
 
 FILE_NAME = 'calibration.yaml'
 """Name that `porotwin calibrate` gives the file."""
@@ -49,7 +47,9 @@ def read_content(path: Path) -> dict[str, Any]:
         InputError: the file is missing, no YAML, of another version, or a key is wrong; one line
             names the file, the key and the remedy.
     """
-    data = _yaml(path)
+    if path.is_dir():
+        raise InputError(f'{path}: is a folder; name the file in it: {path / FILE_NAME}')
+    data = read_yaml_file(path, remedy='make one with: porotwin calibrate')
     if not isinstance(data, dict):
         found = 'is empty' if data is None else 'holds no keys'
         raise InputError(f'{path}: {found}; make a calibration with: porotwin calibrate')
@@ -64,26 +64,6 @@ def read_content(path: Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
     return content
-
-
-def _yaml(path: Path) -> Any:
-    """Return the content of `path`; raise InputError if it cannot be read as YAML."""
-    if path.is_dir():
-        raise InputError(f'{path}: is a folder; name the file in it: {path / FILE_NAME}')
-    try:
-        return read_yaml(path.read_text(encoding='utf-8-sig'))
-    except FileNotFoundError:
-        raise InputError(f'{path}: no such file; make one with: porotwin calibrate') from None
-    except UnicodeDecodeError:
-        raise InputError(f'{path}: not readable as YAML: save it as UTF-8') from None
-    except RecursionError:
-        raise InputError(f'{path}: its sections are nested too deeply; calibrate again') from None
-    except OSError as error:
-        raise InputError(
-            f'{path}: cannot be read ({error.strerror}); name a {FILE_NAME} that you may read'
-        ) from None
-    except (ValueError, yaml.YAMLError) as error:
-        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
 
 
 def _check_schema(data: dict[str, Any]) -> None:

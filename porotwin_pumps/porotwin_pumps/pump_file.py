@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import pydantic
-import yaml
 from pydantic import ConfigDict, Field, FiniteFloat
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.rig.yaml_reader import read_yaml_file
 from porotwin_pumps.protocols.protocol_registry import PROTOCOLS
 from porotwin_pumps.protocols.pump_protocol import Pump
 from porotwin_pumps.serial_line import SerialLine
@@ -39,12 +38,7 @@ def load_pumps(path: Path, rig: Rig) -> dict[str, PumpEntry]:
     Raises:
         InputError: the file or an entry is wrong, or a well has no pump; one line.
     """
-    try:
-        data = read_yaml(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        raise InputError(f'{path}: no such file; docs/pumps.md shows one') from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
+    data = read_yaml_file(path, remedy='docs/pumps.md shows one')
     entries = data.get('pumps') if isinstance(data, dict) else None
     if not isinstance(entries, dict) or set(data) != {'pumps'}:
         raise InputError(f'{path}: expected one key, pumps, with an entry for every well')

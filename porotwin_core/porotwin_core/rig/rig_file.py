@@ -26,7 +26,7 @@ from porotwin_core.rig.sand_drawing import (
 )
 from porotwin_core.rig.sand_sections import DepthPoints, DepthPointsFile
 from porotwin_core.rig.sections import MapReference
-from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.rig.yaml_reader import read_yaml_file
 from porotwin_core.rig.zone_file import read_zone
 
 FILE_NAME = 'rig.yaml'
@@ -77,16 +77,7 @@ def rig_file(path: Path | str) -> Path:
 
 
 def _content(path: Path) -> Any:
-    try:
-        return read_yaml(path.read_text(encoding='utf-8-sig'))
-    except FileNotFoundError:
-        raise InputError(f'{path}: no such file; name a rig.yaml or a folder with one') from None
-    except UnicodeDecodeError:
-        raise InputError(f'{path}: not a text in UTF-8; save it as UTF-8') from None
-    except RecursionError:
-        raise InputError(f'{path}: its sections are nested too deeply; correct it') from None
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
+    return read_yaml_file(path, remedy='name a rig.yaml or a folder with one')
 
 
 def parse_rig(data: Any, path: Path) -> Rig:

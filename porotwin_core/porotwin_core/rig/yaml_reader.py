@@ -5,9 +5,12 @@ PyYAML follows version 1.1: `no` and `off` are truth values, `1:30` is the numbe
 """
 
 import re
+from pathlib import Path
 from typing import Any
 
 import yaml
+
+from porotwin_core.errors import InputError
 
 _FLOAT = re.compile(
     r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'
@@ -61,3 +64,31 @@ def read_yaml(text: str) -> Any:
         yaml.YAMLError: no YAML, or a repeated key in a section.
     """
     return yaml.load(text, Loader=_Loader)  # a safe loader
+
+
+def read_yaml_file(path: Path, *, remedy: str) -> Any:
+    """Return the content of the YAML file `path`.
+
+    Args:
+        path: the file.
+        remedy: how to get such a file, for the line about one that is missing.
+
+    Raises:
+        InputError: the file is missing, not readable, or no YAML; one line with the remedy.
+    """
+    if path.is_dir():
+        raise InputError(f'{path}: is a folder; name a file in it')
+    try:
+        return read_yaml(path.read_text(encoding='utf-8-sig'))
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file; {remedy}') from None
+    except UnicodeDecodeError:
+        raise InputError(f'{path}: not a text in UTF-8; save it as UTF-8') from None
+    except RecursionError:
+        raise InputError(f'{path}: its sections are nested too deeply; correct it') from None
+    except OSError as error:
+        raise InputError(
+            f'{path}: cannot be read ({error.strerror}); name a file that you may read'
+        ) from None
+    except (ValueError, yaml.YAMLError) as error:
+        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
