@@ -26,6 +26,10 @@ from porotwin_core.errors import InputError, check_writable
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
 
+SPEED_OVER_S = 900.0
+"""Time over which the speed of progress is averaged [s]. Work comes in pieces of some minutes, and
+an average over half a minute changed the estimate tenfold."""
+
 LINE_EACH_S = 30.0
 """Time between two lines of progress where no terminal can show a bar [s]."""
 
@@ -88,7 +92,7 @@ def progress() -> AbstractContextManager[Progress]:
     """Return a progress display with an estimate of the remaining time, on standard error."""
     console = Console(stderr=True)
     if not console.is_terminal:
-        return _ProgressLines(console=console, transient=True)
+        return _ProgressLines(console=console, transient=True, speed_estimate_period=SPEED_OVER_S)
     return Progress(
         TextColumn('{task.description}'),
         BarColumn(),
@@ -96,6 +100,7 @@ def progress() -> AbstractContextManager[Progress]:
         TimeRemainingColumn(),
         console=console,
         transient=True,
+        speed_estimate_period=SPEED_OVER_S,
     )
 
 

@@ -50,3 +50,18 @@ def test_progress_in_a_file_is_a_line_now_and_then(
     lines = capsys.readouterr().err.split('\n')
     assert [line for line in lines if line.startswith('fits: 25 %')]
     assert [line for line in lines if line.startswith('report: 75 %')]
+
+
+def test_a_slow_piece_of_work_hardly_changes_the_remaining_time() -> None:
+    now = 0.0
+    with progress() as bar:
+        bar.get_time = lambda: now
+        task_id = bar.add_task('cases', total=100)
+        task = bar.tasks[-1]
+        for done in range(11):
+            now = 60.0 * done
+            bar.update(task_id, completed=done)
+        assert task.time_remaining == pytest.approx(90 * 60.0, rel=0.2)
+        now += 60.0
+        bar.update(task_id, completed=10.1)
+        assert task.time_remaining == pytest.approx(90 * 60.0, rel=0.25)
