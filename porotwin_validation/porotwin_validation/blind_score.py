@@ -42,7 +42,7 @@ class CaseScore:
         gap: error of the model without effects in the held-out maps, in noise floors [-]; None if
             the diagnosis failed.
         visible: whether the true maps explain the recording clearly better than a diagnosis that is
-            not right; None for other cases.
+            not right, or not complete; None for other cases.
     """
 
     name: str

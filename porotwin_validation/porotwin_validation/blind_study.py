@@ -300,7 +300,7 @@ def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:
         hidden = MapFigures.read(folder / MAP_FIGURES).hidden
     result = folder / 'result'
     score = score_case(case, result, CaseTruth.read(folder / COMPARISON), hidden)
-    if score.right:
+    if score.right and score.all_found is not False:
         return score
     visible = truth_is_visible(folder / RECORDING, result, folder / CLEAN_MAPS)
     return replace(score, visible=visible)

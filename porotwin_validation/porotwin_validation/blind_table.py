@@ -46,9 +46,9 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
         'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
         'outside_called_unexplained': _share(strange, lambda score: score.right),
-        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.all_found)),
-        'both_of_a_kind': _share(chosen('alike'), lambda score: bool(score.all_found)),
-        'all_three': _share(chosen('three'), lambda score: bool(score.all_found)),
+        **_shares_of_several('both_of_a_pair', chosen('pair')),
+        **_shares_of_several('both_of_a_kind', chosen('alike')),
+        **_shares_of_several('all_three', chosen('three')),
         'gap_closed_median': _median(
             [s.gap_closed for s in chosen('single', 'pair', 'alike', 'three')]
         ),
@@ -69,6 +69,18 @@ def _by_kind(scores: Sequence[CaseScore]) -> Callable[..., list[CaseScore]]:
 
 def _share(scores: Sequence[CaseScore], holds: Callable[[CaseScore], bool]) -> float | None:
     return sum(map(holds, scores)) / len(scores) if scores else None
+
+
+def _shares_of_several(name: str, scores: Sequence[CaseScore]) -> dict[str, float | None]:
+    """Return the share of cases in which all effects were found: of all, and of those that show it.
+
+    A recording does not show them if the true maps explain it no better than the diagnosis does.
+    """
+    shown = [score for score in scores if score.all_found or score.visible is not False]
+    return {
+        name: _share(scores, lambda score: bool(score.all_found)),
+        f'{name}_where_shown': _share(shown, lambda score: bool(score.all_found)),
+    }
 
 
 def _median(values: Sequence[float | None]) -> float | None:

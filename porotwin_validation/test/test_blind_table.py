@@ -65,3 +65,13 @@ def test_a_truth_that_the_recording_does_not_show_is_told():
     assert figures['right'] == 0.25
     assert figures['wrong_although_visible'] == 0.5
     assert 'no: the true maps fit no better' in table(cases, figures)
+
+
+def test_effects_that_a_recording_does_not_show_need_not_be_found_together():
+    both = replace(SCORE, kind='alike', all_found=True)
+    hidden = replace(both, all_found=False, visible=False)
+    missed = replace(both, all_found=False, visible=True)
+    figures = summary([both, hidden, missed])
+    assert figures['both_of_a_kind'] == pytest.approx(1 / 3)
+    assert figures['both_of_a_kind_where_shown'] == 0.5
+    assert figures['all_three_where_shown'] is None
