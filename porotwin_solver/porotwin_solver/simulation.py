@@ -90,10 +90,12 @@ def maps_of(
     """
     state = State.equilibrium(refine(initial, model.engine.grid.shape))
     engine, operator, now = model.engine, model.observation_operator, start
+    latest, step = None, 0.0
     for time in times:
         target = time + operator.clock_offset
         for low, high, rates in schedule.intervals(now, target):
-            step = longest_free_step(engine.physics, rates)
+            if rates != latest:
+                latest, step = rates, longest_free_step(engine.physics, rates)
             engine.advance(state, rates, high - low, step)
         now = max(now, target)
         yield operator.apply(engine.mean_concentration(state), model.grid, float(time))
