@@ -9,7 +9,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_core import qos
-from porotwin_core.node import until_shutdown
+from porotwin_core.node import END_S, until_shutdown
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import CleanState, CycleReport, Setpoint
 
@@ -46,12 +46,14 @@ class GraphWatch:
             self._node.create_subscription(
                 Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT
             )
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._spinning = threading.Thread(target=self._spin, daemon=True)
+        self._spinning.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+        self._spinning.join(END_S)
+        self._node.destroy_node()
 
     def _spin(self) -> None:
         executor = SingleThreadedExecutor(context=self._context)

@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.errors import InputError
-from porotwin_core.node import until_shutdown
+from porotwin_core.node import END_S, until_shutdown
 from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
@@ -56,13 +56,15 @@ def diagnose_run_so_far(
     node = rclpy.create_node('diagnose', namespace=namespace, context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    threading.Thread(target=_spin, args=(executor,), daemon=True).start()
+    spinning = threading.Thread(target=_spin, args=(executor,), daemon=True)
+    spinning.start()
     client = ActionClient(node, Diagnose, 'diagnosis/diagnose')
     try:
         result = _result(client, executor, output, progress)
     finally:
         client.destroy()
         rclpy.try_shutdown(context=context)
+        spinning.join(END_S)
     if result.outcome.code == Outcome.INVALID_INPUT:
         raise InputError(result.outcome.message)
     if result.outcome.code != Outcome.OK:

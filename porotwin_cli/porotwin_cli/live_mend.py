@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core import qos
 from porotwin_core.errors import InputError
-from porotwin_core.node import until_shutdown
+from porotwin_core.node import END_S, until_shutdown
 from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
@@ -73,11 +73,13 @@ class MendDesk:
         )
         self._node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
         self._client = self._node.create_client(AnswerMend, 'mend/answer')
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._spinning = threading.Thread(target=self._spin, daemon=True)
+        self._spinning.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         rclpy.try_shutdown(context=self._context)
+        self._spinning.join(END_S)
 
     def _spin(self) -> None:
         executor = SingleThreadedExecutor(context=self._context)

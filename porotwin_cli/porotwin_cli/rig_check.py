@@ -348,8 +348,13 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
     if size is None:
         return None, remarks
     remarks += _corners_in(rig, baseline.name, size)
-    with Image.open(io.BytesIO(baseline.read())) as picture:
-        return np.asarray(picture.convert('RGB')), remarks
+    try:
+        with Image.open(io.BytesIO(baseline.read())) as picture:
+            return np.asarray(picture.convert('RGB')), remarks
+    except (OSError, ValueError, SyntaxError) as damage:
+        why = f'it is damaged: {damage}'
+        damaged = Remark('photographs', baseline.name, why, 'copy it from the camera again')
+        return None, [*remarks, damaged]
 
 
 def _size(photo: Photo) -> tuple[int, int] | None:

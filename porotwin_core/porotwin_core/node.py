@@ -35,6 +35,10 @@ DIAGNOSTICS = '/diagnostics'
 HARDWARE_ID = 'porotwin'
 """Name of this system in the reports of health."""
 
+END_S = 5.0
+"""Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
+takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""
+
 HEARTBEAT_S = 1.0
 """Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
 

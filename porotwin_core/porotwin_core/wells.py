@@ -164,6 +164,16 @@ class Schedule:
                 largest[row.well] = row.rate
         return largest
 
+    @property
+    def busiest(self) -> dict[str, WellRate]:
+        """The rates at the moment at which the wells pump most water together."""
+        moments = [self.at(time) for time in dict.fromkeys(self._times)]
+        return max(
+            moments,
+            key=lambda rates: math.fsum(abs(well.rate) for well in rates.values()),
+            default={},
+        )
+
 
 def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, WellRate]:
     """Return the constant rates that pump as much water and tracer as periods of other rates.

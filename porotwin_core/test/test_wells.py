@@ -36,6 +36,11 @@ def test_a_rate_holds_until_the_next_row_of_its_well() -> None:
     assert SCHEDULE.at(-1.0) == {}
 
 
+def test_the_busiest_moment_has_the_largest_sum_of_rates() -> None:
+    assert SCHEDULE.busiest == {'a': WellRate(2.0, 1.0), 'b': WellRate(-2.0)}
+    assert Schedule().busiest == {}
+
+
 def test_intervals_split_where_rates_change() -> None:
     spans = [(start, end, net_rate(rates)) for start, end, rates in SCHEDULE.intervals(30.0, 100.0)]
     assert spans == [(30.0, 60.0, 2.0), (60.0, 90.0, 0.0), (90.0, 100.0, -1.0)]

@@ -149,6 +149,17 @@ def test_an_interrupted_report_has_no_page(denser, tmp_path, monkeypatch):
     assert not (tmp_path / 'report.html').exists()
 
 
+def test_a_full_disk_leaves_no_half_of_the_maps(denser, tmp_path, monkeypatch):
+    def fails(path, *_):
+        path.write_bytes(b'half')
+        raise RuntimeError('NetCDF: HDF error')
+
+    monkeypatch.setattr('porotwin_diagnosis.report.held_out_fields._write', fails)
+    with pytest.raises(OSError, match=r'fields\.nc'):
+        write_diagnosis(denser, tmp_path)
+    assert not [name for name in names_in(tmp_path) if name.startswith('fields')]
+
+
 def names_in(folder: Path) -> set[str]:
     """Return the names of the files in `folder`."""
     return {file.name for file in folder.iterdir()}

@@ -22,6 +22,14 @@ def test_a_short_recording_is_refused(tmp_path):
         read_sample(recording)
 
 
+def test_maps_of_one_column_are_refused(quiet):
+    recording = open_recording(quiet)
+    narrow = recording.rig.grid(1, 40)
+    maps = replace(recording.maps, grid=narrow)
+    with pytest.raises(InputError, match='maps of 1 x 40 cells are too coarse'):
+        read_sample(replace(recording, maps=maps))
+
+
 def test_a_recording_whose_tracer_comes_late_is_refused(quiet):
     recording = open_recording(quiet)
     late = np.concatenate([[0.0], recording.times[-9:]])

@@ -176,7 +176,14 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
     def read(start: int, stop: int) -> Maps:
         with _damage_named(path), _dataset(path) as opened:
             values = opened.variables[name][start:stop]
-            return np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
+            maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
+        if name == 'concentration' and np.isinf(maps).any():
+            frame = start + int(np.argmax(np.isinf(maps).any(axis=(1, 2))))
+            raise InputError(
+                f'{path}: map {frame} holds infinite concentrations; write NaN where nothing is '
+                'known'
+            )
+        return maps
 
     return read
 

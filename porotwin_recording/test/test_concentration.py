@@ -132,3 +132,13 @@ def test_numbers_without_a_unit_are_read(path: Path, unit: str) -> None:
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='absent; make it'):
         ConcentrationWriter(tmp_path / 'absent' / 'maps.nc', bench_rig().grid(2, 2))
+
+
+def test_infinite_concentrations_are_refused_by_map(path: Path) -> None:
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['concentration'][1, 2, 3] = np.inf
+        dataset['concentration'][0, 0, 0] = np.nan
+    found = read(path)
+    assert np.isnan(found[0][0, 0])
+    with pytest.raises(InputError, match='map 1 holds infinite concentrations; write NaN'):
+        found[:]

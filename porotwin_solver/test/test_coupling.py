@@ -43,3 +43,17 @@ def test_the_flux_follows_rates_that_change(rig) -> None:
     again = kept.flux({name: second}, concentration)
     fresh = Coupling(physics).flux({name: second}, concentration)
     np.testing.assert_allclose(again.x, fresh.x, atol=1e-14 * 1e-7)
+
+
+def test_where_multigrid_does_not_converge_the_factor_of_water_helps(rig, monkeypatch) -> None:
+    physics = nominal_physics(rig, rig.grid(91, 61))
+    permeability = np.full(physics.grid.shape, 1e-10)
+    permeability[::2] = 1e-16
+    physics = replace(physics, viscosity_ratio=0.5, permeability=permeability)
+    concentration = np.random.default_rng(5).uniform(0.0, 1.0, physics.grid.shape)
+    rates = {next(iter(rig.wells)): WellRate(1e-7)}
+    small = Coupling(physics).flux(rates, concentration)
+    monkeypatch.setattr(coupling, 'LARGEST_PRECONDITIONED', 0)
+    monkeypatch.setattr(coupling, 'WORTHWHILE_CYCLES', 1)
+    again = Coupling(physics).flux(rates, concentration)
+    np.testing.assert_array_equal(again.x, small.x)

@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from porotwin_core.errors import InputError
 from porotwin_validation.blind_cases import BlindCase
@@ -26,13 +26,13 @@ def publish_hashes(
     """Write the hashes of the truths of `cases`, beside those that were published before.
 
     Raises:
-        InputError: another truth of a case was published already, or the folder holds a check from
-            another source.
+        InputError: another truth of a case or another cell size was published already, the folder
+            holds a check from another source, or its hashes are damaged.
     """
     hashes = {case.name: _hash(case) for case in cases}
     path = folder / HASHES
     if path.exists():
-        content = json.loads(path.read_text(encoding='utf-8'))
+        content = _published(path)
         before = content.get('from', 'maps')
         if before != source:
             raise InputError(f'{path}: a check from {before}; name another folder')
@@ -40,11 +40,27 @@ def publish_hashes(
         changed = [name for name in known.keys() & hashes.keys() if known[name] != hashes[name]]
         if changed:
             raise InputError(
-                f'{path}: {changed[0]} was published with another truth; name another folder'
+                f'{path}: {changed[0]} was published with another truth or other cells; '
+                'name another folder'
             )
         hashes = {**known, **hashes}
     content = {'seed': seed, 'from': source, 'sha256': hashes}
-    path.write_text(json.dumps(content, indent=1), encoding='utf-8')
+    unfinished = path.with_suffix('.unfinished')
+    unfinished.write_text(json.dumps(content, indent=1), encoding='utf-8')
+    unfinished.replace(path)
+
+
+def _published(path: Path) -> dict[str, Any]:
+    """Return the content of the file with the hashes.
+
+    Raises:
+        InputError: it is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding='utf-8'))
+        return {'sha256': dict(content['sha256']), **content}
+    except (ValueError, LookupError, TypeError):
+        raise InputError(f'{path}: is damaged; name another folder') from None
 
 
 def open_truth(case: BlindCase, folder: Path) -> None:
@@ -61,6 +77,7 @@ def truth_text(case: BlindCase) -> str:
         'withheld': list(case.withheld),
         'effects': [effect.model_dump() for effect in case.effects],
         'seed': case.seed,
+        'cell_m': case.cell_m,
     }
     return json.dumps(content, sort_keys=True, indent=1)
 

@@ -29,3 +29,16 @@ def test_maps_and_photographs_do_not_share_a_folder(tmp_path):
     publish_hashes(tmp_path, [draw_case(0, 1)], 1)
     with pytest.raises(InputError, match='a check from maps'):
         publish_hashes(tmp_path, [draw_case(0, 1)], 1, 'photographs')
+
+
+def test_coarse_and_fine_cells_do_not_share_a_folder(tmp_path):
+    publish_hashes(tmp_path, [draw_case(0, 1)], 1)
+    with pytest.raises(InputError, match='other cells'):
+        publish_hashes(tmp_path, [draw_case(0, 1, coarse=True)], 1)
+
+
+@pytest.mark.parametrize('content', ['', '{"sha256"', '[]', '{"sha256": 5}'])
+def test_damaged_hashes_are_refused(tmp_path, content):
+    (tmp_path / 'truth_hashes.json').write_text(content)
+    with pytest.raises(InputError, match='is damaged; name another folder'):
+        publish_hashes(tmp_path, [draw_case(0, 1)], 1)

@@ -111,7 +111,7 @@ def command(
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
     effects = parse_effects(effect or [])
     last = max(moments, default=0.0)
-    rates = schedule.largest
+    rates = schedule.busiest
     described = (*rig.effects, *effects)
     physics, _ = apply_effects(nominal_physics(rig, cells), ObservationOperator(), described)
     step = longest_free_step(physics, rates)

@@ -223,3 +223,19 @@ def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
     assert pumped(tmp_path, '500 500').remarks == ()
     remarks = [str(remark) for remark in pumped(tmp_path, '8.33 8.33').remarks]
     assert any('4.17 ml, 0.21% of the pore volume; were the rates in ml/min?' in r for r in remarks)
+
+
+def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:
+    from PIL import Image
+
+    folder = tmp_path / 'cut'
+    (folder / 'photos').mkdir(parents=True)
+    rig = yaml.safe_load(small_rig().read_text())
+    rig['camera'] = {'corners_px': [[10, 10], [10, 90], [150, 90], [150, 10]]}
+    (folder / 'rig.yaml').write_text(yaml.safe_dump(rig))
+    (folder / 'imaging.csv').write_text('time_s,path,role\n0,photos/a.jpg,baseline\n')
+    noise = np.random.default_rng(1).integers(0, 255, (100, 160, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(folder / 'photos' / 'a.jpg')
+    whole = (folder / 'photos' / 'a.jpg').read_bytes()
+    (folder / 'photos' / 'a.jpg').write_bytes(whole[: len(whole) // 2])
+    assert 'it is damaged: image file is truncated' in told(folder)

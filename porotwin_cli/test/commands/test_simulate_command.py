@@ -6,9 +6,11 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import yaml
 from cli_examples import porotwin
 
 from porotwin_cli.commands import simulate
+from porotwin_cli.workspace import small_rig
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_recording.concentration import ConcentrationWriter
@@ -122,3 +124,25 @@ def test_missing_rates_and_an_effect_given_twice_are_refused_first(
         simulate.command(tmp_path, output, grid='60x40', times=times, effect=twice)
     assert 'cells' not in capsys.readouterr().err
     assert not output.exists()
+
+
+def test_a_closed_rig_whose_wells_take_turns_is_simulated(tmp_path: Path) -> None:
+    rig = yaml.safe_load(small_rig().read_text())
+    rig['boundaries'] = dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')
+    rig.pop('control', None)
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump(rig))
+    (tmp_path / 'rates.csv').write_text(
+        'time_s,well,rate_ml_h,concentration\n0,injector,500,1\n0,producer,-500,\n'
+        '60,injector,300,1\n60,producer,0,\n60,control1,-300,\n'
+    )
+    result = porotwin(
+        'simulate',
+        tmp_path,
+        '--output',
+        tmp_path / 'maps.nc',
+        '--times',
+        '0:120:60',
+        '--grid',
+        '40x24',
+    )
+    assert result.returncode == 0, result.stderr

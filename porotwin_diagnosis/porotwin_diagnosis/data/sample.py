@@ -83,6 +83,9 @@ FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
 FEWEST_FRAMES = 8
 """Fewest frames of a recording that can be diagnosed."""
 
+FEWEST_CELLS = 4
+"""Fewest columns and rows of the maps: slopes and blur need neighbours on both sides."""
+
 VISIBLE_TRACER = 0.1
 """Concentration [-] that one cell of a frame must exceed for the frame to show tracer."""
 
@@ -333,6 +336,12 @@ def read_sample(recording: Recording) -> Sample:
         raise InputError(
             f'{recording.source}: {len(times)} maps are too few to judge a model; '
             f'record at least {FEWEST_FRAMES}'
+        )
+    if min(recording.grid.shape) < FEWEST_CELLS:
+        rows, columns = recording.grid.shape
+        raise InputError(
+            f'{recording.source}: maps of {columns} x {rows} cells are too coarse to judge a '
+            f'model; make at least {FEWEST_CELLS} columns and rows'
         )
     with_tracer = np.array([bool(np.any(frame > VISIBLE_TRACER)) for frame in maps])
     fitted = before[with_tracer[before]]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import netCDF4
 
+from porotwin_core.errors import write_error
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_diagnosis.decision.held_out import HeldOut
 
@@ -15,7 +16,23 @@ def write_fields(path: Path, grid: Grid, gap: FloatArray, held_out: HeldOut) -> 
     - `remainder` (z, x): root mean square over the held-out times of predicted after - observed;
     - `observed`, `predicted_before`, `predicted_after` (time, z, x): held-out maps, relative to
       the tracer stock.
+
+    The file gets its name when it is complete.
+
+    Raises:
+        OSError: the disk is full or fails.
     """
+    unfinished = path.with_name(f'{path.name}.partial')
+    try:
+        _write(unfinished, grid, gap, held_out)
+        unfinished.replace(path)
+    except (OSError, RuntimeError) as error:
+        told = write_error(path, error)  # before the removal makes room again
+        unfinished.unlink(missing_ok=True)
+        raise told from None
+
+
+def _write(path: Path, grid: Grid, gap: FloatArray, held_out: HeldOut) -> None:
     with netCDF4.Dataset(path, 'w') as dataset:
         axes = {'time': held_out.times, 'z': grid.z, 'x': grid.x}
         for name, values in axes.items():
