@@ -1,5 +1,6 @@
 """Tracer maps of an experiment folder: `concentration.nc`, read and written map by map."""
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 
 Maps = NDArray[np.float32]
+
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for odd values; commands and nodes show it."""
 
 CELL_TOLERANCE = 0.05
 """Largest accepted distance between a cell centre and the rig's grid, as a fraction of a cell."""
@@ -177,12 +181,10 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
         with _damage_named(path), _dataset(path) as opened:
             values = opened.variables[name][start:stop]
             maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
-        if name == 'concentration' and np.isinf(maps).any():
-            frame = start + int(np.argmax(np.isinf(maps).any(axis=(1, 2))))
-            raise InputError(
-                f'{path}: map {frame} holds infinite concentrations; write NaN where nothing is '
-                'known'
-            )
+        infinite = np.isinf(maps)
+        if name == 'concentration' and infinite.any():
+            LOG.warning('%s: infinite concentrations are read as unknown; write NaN there', path)
+            maps[infinite] = np.nan
         return maps
 
     return read

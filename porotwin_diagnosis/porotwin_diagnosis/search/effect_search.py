@@ -152,9 +152,14 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
 
 
 def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
-    """Return `findings` with pairs, triples and the members of the best combination."""
+    """Return `findings` with pairs, triples and the members of the best combination.
+
+    A single effect that suffices with its parameters in the best pair needs no third effect.
+    """
     levels, pairs = _found_pairs(levels, space, findings)
-    findings = replace(findings, pairs=pairs)
+    findings = replace(findings, pairs=pairs, parts=_parts(levels, pairs[:1]))
+    levels, singles = fitted_again_alone(levels, findings)
+    findings = replace(findings, singles=singles)
     if one_effect_is_enough(findings.singles[0], pairs, findings.null):
         triples: list[Fit] = []
     else:
