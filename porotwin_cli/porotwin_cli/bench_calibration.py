@@ -17,6 +17,7 @@ from porotwin_core.errors import InputError
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 from porotwin_validation.photo_flaws import WITHHELD_KIND
 from porotwin_validation.photo_scores import MapScore, PhotoCaseScore, score_case
+from porotwin_validation.whole_file import write_whole
 
 CASE_BYTES = 1.5e9
 """Memory of a case [B]: a photograph of some megapixels in several colour spaces."""
@@ -48,9 +49,7 @@ class CalibrationCase:
         with tempfile.TemporaryDirectory(prefix='porotwin_bench_') as output:
             case = draw_case(rig, self.number, self.seed, self.flaw)
             score = score_case(write_case(case, pixels, Path(output)))
-        unfinished = self.file.with_suffix('.part')
-        unfinished.write_text(json.dumps(asdict(score)), encoding='utf-8')
-        unfinished.replace(self.file)
+        write_whole(self.file, json.dumps(asdict(score)))
 
 
 def run(

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from porotwin_core.errors import InputError
 from porotwin_validation.blind_cases import BlindCase
+from porotwin_validation.whole_file import write_whole
 
 HASHES = 'truth_hashes.json'
 """File with the SHA-256 hash of every case's truth."""
@@ -45,9 +46,7 @@ def publish_hashes(
             )
         hashes = {**known, **hashes}
     content = {'seed': seed, 'from': source, 'sha256': hashes}
-    unfinished = path.with_suffix('.unfinished')
-    unfinished.write_text(json.dumps(content, indent=1), encoding='utf-8')
-    unfinished.replace(path)
+    write_whole(path, json.dumps(content, indent=1))
 
 
 def _published(path: Path) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from porotwin_recording.concentration import ConcentrationMaps, open_maps
 from porotwin_rig.made_experiment import signals
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
+from porotwin_validation.whole_file import write_whole
 
 SOLVER_FLOOR = 0.02
 """Relative L2 error that a good solver makes against maps without noise: solvers that share no
@@ -74,9 +75,7 @@ class CaseTruth:
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON, either completely or not at all."""
-        unfinished = path.with_suffix('.unfinished')
-        unfinished.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
-        unfinished.replace(path)
+        write_whole(path, json.dumps(asdict(self), indent=1) + '\n')
 
     @classmethod
     def read(cls, path: Path) -> Self:

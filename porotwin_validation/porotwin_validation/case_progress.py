@@ -3,10 +3,11 @@
 A worker may be a process on another machine, so a file in the folder of the case is all they share.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
+
+from porotwin_validation.whole_file import write_whole
 
 FILE = 'progress.txt'
 """File with the share of the work on a case that is done, while it is in work."""
@@ -40,9 +41,7 @@ class CaseProgress:
             return
         self._written = time.monotonic()
         self._file.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = self._file.with_name(f'{FILE}.{os.getpid()}.part')
-        unfinished.write_text(f'{share:.4f}\n', encoding='utf-8')
-        unfinished.replace(self._file)
+        write_whole(self._file, f'{share:.4f}\n')
 
     def __enter__(self) -> 'CaseProgress':
         return self
