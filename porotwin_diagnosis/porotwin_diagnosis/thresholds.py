@@ -194,6 +194,12 @@ NEAR_EQUAL_LOG_ODDS = math.log(3.0)
 """Log-odds against a single effect below which the verdict lists it beside the named one. Nobody
 would stake a repair on odds below three to one."""
 
+MOVING_PRICE = 10.0
+"""Price of the squared misfit that moved parameters add to the fitted frames, in squares of the
+held-out misfit. Three leaks that fronts reach late added 0.002 to 0.004 and need the move; a pump
+that drifts, an effect outside the library, added 0.15 and passed for a wrong rate at a price of 1.
+"""
+
 INDISTINGUISHABLE = 0.06
 """Whitened root mean square difference of two predictions below which the camera shows the same."""
 

@@ -25,9 +25,9 @@ class CorrectedAt:
     def corrected_at(self, fit):
         return CorrectedAt(fit.label)
 
-    def evaluate(self, members, _scaled):
-        misfit = 0.45 if members[0].effect == self.best else 0.40
-        return fit_of(members[0].effect, misfit=misfit)
+    def evaluated_again(self, fit):
+        misfit = 0.45 if fit.label == self.best else 0.40
+        return fit_of(fit.label, misfit=misfit)
 
     def distance(self, one, other):
         alike = {'porosity', 'retardation'}

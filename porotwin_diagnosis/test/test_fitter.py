@@ -10,6 +10,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.search.ranking import feasible
 
 
@@ -60,14 +61,6 @@ def test_the_model_without_effects_leaves_only_the_noise_of_a_quiet_recording(qu
     null = fine_fitter(quiet).evaluate((), np.zeros(0))
     assert null.fitted_misfit < 1.2
     assert null.held_out_misfit < 1.2
-
-
-def test_a_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, denser_sand, porosity):
-    fine = fine_fitter(denser_sand)
-    off = fine.evaluate((porosity,), at_factor(porosity, 0.93))
-    polished = fine.polish(off, fitter)
-    assert polished.fitted_misfit < 0.4 * off.fitted_misfit
-    assert polished.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.01)
 
 
 def test_a_shifted_and_rotated_picture_is_found_in_its_narrow_valley(tmp_path):
@@ -130,7 +123,7 @@ def test_a_model_that_cannot_run_ends_neither_a_fit_nor_its_derivatives(denser_s
     assert least <= stopped.scaled_parameters[0] < 0.0, 'as far as the model goes'
     assert not fitter.fit((porosity,), start=np.array([least - 1.0])).is_feasible
     at_the_limit = fitter.evaluate((porosity,), np.array([least]))
-    assert fitter.polish(at_the_limit, fitter).is_feasible
+    assert polished(fitter, at_the_limit, fitter).is_feasible
     screened = [at_the_limit, fitter.evaluate((porosity,), np.array([least - 1.0]))]
     assert feasible(screened) == [at_the_limit]
 

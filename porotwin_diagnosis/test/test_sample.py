@@ -129,7 +129,7 @@ def test_a_wrong_scale_that_was_delivered_is_no_gap(quiet):
     for systematic in (0.0, 0.04):
         sample = read_sample(told_deviations(recording, 0.04, systematic))
         assert sample.noise.systematic[10] == pytest.approx(systematic, abs=1e-6)
-        shown = sample.noise.expected(np.clip(0.96 * sample.observed, 0, 1))
+        shown = sample.noise.expected(np.clip(0.96 * sample.observed_or_zero, 0, 1))
         misfits = np.hypot(*misfit([sample], [sample.whitened(shown)]))
         assert misfits > 0.5 if systematic == 0.0 else misfits < 0.45
     assert maps.max() > 0.9

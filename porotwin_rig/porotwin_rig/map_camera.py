@@ -79,7 +79,11 @@ class MapCamera:
         generator = np.random.default_rng([self._seed, 8, number])
         blurred = signal
         if self.noise.blur_cells > 0.0:
-            blurred = np.asarray(cv2.GaussianBlur(signal, (0, 0), self.noise.blur_cells))
+            blurred = np.asarray(
+                cv2.GaussianBlur(
+                    signal, (0, 0), self.noise.blur_cells, borderType=cv2.BORDER_REFLECT
+                )
+            )
         flicker = self.noise.frame * _correlated(generator, signal.shape, self.noise.frame_cells)
         share = self.noise.background + (1.0 - self.noise.background) * np.clip(blurred, 0.0, 1.0)
         seen = np.clip(blurred * (1.0 + self._grain) + share * flicker, 0.0, 1.0)

@@ -22,6 +22,7 @@ from porotwin_core.units import from_ml_h
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import lack_of_fit
 from porotwin_recording.recording import open_recording
@@ -84,7 +85,7 @@ def _judged(sample: Sample, candidate: Candidate, effect: EffectDescription) -> 
     levels = make_levels([sample], progress=lambda _stage, _share: None)
     scaled = np.array(true_fit(candidate, effect))
     true: Fit = levels.judging.evaluate((candidate,), scaled)
-    again = levels.corrected_at(true).judging.polish(true, levels.refining)
+    again = polished(levels.corrected_at(true).judging, true, levels.refining)
     return lack_of_fit(again, levels.null())
 
 

@@ -61,6 +61,19 @@ def change_at_fronts(
     return _root_mean_squares(samples, squares)
 
 
+def front_cells(samples: Sequence[Sample]) -> tuple[int, int]:
+    """Return the numbers of observed front cells, of the fitted and of the held-out frames."""
+    counts = [
+        np.count_nonzero(sample.front_mask[part]) for sample in samples for part in _parts(sample)
+    ]
+    return max(sum(counts[::2]), 1), max(sum(counts[1::2]), 1)
+
+
+def _parts(sample: Sample) -> tuple[slice, slice]:
+    """Return the fitted and the held-out frames of `sample`."""
+    return slice(None, sample.fitted_frames), slice(sample.fitted_frames, None)
+
+
 def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
     weight = sample.weight(SMOOTHING_WIDTH)
     predicted = sample.smoothed_observed - residual / np.where(weight > 0, weight, np.inf)
@@ -72,11 +85,8 @@ def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
 def _root_mean_squares(
     samples: Sequence[Sample], squares: Sequence[FloatArray]
 ) -> tuple[float, float]:
-    sums, counts = np.zeros(2), np.zeros(2)
+    sums = np.zeros(2)
     for sample, square in zip(samples, squares, strict=True):
-        parts = (slice(None, sample.fitted_frames), slice(sample.fitted_frames, None))
-        for index, part in enumerate(parts):
-            sums[index] += float(square[part].sum())
-            counts[index] += np.count_nonzero(sample.front_mask[part])
-    fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
+        sums += [float(square[part].sum()) for part in _parts(sample)]
+    fitted, held_out = np.sqrt(sums / front_cells(samples))
     return float(fitted), float(held_out)

@@ -103,7 +103,8 @@ class Sample:
         schedule: rates of the wells over time.
         grid: grid of the maps.
         times: times of the frames [s], (nt,); the fitted frames first, then the held-out ones.
-        observed: observed concentration [-], (nt, nz, nx); NaN where nothing is seen.
+        observed: observed concentration [-], (nt, nz, nx); NaN at the rim and where nothing is
+            seen.
         fitted_frames: number of frames that fits use.
         noise: noise of the maps.
         start: time of the first map of the recording [s].
@@ -359,7 +360,7 @@ def read_sample(recording: Recording) -> Sample:
         schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
-        observed=np.stack([maps[int(index)] for index in chosen]).astype(float),
+        observed=_without_rim(np.stack([maps[int(index)] for index in chosen]).astype(float)),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
         noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
@@ -369,6 +370,17 @@ def read_sample(recording: Recording) -> Sample:
         own_deviation=own,
         shared_errors=shared,
     )
+
+
+def _without_rim(maps: FloatArray) -> FloatArray:
+    """Return `maps` (nt, nz, nx) with NaN in the outermost cells.
+
+    The camera's blur mixes the rim with the unknown frame of the rig. At the rim, a plume that lay
+    flat on the bottom left nearly as much as the true effect may leave everywhere.
+    """
+    inside = np.full_like(maps, np.nan)
+    inside[:, 1:-1, 1:-1] = maps[:, 1:-1, 1:-1]
+    return inside
 
 
 def _delivered(

@@ -40,6 +40,8 @@ class Fit:
             without a correction.
         fingering_amplification: ratio [-] of the responses to rough sand with and without the
             effects, fitted and held out.
+        held_out_parameters: scaled parameters (p,) with which the held-out frames are judged (see
+            `fitter.Fitter.evaluate`); None for the fitted ones.
     """
 
     members: tuple[Candidate, ...]
@@ -54,6 +56,7 @@ class Fit:
     unshared_misfit: tuple[float, float] = (0.0, 0.0)
     scheme_misfit: tuple[float, float] = (0.0, 0.0)
     fingering_amplification: tuple[float, float] = (1.0, 1.0)
+    held_out_parameters: FloatArray | None = None
 
     @property
     def is_feasible(self) -> bool:

@@ -16,7 +16,11 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.misfit import change_at_fronts, misfit, noise_misfit
+from porotwin_diagnosis.data.misfit import (
+    change_at_fronts,
+    misfit,
+    noise_misfit,
+)
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import (
     COARSE_SMOOTHING_WIDTH,
@@ -35,17 +39,12 @@ from porotwin_diagnosis.model.fit import (
 )
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.rough_sand import RoughSands
+from porotwin_diagnosis.thresholds import MOVING_PRICE
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
 FREE_ITERATIONS_FACTOR = 8
 """Factor on the number of iterations of a fit that needs no simulation: they cost next to nothing,
 and the four parameters of a registration have a narrow valley."""
-
-POLISHING_ITERATIONS = 4
-"""Iterations with the slopes of a coarser fitter."""
-
-POLISHING_TRIALS = 1
-"""Trial steps per iteration with such slopes: if the first fails, they are no longer good."""
 
 CENTRAL_DIFFERENCE = 0.25
 """Half the difference [scaled] of a central derivative: smaller than the width of the minimum
@@ -119,7 +118,7 @@ class Fitter:
         Effects of the camera alone need no simulation and take eight times as many iterations, with
         new slopes in each. The fit is not feasible if the model cannot run with the effects.
         """
-        if _needs_no_simulation(members):
+        if all_of_the_camera(members):
             coarse_steps *= FREE_ITERATIONS_FACTOR
             fine_steps *= FREE_ITERATIONS_FACTOR
             updated_slopes = False
@@ -130,44 +129,50 @@ class Fitter:
             (SMOOTHING_WIDTH, fine_steps),
         ):
             if iterations:
-                scaled = self._minimised(
+                scaled = self.minimised(
                     members, scaled, width, iterations, updated_slopes=updated_slopes
                 )
         return self.evaluate(members, scaled)
 
-    def polish(self, fit: Fit, coarser: 'Fitter') -> Fit:
-        """Return `fit` refined on the cells of this fitter with the slopes of a `coarser` one.
-
-        Both fitters have nearly the same slopes. So an iteration takes one simulation on fine cells
-        instead of one per parameter. If the result is not feasible, `fit` itself is evaluated.
-        """
-        members, start = fit.members, fit.scaled_parameters
-        if _needs_no_simulation(members):
-            return self.fit(members, start=start, coarse_steps=0, fine_steps=1)
-        try:
-            residuals = coarser.residuals(
-                effects_at(members, start), SMOOTHING_WIDTH, fitted_only=True
-            )
-        except InputError:
-            return self.evaluate(members, start)
-        slopes = coarser.slopes(members, start, residuals)
-        scaled = self._minimised(
-            members,
-            start,
-            SMOOTHING_WIDTH,
-            POLISHING_ITERATIONS,
-            slopes_at=lambda _parameters, _residuals: slopes,
-            trials=POLISHING_TRIALS,
-            updated_slopes=True,
+    def evaluated_again(self, fit: Fit) -> Fit:
+        """Return `fit` with the misfits and errors of this fitter; the covariance becomes zero."""
+        return self.evaluate(
+            fit.members, fit.scaled_parameters, held_out_parameters=fit.held_out_parameters
         )
-        polished = self.evaluate(members, scaled)
-        return polished if polished.is_feasible else self.evaluate(members, start)
 
-    def evaluate(self, members: Sequence[Candidate], scaled_parameters: FloatArray) -> Fit:
+    def evaluate(
+        self,
+        members: Sequence[Candidate],
+        scaled_parameters: FloatArray,
+        *,
+        held_out_parameters: FloatArray | None = None,
+    ) -> Fit:
         """Return the fit of `members` at `scaled_parameters` (p,), with its misfits and errors.
 
         The covariance stays zero. The fit is not feasible if the model cannot run.
+
+        With `held_out_parameters` (p,) the misfit of the held-out frames is sqrt(h^2 + P g), if
+        that is less: h is their misfit at these parameters, g the square of the fitted misfit that
+        they add, and P is `MOVING_PRICE`.
         """
+        fit = self._evaluated(members, scaled_parameters)
+        if held_out_parameters is None or np.array_equal(held_out_parameters, scaled_parameters):
+            return fit
+        moved = self._evaluated(members, held_out_parameters)
+        price = MOVING_PRICE * max(moved.fitted_misfit**2 - fit.fitted_misfit**2, 0.0)
+        misfit_moved = float(np.sqrt(moved.held_out_misfit**2 + price))
+        if not misfit_moved < fit.held_out_misfit:
+            return fit
+        unshared = float(np.sqrt(moved.unshared_misfit[1] ** 2 + price))
+        return replace(
+            fit,
+            held_out_misfit=misfit_moved,
+            unshared_misfit=(fit.unshared_misfit[0], unshared),
+            held_out_parameters=held_out_parameters,
+        )
+
+    def _evaluated(self, members: Sequence[Candidate], scaled_parameters: FloatArray) -> Fit:
+        """Return the fit of `members` with all its frames at `scaled_parameters` (p,)."""
         effects = effects_at(members, scaled_parameters)
         try:
             maps = [forward.maps(effects) for forward in self.forwards]
@@ -294,7 +299,7 @@ class Fitter:
         Returns:
             One array (p - first, nt, nz', nx') per recording.
         """
-        central = _needs_no_simulation(members)
+        central = all_of_the_camera(members)
         parameters = _parameters(members)
 
         def residuals_at(index: int, value: float) -> Sequence[FloatArray]:
@@ -318,7 +323,7 @@ class Fitter:
         columns = list(run(slope, range(first, len(parameters))))
         return [np.stack([column[n] for column in columns]) for n in range(len(residuals))]
 
-    def _minimised(
+    def minimised(
         self,
         members: Sequence[Candidate],
         start: FloatArray,
@@ -329,14 +334,23 @@ class Fitter:
         trials: int = TRIALS,
         updated_slopes: bool = False,
     ) -> FloatArray:
-        """Return the scaled parameters after at most `iterations` with residuals of `width`."""
-        ranges = np.array([parameter.range for parameter in _parameters(members)]).reshape(-1, 2)
+        """Return the scaled parameters (p,) with which the fitted frames fit best.
+
+        Args:
+            members: the effects.
+            start: scaled parameters at the beginning, (p,).
+            width: width [cells] of the smoothing.
+            iterations: largest number of iterations.
+            slopes_at: slopes of the residuals; by default those of this fitter.
+            trials: trial steps per iteration.
+            updated_slopes: whether slopes are taken once, and then updated.
+        """
         return minimise(
             lambda scaled: self.residuals(effects_at(members, scaled), width, fitted_only=True),
             slopes_at
             or (lambda scaled, residuals: self.slopes(members, scaled, residuals, width=width)),
             start,
-            Bounds(*ranges.T),
+            bounds_of(members),
             iterations=iterations,
             trials=trials,
             updated_slopes=updated_slopes,
@@ -367,7 +381,14 @@ def _parameters(members: Sequence[Candidate]) -> list[FitParameter]:
     return [parameter for member in members for parameter in member.parameters]
 
 
-def _needs_no_simulation(members: Sequence[Candidate]) -> bool:
+def bounds_of(members: Sequence[Candidate]) -> Bounds:
+    """Return the bounds of the scaled parameters of all `members`."""
+    ranges = np.array([parameter.range for parameter in _parameters(members)]).reshape(-1, 2)
+    return Bounds(*ranges.T)
+
+
+def all_of_the_camera(members: Sequence[Candidate]) -> bool:
+    """Return whether all `members` are effects of the camera, which need no simulation."""
     return not any(needs_simulation(member.effect) for member in members)
 
 

@@ -73,7 +73,7 @@ def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
     corrected = [levels.corrected_at(fit).judging for fit in rivals]
 
     def mean(fit: Fit) -> Fit:
-        judged = [fitter.evaluate(fit.members, fit.scaled_parameters) for fitter in corrected]
+        judged = [fitter.evaluated_again(fit) for fitter in corrected]
         return replace(
             fit,
             fitted_misfit=float(np.mean([other.fitted_misfit for other in judged])),

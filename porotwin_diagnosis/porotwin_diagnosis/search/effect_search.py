@@ -21,6 +21,7 @@ import numpy as np
 from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, with_noise_share
+from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
@@ -128,7 +129,7 @@ def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
     screened = coarsely_fitted_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     first, *_ = screened
-    singles = [levels.judging.polish(first, levels.refining)]
+    singles = [polished(levels.judging, first, levels.refining)]
     levels, findings = _with_bounded_noise(
         levels, Findings(levels.null(), screened_null, screened, singles)
     )

@@ -28,6 +28,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import pumping_wells
+from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.model.rough_sand import RoughSands, on_rough_sand
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.ranking import (
@@ -171,7 +172,7 @@ class Levels:
             for forward, finer in zip(self.judging.forwards, self.finest, strict=True)
         ]
         corrected = replace(self, judging=replace(self.judging, forwards=forwards))
-        judged = corrected.judging.evaluate(fit.members, fit.scaled_parameters)
+        judged = corrected.judging.evaluated_again(fit)
         if normalised_misfit(judged) > NEARLY_CLOSED_MISFIT:
             return corrected
         return corrected.with_point_spread_of(fit)
@@ -227,7 +228,7 @@ class Levels:
         def judge(number: int) -> Fit:
             stage, done = f'judging {best[number].label}', JUDGING_PROGRESS * number / JUDGED_FITS
             self.progress(stage, begin + done)
-            return self.judging.polish(best[number], self.refining)
+            return polished(self.judging, best[number], self.refining)
 
         return self.ranked(feasible(self.side_by_side(judge, range(len(best)))))
 
@@ -248,12 +249,12 @@ class Levels:
         levels = self.with_point_spread_of(best)
         closing = [fit for fit in fits if normalised_misfit(fit) <= CORRECTED_MISFIT]
         others = [fit for fit in fits if normalised_misfit(fit) > CORRECTED_MISFIT]
-        polished = []
+        again = []
         for index, fit in enumerate([*closing, *others]):
             self.progress(f'polishing {fit.label}', begin + POLISHING_PROGRESS * index / len(fits))
             levels = levels.corrected_at(best if fit in others else fit)
-            polished.append(levels.judging.polish(fit, levels.refining))
-        return Judgement(levels.corrected_at(best), self.ranked(polished))
+            again.append(polished(levels.judging, fit, levels.refining))
+        return Judgement(levels.corrected_at(best), self.ranked(again))
 
     def ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """Return the judged `fits`, the most plausible first.
