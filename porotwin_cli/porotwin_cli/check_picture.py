@@ -106,6 +106,7 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
         axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
         axis.plot(well.x_m, well.z_m, 'o', mfc='none', mec=ROLES[role], ms=11)
         axis.annotate(name, (well.x_m, well.z_m), (8, 6), textcoords='offset points', fontsize=8)
+    _draw_effects(axis, rig)
     axis.set(xlabel='x [m]', ylabel='z [m]')
     axis.set_title(f'{rig.name}: {rig.width_m:g} m x {rig.height_m:g} m, {_depth_words(rig)}')
     margin = 0.02 * rig.width_m
@@ -115,6 +116,15 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
         handles=[*handles, *_role_handles(rig)], fontsize=7, loc='upper left',
         bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
     )  # fmt: skip
+
+
+def _draw_effects(axis: Axes, rig: Rig) -> None:
+    """Mark the effects that have a place, such as a leak."""
+    for effect in rig.effects:
+        if {'x', 'z'} <= effect.parameters.keys():
+            place = float(effect.parameters['x']), float(effect.parameters['z'])
+            axis.plot(*place, 'x', color='black', ms=9, mew=2)
+            axis.annotate(effect.name, place, (8, 6), textcoords='offset points', fontsize=8)
 
 
 def shading(permeability: FloatArray) -> Shading:

@@ -35,6 +35,7 @@ from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_r
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_solver.effects import EFFECTS, apply_effects
+from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
@@ -241,7 +242,7 @@ def pumped_in(data: RecordedData) -> Pumped:
 
 def in_words(checked: CheckedRig) -> list[str]:
     """Return the lines of a check beside its remarks."""
-    lines = []
+    lines = effects_in_words(checked.rig)
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
@@ -260,6 +261,16 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def effects_in_words(rig: Rig) -> list[str]:
+    """Return one line with the effects that the description of `rig` holds; empty without any."""
+    told = [
+        f'{effect.name}: {plain(EFFECTS[effect.name].phrase(effect.parameters))}'
+        for effect in rig.effects
+        if effect.name in EFFECTS
+    ]
+    return [f'the model has these effects: {"; ".join(told)}'] if told else []
 
 
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:

@@ -15,6 +15,7 @@ from porotwin_cli.check_picture import shading
 from porotwin_cli.rig_check import (
     CheckedRig,
     check,
+    effects_in_words,
     in_words,
     maps_in_words,
     pumped_in,
@@ -95,6 +96,15 @@ def test_an_effect_of_the_camera_is_odd_and_one_of_the_rig_is_not(tmp_path: Path
     assert checked.runs
     (remark,) = checked.remarks
     assert str(remark).startswith('effects.2 is illumination: simulations show this effect')
+
+
+def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
+    leak = {'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -12.0}}
+    checked = check(changed(tmp_path, effects=[leak]))
+    assert effects_in_words(checked.rig) == [
+        'the model has these effects: leak: water is lost at x = 0.400 m, z = 0.200 m: 12 ml/h'
+    ]
+    assert effects_in_words(check(small_rig()).rig) == []
 
 
 def test_an_impossible_grid_is_named() -> None:
