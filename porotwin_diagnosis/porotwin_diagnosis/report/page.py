@@ -174,7 +174,7 @@ def _photograph(result: Diagnosis) -> Iterator[str]:
 def _plumes_caption(result: Diagnosis, which: str) -> str:
     colours = 'Red: more tracer in the rig than in the model. Blue: less.'
     first = (
-        f'The map of the last photograph{which}, and the prediction from the rates of the pumps '
+        f'The last map{which}, and the prediction from the rates of the pumps '
         'alone.'
     )
     if result.verdict.name == NONE:

@@ -155,7 +155,7 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
 def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
     """Return `findings` with pairs, triples and the members of the best combination.
 
-    A single effect that suffices with its parameters in the best pair needs no third effect.
+    A single effect that suffices when it is fitted again needs no third effect.
     """
     levels, pairs = _found_pairs(levels, space, findings)
     findings = replace(findings, pairs=pairs, parts=_parts(levels, pairs[:1]))
@@ -208,9 +208,7 @@ def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
     """Return the judged single effects, with members of the best pair fitted alone once more.
 
     A member is fitted again if, with its parameters in the pair, it scores better than every single
-    fit: its own fit was stuck before it reached them. With these parameters it is a single effect
-    too: a leak that the front reaches late fits the first part equally well 15 mm away, where it
-    fails in the held-out part.
+    fit: its own fit was stuck before it reached them.
 
     Raises:
         InputError: the model cannot run with one of the fits.
@@ -221,7 +219,7 @@ def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
         return Judgement(levels, singles)
     judged = levels.judged(levels.refined(better, 0.89), 0.9)
     levels, again = levels.judged_again(judged, findings.null, 0.9)
-    return Judgement(levels, levels.ranked([*again, *better, *singles]))
+    return Judgement(levels, levels.ranked([*again, *singles]))
 
 
 def _with_distances(levels: Levels, findings: Findings) -> Findings:
