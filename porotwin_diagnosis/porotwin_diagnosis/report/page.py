@@ -173,10 +173,7 @@ def _photograph(result: Diagnosis) -> Iterator[str]:
 
 def _plumes_caption(result: Diagnosis, which: str) -> str:
     colours = 'Red: more tracer in the rig than in the model. Blue: less.'
-    first = (
-        f'The last map{which}, and the prediction from the rates of the pumps '
-        'alone.'
-    )
+    first = f'The last map{which}, and the prediction from the rates of the pumps alone.'
     if result.verdict.name == NONE:
         return f'{first} Right: the difference. {colours}'
     return f'{first} Below: the fronts (half of the stock), and the differences. {colours}'

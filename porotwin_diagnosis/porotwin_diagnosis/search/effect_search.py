@@ -115,8 +115,7 @@ def search_effects(
     if may_need_a_second_effect(findings.singles[0], findings.null):
         levels, findings = _with_combinations(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
-    levels, singles = fitted_again_alone(levels, findings)
-    levels, singles = compared_rivals(levels, singles, findings.null, prior)
+    levels, singles = compared_rivals(levels, findings.singles, findings.null, prior)
     findings = replace(findings, singles=singles, prior=prior)
     return SearchResult(_with_distances(levels, findings), levels)
 
@@ -158,17 +157,24 @@ def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -
     A single effect that suffices when it is fitted again needs no third effect.
     """
     levels, pairs = _found_pairs(levels, space, findings)
-    findings = replace(findings, pairs=pairs, parts=_parts(levels, pairs[:1]))
-    levels, singles = fitted_again_alone(levels, findings)
-    findings = replace(findings, singles=singles)
+    levels, findings = _with_members(levels, replace(findings, pairs=pairs), pairs)
     if one_effect_is_enough(findings.singles[0], pairs, findings.null):
-        triples: list[Fit] = []
-    else:
-        levels, triples = judged_triples(levels, space, findings)
-    best = [*triples, *pairs][:1]
-    for fit in best:
-        levels = levels.corrected_at(fit)
-    return SearchStep(levels, replace(findings, triples=triples, parts=_parts(levels, best)))
+        return SearchStep(levels, findings)
+    levels, triples = judged_triples(levels, space, findings)
+    return _with_members(levels, replace(findings, triples=triples), triples)
+
+
+def _with_members(levels: Levels, findings: Findings, judged: Sequence[Fit]) -> SearchStep:
+    """Return `findings` with the members of the first of the `judged` combinations, if any.
+
+    Members that were stuck alone are fitted again. The levels are corrected at the combination.
+    """
+    if not judged:
+        return SearchStep(levels, findings)
+    levels = levels.corrected_at(judged[0])
+    findings = replace(findings, parts=_members_alone(levels, judged[0]))
+    levels, singles = fitted_again_alone(levels, findings)
+    return SearchStep(levels, replace(findings, singles=singles))
 
 
 def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -195,20 +201,19 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     return Judgement(levels, pairs)
 
 
-def _parts(levels: Levels, best: Sequence[Fit]) -> list[Fit]:
-    """Return the members of the `best` combination, each judged alone with its parameters there."""
+def _members_alone(levels: Levels, combination: Fit) -> list[Fit]:
+    """Return the members of a `combination`, each judged alone with its parameters there."""
     return [
         levels.judging.evaluate((member,), scaled)
-        for combination in best
         for member, scaled, _ in combination.member_parameters
     ]
 
 
 def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
-    """Return the judged single effects, with members of the best pair fitted alone once more.
+    """Return the judged single effects, with stuck members of the best combination fitted again.
 
-    A member is fitted again if, with its parameters in the pair, it scores better than every single
-    fit: its own fit was stuck before it reached them.
+    A member is fitted again if, with its parameters there, it scores better than every single fit:
+    its own fit was stuck before it reached them.
 
     Raises:
         InputError: the model cannot run with one of the fits.
