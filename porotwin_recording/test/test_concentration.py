@@ -50,6 +50,13 @@ def test_index_slice_and_iteration_give_the_same_maps(path: Path) -> None:
         maps[5]
 
 
+def test_unix_times_are_refused(path: Path) -> None:
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['time'][:] += 1.75e9
+    with pytest.raises(InputError, match='Unix time'):
+        read(path)
+
+
 def test_a_failing_writer_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / 'concentration.nc'
     rig = bench_rig()
