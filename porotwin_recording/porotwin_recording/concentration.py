@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError, write_error
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_recording.rates import LONGEST_S
 
 Maps = NDArray[np.float32]
 
@@ -32,9 +33,6 @@ PACKED_NAN = 255
 
 LARGEST_DIMENSION = 10_000_000
 """Largest size of a dimension: photographs of ten years at one per half minute."""
-
-LATEST_S = 1e9
-"""Latest time of a map [s]: thirty years after the start. Unix time has been later since 2001."""
 
 DEVIATIONS = {
     'deviation': 'standard deviation of the concentration',
@@ -152,7 +150,7 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
 
     Raises:
         InputError: the file is not readable, its dimensions or coordinates do not fit the grid
-            over the whole `rig`, or its times do not increase or are no times of an experiment.
+            over the whole `rig`, or its times do not increase, or are more than a year from the start.
     """
     with _damage_named(path), _dataset(path) as dataset:
         _check_sizes(dataset, path)
@@ -165,11 +163,11 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     grid = rig.grid(len(x), len(z))
     _check_coordinate(path, 'x', x, grid.x, f'width_m {rig.width_m:g}')
     _check_coordinate(path, 'z', z, grid.z, f'height_m {rig.height_m:g}')
-    if np.abs(times).max() > LATEST_S:
+    if np.abs(times).max() > LONGEST_S:
         worst = times[np.abs(times).argmax()]
         raise InputError(
-            f'{path}: time {worst:.10g} s is no experiment of a laboratory; if it counts from 1970 '
-            '(Unix time), subtract the time at which rates.csv has 0'
+            f'{path}: time {worst:.10g} s is more than a year from the start; write seconds since '
+            'the start of the experiment, not Unix time'
         )
     if np.any(np.diff(times) <= 0):
         first = int(np.argmax(np.diff(times) <= 0)) + 1
