@@ -150,7 +150,7 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
 
     Raises:
         InputError: the file is not readable, its dimensions or coordinates do not fit the grid
-            over the whole `rig`, or its times do not increase, or are more than a year from the start.
+            over the whole `rig`, or its times do not increase, or are a year from the start.
     """
     with _damage_named(path), _dataset(path) as dataset:
         _check_sizes(dataset, path)
