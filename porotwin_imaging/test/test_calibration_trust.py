@@ -62,16 +62,16 @@ def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides
 
 
 def test_fronts_that_fit_many_bends_refuse_no_good_injection() -> None:
-    unsure = FrontFit(0.11, 0.042, 1.0, 0.0, 0.033, at_end=True)
-    assert refusal(replace(GOOD, bend=0.084, fronts=unsure)) == ''
-    assert 'half of stock' in refusal(replace(GOOD, bend=0.02, fronts=unsure))
+    unsure = FrontFit(-0.145, 0.042, 1.0, 0.0, 0.033, at_end=True)
+    assert refusal(replace(GOOD, bend=-0.12, fronts=unsure)) == ''
+    assert 'half of stock' in refusal(replace(GOOD, bend=-0.05, fronts=unsure))
 
 
 def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_text() -> None:
-    beyond = replace(GOOD, bend=0.108, fronts=FrontFit(0.11, 0.02, 1.3, 0.0, 0.01, at_end=True))
+    beyond = replace(GOOD, bend=-0.142, fronts=FrontFit(-0.145, 0.02, 1.3, 0.0, 0.01, at_end=True))
     line = refusal(beyond)
     assert 'no response that a dye can have fits the fronts' in line
-    assert '0.61 and 0.61' not in line
+    assert '0.36 and 0.36' not in line
     apart = refusal(replace(GOOD, bend=0.0301, fronts=FrontFit(-0.0509, 0.02, 1.3, 0.0, 0.01)))
     assert '0.45 and 0.53 of stock, 0.081 apart (limit 0.08)' in apart
 
