@@ -302,10 +302,10 @@ class NoiseSettings:
     remaining_noise: float = 0.77
     """Noise of a map relative to the noise that is propagated through its steps [-]. Samples share
     less of it than assumed. Fitted to composed photographs, as are the next two."""
-    place_error: float = 1.5e-4
-    """Standard deviation of the place of a cell relative to the width of the rig [-]: a quarter of
-    a pixel of 1600, for alignment and exact corners. On the large FluidFlower, the lines of a laser
-    grid deviate by 1.0 mm on 2.8 m, 3.6e-4."""
+    place_error: float = 3e-4
+    """Standard deviation of the place of a cell relative to the width of the rig [-]: half a pixel
+    of 1600, from alignment and from corners that a person reads off. On the large FluidFlower, the
+    lines of a laser grid deviate by 1.0 mm on 2.8 m, 3.6e-4."""
     blur_cells: float = 0.21
     """Standard deviation of the blur of a front that is left in a map, or that was taken back too
     much [cells]: 1.2 px on composed photographs with 5.5 px per cell."""
