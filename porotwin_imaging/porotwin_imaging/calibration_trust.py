@@ -303,7 +303,7 @@ def _level(
             'a dilution, which leaves the response above it unknown',
             'photograph an injection of stock',
         )
-    if abs(evidence.bend) > settings.most_bend:
+    if abs(evidence.bend) - evidence.bend_deviation > settings.most_bend:
         yield Objection(
             f'half of stock would look like {0.5 + evidence.bend:.2f} of stock',
             'light that changes during the injection, the clock of the camera, or tracer in the '

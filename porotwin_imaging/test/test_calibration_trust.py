@@ -67,6 +67,12 @@ def test_fronts_that_fit_many_bends_refuse_no_good_injection() -> None:
     assert 'half of stock' in refusal(replace(GOOD, bend=-0.05, fronts=unsure))
 
 
+@pytest.mark.parametrize(('deviation', 'is_refused'), [(0.05, False), (0.01, True)])
+def test_a_strong_bend_is_refused_only_if_it_is_sure(deviation: float, is_refused: bool) -> None:
+    line = refusal(replace(GOOD, bend=0.19, bend_deviation=deviation))
+    assert ('half of stock would look like 0.69' in line) == is_refused
+
+
 def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_text() -> None:
     beyond = replace(GOOD, bend=-0.142, fronts=FrontFit(-0.145, 0.02, 1.3, 0.0, 0.01, at_end=True))
     line = refusal(beyond)
