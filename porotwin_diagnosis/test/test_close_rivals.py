@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
 from diagnosis_examples import fit_of, sample_of
 
@@ -59,6 +60,13 @@ def test_an_earlier_finding_decides_between_close_rivals():
     levels, compared = compared_rivals(CorrectedAt(), singles, NULL, believed)
     assert [fit.label for fit in compared] == ['retardation', 'porosity', 'depth', 'leak']
     assert levels.best == 'retardation'
+
+
+def test_of_two_rivals_that_fit_alike_the_simpler_one_comes_first():
+    shift = replace(fit_of('registration', misfit=0.41), scaled_parameters=np.ones(4))
+    singles = [shift, fit_of('saturation', misfit=0.42)]
+    _, compared = compared_rivals(CorrectedAt(), singles, NULL)
+    assert [fit.label for fit in compared] == ['saturation', 'registration']
 
 
 @pytest.mark.parametrize('second', [fit_of('leak', misfit=1.2), fit_of('rate', misfit=5.0)])

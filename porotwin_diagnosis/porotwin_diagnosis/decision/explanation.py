@@ -16,6 +16,7 @@ from porotwin_diagnosis.search.ranking import (
     larger_misfit,
     log_odds_against,
     normalised_misfit,
+    simplicity,
 )
 from porotwin_diagnosis.thresholds import (
     BARELY_SUFFICIENT,
@@ -131,7 +132,9 @@ def _close_singles(findings: Findings, same: Sequence[str]) -> tuple[str, ...]:
         fit.members[0].effect
         for fit in others
         if lack_of_fit(fit, findings.null) <= 1.0
-        and log_odds_against(larger_misfit(fit), larger_misfit(best)) < NEAR_EQUAL_LOG_ODDS
+        and log_odds_against(larger_misfit(fit), larger_misfit(best))
+        + math.log(simplicity(best) / simplicity(fit))
+        < NEAR_EQUAL_LOG_ODDS
     )
     known = {best.members[0].effect, *same}
     return tuple(name for name in dict.fromkeys(names) if name not in known)

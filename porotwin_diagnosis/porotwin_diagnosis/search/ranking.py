@@ -28,6 +28,7 @@ from porotwin_diagnosis.thresholds import (
     FAR_LESS,
     NO_GAP_MISFIT,
     NOISE_UNCERTAINTY,
+    ODDS_PER_PARAMETER,
     PENALTY_PER_PARAMETER,
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
@@ -115,6 +116,11 @@ def lack_of_fit(model: Fit, null: Fit) -> float:
     limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
     unresolved = UNRESOLVED_SHARE * normalised_misfit(null)
     return normalised_misfit(model) / math.hypot(limit, unresolved, _unknown_of_the_scheme(model))
+
+
+def simplicity(fit: Fit) -> float:
+    """Return the factor on the odds of a single effect for its p parameters, 0.5^p."""
+    return float(ODDS_PER_PARAMETER ** len(fit.scaled_parameters))
 
 
 def leaves_a_gap(fit: Fit) -> bool:
