@@ -14,9 +14,16 @@ def viscosity(ratio):
     return EffectDescription(name='viscosity', parameters={'viscosity_ratio': ratio})
 
 
-def test_only_a_less_viscous_tracer_destabilises_fronts():
+def buoyancy(difference):
+    return EffectDescription(name='buoyancy', parameters={'density_difference': difference})
+
+
+def test_a_thin_and_a_dense_or_light_tracer_may_finger():
     assert destabilises_fronts([viscosity(0.9)])
     assert not destabilises_fronts([viscosity(1.0), viscosity(1.2)])
+    assert destabilises_fronts([buoyancy(0.2)])
+    assert destabilises_fronts([buoyancy(-0.2)])
+    assert not destabilises_fronts([buoyancy(0.0)])
 
 
 def test_only_effects_of_the_camera_need_no_simulation():

@@ -260,9 +260,9 @@ def test_an_effect_that_leaves_nearly_too_much_is_named_with_a_low_confidence():
 
 
 def test_a_viscosity_may_leave_more_than_other_effects():
-    assert verdict_on(findings(13.0, ('viscosity', 0.85), ('leak', 4.0))).name == 'viscosity'
-    assert verdict_on(findings(13.0, ('decay', 0.85), ('leak', 4.0))).name == 'unexplained'
-    assert verdict_on(findings(13.0, ('viscosity', 1.2), ('leak', 4.0))).name == 'unexplained'
+    assert verdict_on(findings(13.0, ('viscosity', 1.0), ('leak', 4.0))).name == 'viscosity'
+    assert verdict_on(findings(13.0, ('decay', 1.0), ('leak', 4.0))).name == 'unexplained'
+    assert verdict_on(findings(13.0, ('viscosity', 1.4), ('leak', 4.0))).name == 'unexplained'
 
 
 def test_a_fingering_model_may_leave_more_by_its_fingering_amplification():

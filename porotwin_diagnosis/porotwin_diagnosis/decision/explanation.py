@@ -17,15 +17,14 @@ from porotwin_diagnosis.search.ranking import (
     log_odds_against,
     normalised_misfit,
     simplicity,
+    surely_suffices,
 )
 from porotwin_diagnosis.thresholds import (
-    BARELY_SUFFICIENT,
     COMBINATION_GAIN,
     FAR_LESS,
     INDISTINGUISHABLE,
     NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
-    SURELY_SUFFICIENT_PAIR,
 )
 
 
@@ -87,12 +86,10 @@ def kept_model(findings: Findings) -> Fit:
     null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return null
-    stages = (findings.pairs, BARELY_SUFFICIENT), (findings.triples, SURELY_SUFFICIENT_PAIR)
-    for combinations, surely in stages:
-        lack = lack_of_fit(kept, null)
-        if lack <= surely:
+    for combinations in (findings.pairs, findings.triples):
+        if surely_suffices(kept, null):
             break
-        gain = FAR_LESS if lack <= 1.0 else COMBINATION_GAIN
+        gain = FAR_LESS if lack_of_fit(kept, null) <= 1.0 else COMBINATION_GAIN
         if combinations and earns_its_place(combinations[0], kept, gain):
             kept = combinations[0]
     return kept

@@ -1,8 +1,9 @@
 """Measures the influence of unknown small-scale heterogeneity on a prediction.
 
-A tracer less viscous than water displaces water in fingers. Their places depend on unknown details
-of the sand (Saffman & Taylor, Proc. R. Soc. A 245 (1958) 312). Such a model may leave a larger
-misfit. Simulations on sands with random permeability measure the allowed factor.
+A tracer less viscous than water displaces water in fingers, and a dense one sinks into it in
+fingers. Their places depend on unknown details of the sand (Saffman & Taylor, Proc. R. Soc. A 245
+(1958) 312). Such a model may leave a larger misfit. Simulations on sands with random permeability
+measure the allowed factor.
 """
 
 from collections.abc import Sequence

@@ -33,6 +33,8 @@ from porotwin_diagnosis.thresholds import (
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
+    SURELY_SUFFICIENT_PAIR,
+    SURELY_UNRESOLVED_SHARE,
     SYSTEMATIC_MISFIT,
     TIE,
     UNRESOLVED_SHARE,
@@ -105,17 +107,23 @@ def log_odds_against(misfit: float, best: float) -> float:
     return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
 
 
-def lack_of_fit(model: Fit, null: Fit) -> float:
+def lack_of_fit(model: Fit, null: Fit, unresolved: float = UNRESOLVED_SHARE) -> float:
     """Return the misfit of `model` relative to the largest misfit of a true model.
 
     lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
     and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
     The limit is `SUFFICIENT_MISFIT` (of several effects `SUFFICIENT_PAIR_MISFIT`), u is
-    `UNRESOLVED_SHARE`, and e is `SCHEME_SHARE`.
+    `unresolved`, and e is `SCHEME_SHARE`.
     """
     limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
-    unresolved = UNRESOLVED_SHARE * normalised_misfit(null)
-    return normalised_misfit(model) / math.hypot(limit, unresolved, _unknown_of_the_scheme(model))
+    left = unresolved * normalised_misfit(null)
+    return normalised_misfit(model) / math.hypot(limit, left, _unknown_of_the_scheme(model))
+
+
+def surely_suffices(model: Fit, null: Fit) -> bool:
+    """Return whether `model` leaves so little that no further effect is looked for."""
+    limit = SURELY_SUFFICIENT_PAIR if len(model.members) > 1 else BARELY_SUFFICIENT
+    return lack_of_fit(model, null, SURELY_UNRESOLVED_SHARE) <= limit
 
 
 def simplicity(fit: Fit) -> float:
@@ -138,7 +146,7 @@ def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
     """
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return False
-    return leaves_a_gap(single) or lack_of_fit(single, null) > BARELY_SUFFICIENT
+    return leaves_a_gap(single) or not surely_suffices(single, null)
 
 
 def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:

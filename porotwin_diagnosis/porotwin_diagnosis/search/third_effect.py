@@ -38,6 +38,7 @@ from porotwin_diagnosis.search.ranking import (
     member_labels,
     normalised_misfit,
     score,
+    surely_suffices,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
@@ -51,7 +52,6 @@ from porotwin_diagnosis.thresholds import (
     PART_OF_A_TRIPLE,
     REFINED_TRIPLES,
     RELOCATED_TRIPLES,
-    SURELY_SUFFICIENT_PAIR,
     TIED_TRIPLE,
     TRIPLE_BASES,
     TRIPLE_COUPLES,
@@ -70,7 +70,7 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         InputError: the model cannot run with one of the fits.
     """
     pairs, null = findings.pairs, findings.null
-    if not pairs or lack_of_fit(pairs[0], null) <= SURELY_SUFFICIENT_PAIR:
+    if not pairs or surely_suffices(pairs[0], null):
         return Judgement(levels, [])
     of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
     if normalised_misfit(pairs[0]) > max(EXCHANGE_MISFIT, of_the_gap):

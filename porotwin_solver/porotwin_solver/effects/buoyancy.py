@@ -54,6 +54,11 @@ def draw(generator: Generator, context: DrawContext) -> DrawnValues:
     return {'density_difference': sign * distance * context.size * context.sinking}
 
 
+def fingers(values: Values) -> bool:
+    """Return whether fronts can finger: above or below water, whichever the density is."""
+    return values['density_difference'] != 0.0
+
+
 EFFECT = Effect(
     name='buoyancy',
     order=20,
@@ -72,5 +77,6 @@ EFFECT = Effect(
     blind_draw=draw,
     appearance=Appearance.BENDING,
     replaces_nominal=True,
+    destabilises_fronts=fingers,
     residual_terms=('dc/dz',),
 )
