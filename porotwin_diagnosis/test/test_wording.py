@@ -22,7 +22,7 @@ def test_an_interval_is_written_to_two_digits_of_its_width():
 
 def test_directions_follow_the_sign():
     assert 'lighter' in phrase('buoyancy', {'density_difference': {'value': -0.4}})
-    assert '18 s earlier' in phrase('clock', {'offset': {'value': -18.0}})
+    assert '18 s ahead of' in phrase('clock', {'offset': {'value': -18.0}})
     lost = phrase('leak', {'x': {'value': 0.1}, 'z': {'value': 0.2}, 'rate': {'value': -20.0}})
     assert lost.startswith('water is lost at x = 0.100 m, z = 0.200 m: 20 ml/h')
 

@@ -64,7 +64,9 @@ def change_at_fronts(
 def front_cells(samples: Sequence[Sample]) -> tuple[int, int]:
     """Return the numbers of observed front cells, of the fitted and of the held-out frames."""
     counts = [
-        np.count_nonzero(sample.front_mask[part]) for sample in samples for part in _parts(sample)
+        int(np.count_nonzero(sample.front_mask[part]))
+        for sample in samples
+        for part in _parts(sample)
     ]
     return max(sum(counts[::2]), 1), max(sum(counts[1::2]), 1)
 

@@ -107,6 +107,14 @@ def _hidden_improvement(result: Diagnosis) -> str:
 def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     """Say which effects were tried, and the error that remains with the best of them."""
     findings, errors = result.evidence.findings, summary['error']
+    beside = summary['remainder'] and summary['remainder']['beside']
+    if beside:
+        means = ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
+        return (
+            f'The nearest explanation, that {means}, closes '
+            f'{100 * min(beside["gap_closed"], 1.0):.0f} % of it. The rest is more than noise and '
+            'solver leave, so that another cause may be at work'
+        )
     tried = len({fit.members[0].effect for fit in findings.screened})
     pairs = ', and none of their best combinations,' if findings.pairs else ''
     best, after = label(result.verdict.model), percent(errors['after'])
@@ -136,9 +144,9 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        said = [(_closed_by_form(result), _form(result)), _part(result, summary)]
-        said.sort(key=lambda item: -item[0])
-        return '<br>'.join(['Not in the library of effects.', *(text for _, text in said if text)])
+        share, part = _part(result, summary)
+        form = [] if share > _closed_by_form(result) else [_form(result)]
+        return '<br>'.join(['Not in the library of effects.', *form, *filter(None, [part])])
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
@@ -161,8 +169,8 @@ def _form(result: Diagnosis) -> str:
     return (
         f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
-        'gaps with other causes than the library has, the kind was right in 23, but in none of 3 '
-        'thin tight walls; there the row “Where” shows the place.'
+        'gaps with causes outside the library, the kind was right in 23. Thin tight walls were not '
+        'recognised.'
     )
 
 

@@ -28,12 +28,9 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 
 def phrase(values: Values) -> str:
-    """Say how early or late the photographs are."""
-    late = 'earlier' if values['offset'] < 0 else 'later'
-    return (
-        f'a photograph shows the rig {time_span(abs(values["offset"]))} {late} than its stamp says '
-        'by the pumps’ clock'
-    )
+    """Say how far the clock of the camera is behind that of the pumps, or ahead of it."""
+    way = 'ahead of' if values['offset'] < 0 else 'behind'
+    return f'the clock of the camera is {time_span(abs(values["offset"]))} {way} that of the pumps'
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:
