@@ -19,6 +19,7 @@ from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.effect_traits import is_of_camera
 from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT, arises_in_rig
 
 STRONGEST_INK = 0.65
@@ -76,7 +77,7 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
     part = result.held_out[0]
     rig = result.recordings[0].rig
     grid = rig.grid(*part.observed.shape[:0:-1])
-    if arises_in_rig(result):
+    if _gap_has_a_place(result):
         strength = result.gap.strength
         share = strength / max(float(strength.max()), 1e-12)
         edges = np.meshgrid(
@@ -93,6 +94,11 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
             axis.contour(
                 columns, rows, frame, [FRONT], colors=colour, linestyles=line, linewidths=1.8
             )
+
+
+def _gap_has_a_place(result: Diagnosis) -> bool:
+    """Return whether the place of the gap means something: no effect of the camera makes it."""
+    return arises_in_rig(result) and not any(map(is_of_camera, result.verdict.members))
 
 
 def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str]]:
@@ -113,5 +119,5 @@ def caption(time: float, result: Diagnosis) -> str:
     if result.verdict.name == NONE:
         return f'{first} {lines}'
     lines += ' Blue: with the correction.' if result.verdict.kept else ' Blue: of the best model.'
-    tint = ' Pink: where the gap arises.' if arises_in_rig(result) else ''
+    tint = ' Pink: where the gap arises.' if _gap_has_a_place(result) else ''
     return f'{first} {lines}{tint}'
