@@ -206,8 +206,8 @@ would stake a repair on odds below three to one."""
 
 MOVING_PRICE = 10.0
 """Price of the squared misfit that moved parameters add to the fitted frames, in squares of the
-held-out misfit. Three leaks that fronts reach late added 0.002 to 0.004 and need the move; a pump
-that drifts, an effect outside the library, added 0.15 and passed for a wrong rate at a price of 1.
+held-out misfit. At a price of 1, two leaks that fronts reach late added 0.002 to 0.004 and need the
+move; a pump that drifts, an effect outside the library, added 0.15 and passed for a wrong rate.
 """
 
 INDISTINGUISHABLE = 0.06

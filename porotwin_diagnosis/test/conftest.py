@@ -3,10 +3,22 @@
 from pathlib import Path
 
 import pytest
-from diagnosis_examples import CHASE, DENSER, commanded, denser_sand, quiet, recorded
+from diagnosis_examples import (
+    CHASE,
+    DENSER,
+    candidate,
+    commanded,
+    denser_sand,
+    quiet,
+    recorded,
+    sample_of,
+)
 from diagnosis_results import diagnosis_of_denser_sand
 
 from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.fitter import Fitter
+from porotwin_diagnosis.model.forward import Forward
+from porotwin_solver.effects.definition.candidate import Candidate
 
 __all__ = ['denser_sand', 'quiet']
 
@@ -29,3 +41,15 @@ def chasing(tmp_path_factory) -> Path:
 def denser(denser_sand) -> Diagnosis:
     """The diagnosis of a lower porosity, with the true effect as if it was found."""
     return diagnosis_of_denser_sand(denser_sand)
+
+
+@pytest.fixture(scope='session')
+def fitter(denser_sand) -> Fitter:
+    """Fits to the recording of a lower porosity, on its own cells."""
+    return Fitter([Forward(sample_of(denser_sand))], point_spread_width=0.3)
+
+
+@pytest.fixture(scope='session')
+def porosity(fitter) -> Candidate:
+    """The effect that the recording of `fitter` hides."""
+    return candidate(fitter.samples, 'porosity')

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from diagnosis_examples import candidate, fitted, recorded, sample_of
+from diagnosis_examples import at_factor, candidate, fitted, recorded, sample_of
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
@@ -12,20 +12,6 @@ from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.search.ranking import feasible
-
-
-@pytest.fixture(scope='module')
-def fitter(denser_sand):
-    return Fitter([Forward(sample_of(denser_sand))], point_spread_width=0.3)
-
-
-@pytest.fixture(scope='module')
-def porosity(fitter):
-    return candidate(fitter.samples, 'porosity')
-
-
-def at_factor(porosity, factor):
-    return np.array([porosity.parameters[0].scaled(factor)])
 
 
 def fine_fitter(recording):

@@ -2,27 +2,13 @@
 
 import numpy as np
 import pytest
-from diagnosis_examples import candidate, sample_of
+from diagnosis_examples import at_factor, sample_of
 
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.polishing import held_out_parameters, polished
 
 TRUE_FACTOR = 0.88
-
-
-@pytest.fixture(scope='module')
-def fitter(denser_sand):
-    return Fitter([Forward(sample_of(denser_sand))], point_spread_width=0.3)
-
-
-@pytest.fixture(scope='module')
-def porosity(fitter):
-    return candidate(fitter.samples, 'porosity')
-
-
-def at_factor(porosity, factor):
-    return np.array([porosity.parameters[0].scaled(factor)])
 
 
 def test_a_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, denser_sand, porosity):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from porotwin_diagnosis.decision.verdict import NONE, Verdict
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against, simplicity
+from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
 
 
@@ -18,7 +18,7 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
     - For an effect that was only screened they follow from its misfit on coarse cells. They are at
       least `SCREENED_LOG_ODDS`.
 
-    The belief before the recording multiplies each exp(-l_i), and so does `simplicity`.
+    The belief before the recording (`Prior.belief`) multiplies each exp(-l_i).
     """
     log_odds: dict[str, float] = {}
     believed: dict[str, float] = {}
@@ -29,13 +29,13 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
             0.0 if distance < INDISTINGUISHABLE else log_odds_against(larger_misfit(fit), best)
         )
         log_odds.setdefault(fit.members[0].effect, -against)
-        believed.setdefault(fit.members[0].effect, prior.weight(fit.effects) * simplicity(fit))
+        believed.setdefault(fit.members[0].effect, prior.belief(fit))
     screened = {fit.label: larger_misfit(fit) for fit in reversed(findings.screened)}
     best_screened = screened.get(findings.singles[0].label, 0.0)
     for fit in findings.screened:
         against = max(log_odds_against(larger_misfit(fit), best_screened), SCREENED_LOG_ODDS)
         log_odds.setdefault(fit.members[0].effect, -against)
-        believed.setdefault(fit.members[0].effect, prior.weight(fit.effects) * simplicity(fit))
+        believed.setdefault(fit.members[0].effect, prior.belief(fit))
     believed[NONE] = prior.weight(())
     log_odds[NONE] = -log_odds_against(larger_misfit(findings.null), best)
     weights = {

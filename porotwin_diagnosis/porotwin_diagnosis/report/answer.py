@@ -109,11 +109,10 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     findings, errors = result.evidence.findings, summary['error']
     beside = summary['remainder'] and summary['remainder']['beside']
     if beside:
-        means = ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
         return (
-            f'The nearest explanation, that {means}, closes '
-            f'{100 * min(beside["gap_closed"], 1.0):.0f} % of it. The rest is more than noise and '
-            'solver leave, so that another cause may be at work'
+            f'The nearest explanation, that {_means(beside)}, closes '
+            f'{100 * _closed_share(beside):.0f} % of it. The rest is more than noise and solver '
+            'leave, so that another cause may be at work'
         )
     tried = len({fit.members[0].effect for fit in findings.screened})
     pairs = ', and none of their best combinations,' if findings.pairs else ''
@@ -183,7 +182,6 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     beside = summary['remainder'] and summary['remainder']['beside']
     if not beside:
         return 0.0, ''
-    means = ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
     together = ' together' if len(beside['effects']) > 1 else ''
     rest, place = [], beside['place']
     if place:
@@ -198,11 +196,21 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
             ' A source beside an equally strong sink acts like a patch of sand that conducts '
             f'better or worse than its surroundings.{remains}'
         )
-    closed_share = min(beside['gap_closed'], 1.0)
+    closed_share = _closed_share(beside)
     return closed_share, (
-        f'A part of it may be: {means}. That{together} closes {100 * closed_share:.0f} % of the '
-        f'gap.{remains}'
+        f'A part of it may be: {_means(beside)}. That{together} closes '
+        f'{100 * closed_share:.0f} % of the gap.{remains}'
     )
+
+
+def _means(beside: Mapping[str, Any]) -> str:
+    """Return what the effects `beside` an unexplained remainder mean, as HTML."""
+    return ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
+
+
+def _closed_share(beside: Mapping[str, Any]) -> float:
+    """Return the share of the gap that the effects `beside` the remainder close, at most 1."""
+    return float(min(beside['gap_closed'], 1.0))
 
 
 def _with_origin(name: str) -> str:

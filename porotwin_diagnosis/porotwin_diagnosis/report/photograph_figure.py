@@ -20,7 +20,7 @@ from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.effect_traits import is_of_camera
-from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT, arises_in_rig
+from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT
 
 STRONGEST_INK = 0.65
 """Opacity of the gap where it is strongest; the photograph stays visible below it."""
@@ -98,7 +98,8 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
 
 def _gap_has_a_place(result: Diagnosis) -> bool:
     """Return whether the place of the gap means something: no effect of the camera makes it."""
-    return arises_in_rig(result) and not any(map(is_of_camera, result.verdict.members))
+    verdict = result.verdict
+    return verdict.name != NONE and not any(map(is_of_camera, verdict.members))
 
 
 def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str]]:

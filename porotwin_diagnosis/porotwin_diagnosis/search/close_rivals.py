@@ -19,7 +19,6 @@ from porotwin_diagnosis.search.ranking import (
     lack_of_fit,
     larger_misfit,
     log_odds_against,
-    simplicity,
 )
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS, WORSENED
 
@@ -62,20 +61,15 @@ def compared_rivals(
 
 def _rivals(singles: Sequence[Fit], null: Fit, prior: Prior) -> list[Fit]:
     """Return the first of `singles` and its close rivals, if all of them explain the recording."""
-    best, believed = larger_misfit(singles[0]), _belief(singles[0], prior)
+    best, believed = larger_misfit(singles[0]), prior.belief(singles[0])
     return [
         fit
         for fit in singles
         if lack_of_fit(fit, null) <= 1.0
         and log_odds_against(larger_misfit(fit), best)
-        + min(math.log(believed / _belief(fit, prior)), 0.0)
+        + min(math.log(believed / prior.belief(fit)), 0.0)
         < RIVAL_LOG_ODDS
     ]
-
-
-def _belief(fit: Fit, prior: Prior) -> float:
-    """Return the weight [-] of `fit` before its misfit is seen."""
-    return prior.weight(fit.effects) * simplicity(fit)
 
 
 def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
@@ -121,6 +115,6 @@ def _probability(group: Sequence[Fit], best: float, prior: Prior) -> float:
     """Return the probability of a `group`, not normalised; `best` is the least misfit of all."""
     effects = {fit.members[0].effect: fit for fit in reversed(group)}
     return sum(
-        _belief(fit, prior) * math.exp(-log_odds_against(larger_misfit(fit), best))
+        prior.belief(fit) * math.exp(-log_odds_against(larger_misfit(fit), best))
         for fit in effects.values()
     )

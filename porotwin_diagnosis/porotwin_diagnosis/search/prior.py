@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.ranking import simplicity
 from porotwin_solver.effects import EFFECTS
 
 PERSISTENCE = 0.9
@@ -74,6 +76,13 @@ class Prior:
             for effect in effects
         )
         return PERSISTENCE * lasting + (1.0 - PERSISTENCE) / (len(EFFECTS) + 1)
+
+    def belief(self, fit: Fit) -> float:
+        """Return the weight [-] of a single effect before its misfit is seen: w times 0.5^p.
+
+        w is the `weight` of its effects, and p the number of its parameters.
+        """
+        return self.weight(fit.effects) * simplicity(fit)
 
     def _distance(self, effect: EffectDescription) -> float:
         """Return the squared distance from the nearest believed cause; 0 if none is believed."""
