@@ -150,7 +150,7 @@ def _sand_handles(rig: Rig, shade: Shading) -> list[Patch]:
     if rig.sands:
         return [
             patch(
-                k := sand.permeability_m2 or rig.permeability_of(sand.hydraulic_conductivity_m_s),
+                k := rig.permeability_of_sand(name),
                 f'{name}: {k:.3g} m$^2$, porosity {sand.porosity:g}',
             )
             for name, sand in rig.sands.items()

@@ -40,6 +40,7 @@ class SandEvidence:
         core_cells: cells with the core of a plume in this sand, over all photographs.
         pairs: pairs of cells across its interfaces.
         at_bound: True if the photographs ask for a factor outside the bounds.
+        name: its name in rig.yaml; empty if it has none.
     """
 
     factor: float
@@ -48,6 +49,11 @@ class SandEvidence:
     core_cells: int
     pairs: int
     at_bound: bool
+    name: str = ''
+
+    def label(self, number: int) -> str:
+        """Return its `number` in sands.png, with its name."""
+        return f'{number} ({self.name})' if self.name else str(number)
 
 
 @dataclass(frozen=True)
@@ -151,10 +157,11 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
     if len(evidence.sands) == 1:
         return 'sands: one'
     words = ', '.join(
-        f'sand {number} {one.factor:.2f} +- {one.factor * one.deviation:.2f} ({one.source})'
+        f'sand {one.label(number)} {one.factor:.2f} +- {one.factor * one.deviation:.2f} '
+        f'({one.source})'
         for number, one in enumerate(evidence.sands)
     )
-    guessed = [str(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
+    guessed = [one.label(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
     warning = (
         f'; sand {", ".join(guessed)} not reached by the plume (4_sands.png shows where): '
         'guessed from their brightness'

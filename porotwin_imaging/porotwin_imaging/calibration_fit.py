@@ -38,7 +38,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
-from porotwin_imaging.described_sands import described_kinds, described_parts
+from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
 from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
@@ -233,7 +233,7 @@ def fit_calibration(
     evidence = CalibrationEvidence(
         anchor=anchor,
         photographs=_photographs(times, injected, imaged, cores, line, settings),
-        sands=_sand_evidence(stock, factors),
+        sands=_sand_evidence(stock, factors, sand_names(rig, grid, labels)),
         family=response.family,
         bend=response.bend,
         bend_deviation=response.deviation,
@@ -474,8 +474,10 @@ def _flatness(stock: StockLevels, reference: int) -> float:
     return float(np.median(values)) if values else float('nan')
 
 
-def _sand_evidence(stock: StockLevels, factors: SandFactors) -> tuple[SandEvidence, ...]:
-    """Return how the factor of each sand was found."""
+def _sand_evidence(
+    stock: StockLevels, factors: SandFactors, names: Sequence[str]
+) -> tuple[SandEvidence, ...]:
+    """Return how the factor of each sand was found; `names` are those of rig.yaml, by sand."""
     return tuple(
         SandEvidence(
             value,
@@ -484,6 +486,7 @@ def _sand_evidence(stock: StockLevels, factors: SandFactors) -> tuple[SandEviden
             stock.levels[sand].cells if sand in stock.levels else 0,
             pairs,
             at_bound,
+            names[sand],
         )
         for sand, (value, deviation, source, pairs, at_bound) in enumerate(
             zip(

@@ -186,7 +186,10 @@ def _sands(axes: Any, fit: CalibrationFit) -> None:
     axes.imshow(fit.sands[::-1], extent=_extent(fit.baseline), cmap='tab10', vmin=0, vmax=9)
     for label, factor in enumerate(fit.calibration.factors):
         one = fit.evidence.sands[label]
-        words = f'{label}: x {factor:.2f} +- {factor * one.deviation:.2f}, {_EVIDENCE[one.source]}'
+        words = (
+            f'{one.label(label)}: x {factor:.2f} +- {factor * one.deviation:.2f}, '
+            f'{_EVIDENCE[one.source]}'
+        )
         axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=words)
     axes.figure.legend(
         loc='outside lower center',

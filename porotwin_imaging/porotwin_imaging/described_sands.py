@@ -42,8 +42,7 @@ def described_kinds(rig: Rig, grid: Grid, settings: SandSettings = DEFAULTS.sand
 
     None: the description has one permeability, or a field that varies everywhere.
     """
-    permeability = np.atleast_2d(rig.nominal_map('permeability_m2'))
-    logs = np.log10(np.maximum(permeability, np.finfo(float).tiny)).round(_DECIMALS)
+    logs = _log_permeability(rig.nominal_map('permeability_m2'))
     levels, index = np.unique(logs, return_inverse=True)
     if not 1 < len(levels) <= settings.most_described:
         return None
@@ -51,6 +50,34 @@ def described_kinds(rig: Rig, grid: Grid, settings: SandSettings = DEFAULTS.sand
     return np.asarray(
         cv2.resize(kinds, grid.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8
     )
+
+
+def sand_names(rig: Rig, grid: Grid, labels: Labels) -> tuple[str, ...]:
+    """Return the names of the sands in rig.yaml, by label.
+
+    A label has the name of the sand that fills most of its cells. Sands of the same permeability
+    are joined by "or". A name is empty if rig.yaml names no such sand.
+
+    Args:
+        rig: the rig.
+        grid: the grid of the labels.
+        labels: index of the sand in each cell, shape (nz, nx).
+    """
+    logs = _log_permeability(rig.nominal_map('permeability_m2'))
+    told = cv2.resize(logs, grid.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    named = {name: _log_permeability(rig.permeability_of_sand(name)).item() for name in rig.sands}
+    names = []
+    for label in range(int(labels.max()) + 1):
+        levels, counts = np.unique(told[labels == label], return_counts=True)
+        most = levels[counts.argmax()] if len(levels) else None
+        names.append(' or '.join(name for name, level in named.items() if level == most))
+    return tuple(names)
+
+
+def _log_permeability(permeability: float | Array) -> Array:
+    """Return the rounded log10 of a permeability [m^2], by which sands differ, 2-D."""
+    positive = np.maximum(np.atleast_2d(permeability), np.finfo(float).tiny)
+    return np.asarray(np.log10(positive).round(_DECIMALS))
 
 
 def described_parts(

@@ -1,11 +1,14 @@
 """The description of a rig divides sands that look alike, and joins one sand in two places."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
-from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig import Rig, load_rig, parse_rig
 from porotwin_imaging import sands
-from porotwin_imaging.described_sands import described_kinds, described_parts
+from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
 from porotwin_imaging.sands import SandLevel
 
 ROWS, COLUMNS = 60, 100
@@ -72,3 +75,23 @@ def test_a_sand_without_a_core_takes_the_factor_of_the_same_sand() -> None:
     assert guessed.values[1] > 1.2
     assert known.values[1] == pytest.approx(1.0, abs=0.12)
     assert known.deviations[1] < 0.1 < guessed.deviations[1]
+
+
+def test_labels_have_the_names_of_rig_yaml(rig: Rig) -> None:
+    grid = rig.grid(COLUMNS, ROWS)
+    assert sand_names(rig, grid, halves(50)) == ('', '')
+    sands = {
+        'coarse': {'porosity': 0.4, 'permeability_m2': 1e-9},
+        'silt': {'porosity': 0.4, 'permeability_m2': 1e-11},
+        'washed silt': {'porosity': 0.38, 'permeability_m2': 1e-11},
+    }
+    file = Path('rigs/small/rig.yaml')
+    described = {
+        **yaml.safe_load(file.read_text()),
+        'sands': sands,
+        'sand_layers': [{'sand': 'silt', 'top_m': 0.5 * rig.height_m}, {'sand': 'coarse'}],
+    }
+    for key in ('porosity', 'permeability_m2', 'hydraulic_conductivity_m_s'):
+        described.pop(key, None)
+    named = parse_rig(described, file)
+    assert sand_names(named, grid, layers(28)) == ('silt or washed silt', 'coarse')

@@ -4,6 +4,7 @@ import difflib
 from pathlib import Path
 
 import pydantic
+from pydantic_core import ErrorDetails
 
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
@@ -21,6 +22,9 @@ _REASONS = {
 }
 """Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
 
+MOST_NAMED = 4
+"""Most further wrong keys that a message names."""
+
 LONGEST_VALUE = 60
 """Longest text of a wrong value in a message [characters]."""
 
@@ -32,13 +36,14 @@ def one_line(
 
     Args:
         source: the file or message with the mistake; the line begins with it.
-        error: all complaints; unknown keys come first, the number of others is added.
+        error: all complaints; unknown keys come first, the keys of the others are added.
         section: name for complaints that concern no single key.
     """
-    first = min(error.errors(), key=lambda item: item['type'] != 'extra_forbidden')
-    parts = [str(part) for part in first['loc'] if part not in _FORMS]
+    complaints = sorted(error.errors(), key=lambda item: item['type'] != 'extra_forbidden')
+    first, *others = complaints
+    parts = _key(first)
     where = '.'.join(parts) or section
-    more = f' (and {error.error_count() - 1} more)' if error.error_count() > 1 else ''
+    more = _also(where, ['.'.join(_key(other)) or section for other in others])
     reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
         near = difflib.get_close_matches(parts[-1], KNOWN_KEYS, n=1)
@@ -51,6 +56,21 @@ def one_line(
     if not parts:
         return f'{source}: {reason}{more}'
     return f'{source}: {where} = {_shown(first["input"])}: {reason}{more}'
+
+
+def _key(complaint: ErrorDetails) -> list[str]:
+    """Return the parts of the key that a complaint is about."""
+    return [str(part) for part in complaint['loc'] if part not in _FORMS]
+
+
+def _also(first: str, others: list[str]) -> str:
+    """Return which keys beside the `first` one are wrong, in words."""
+    wrong = [key for key in dict.fromkeys(others) if key != first]
+    if not wrong:
+        return ''
+    named = ', '.join(wrong[:MOST_NAMED])
+    left = f' and {len(wrong) - MOST_NAMED} more' if len(wrong) > MOST_NAMED else ''
+    return f' (also wrong or missing: {named}{left})'
 
 
 def _shown(value: object) -> str:

@@ -321,10 +321,18 @@ class Rig(Section):
             return self._nominal_maps[quantity]
         value = getattr(self, quantity)
         if value is None and quantity == 'permeability_m2':
-            return self.permeability_of(self.hydraulic_conductivity_m_s)
+            return self._permeability_of(self.hydraulic_conductivity_m_s)
         return float(value)
 
-    def permeability_of(self, conductivity: float | None) -> float:
+    def permeability_of_sand(self, name: str) -> float:
+        """Return the permeability [m^2] of the sand `name`.
+
+        A hydraulic conductivity becomes a permeability with the water of this rig.
+        """
+        sand = self.sands[name]
+        return sand.permeability_m2 or self._permeability_of(sand.hydraulic_conductivity_m_s)
+
+    def _permeability_of(self, conductivity: float | None) -> float:
         """Return the permeability [m^2] of a hydraulic conductivity [m/s] for this rig's water."""
         assert conductivity is not None
         return permeability_of(conductivity, self.viscosity_pa_s, self.density_kg_m3)

@@ -93,7 +93,8 @@ def parse_rig(data: Any, path: Path) -> Rig:
     remarks = remarks_about(rig)
     refused = [remark for remark in remarks if remark.refused]
     if refused:
-        more = f' (and {len(refused) - 1} more)' if len(refused) > 1 else ''
+        others = ', '.join(remark.key for remark in refused[1:])
+        more = f' (also impossible: {others})' if others else ''
         raise InputError(f'{path}: {refused[0]}{more}')
     for remark in remarks:
         LOG.warning('%s: %s', path, remark)
@@ -147,14 +148,8 @@ def _sand_maps(rig: Rig, files: dict[str, bytes], path: Path) -> dict[str, Float
         file = rig.sand_image.file
         labels = draw_image(rig.sand_image, files[file], names, raster, path.parent / file)
     labels = draw_polygons(labels, rig.sand_polygons, names, raster)
-    sands = list(rig.sands.values())
-    porosity = np.array([sand.porosity for sand in sands])
-    permeability = np.array(
-        [
-            sand.permeability_m2 or rig.permeability_of(sand.hydraulic_conductivity_m_s)
-            for sand in sands
-        ]
-    )
+    porosity = np.array([sand.porosity for sand in rig.sands.values()])
+    permeability = np.array([rig.permeability_of_sand(name) for name in names])
     return {'porosity': porosity[labels], 'permeability_m2': permeability[labels]}
 
 
