@@ -47,7 +47,10 @@ def test_defaults_agree_with_the_experiment_folder_format() -> None:
         ({'wells': {'half': {'x_m': 0.2}}}, "'wells.half.z_m' is missing"),
         ({'boundaries': {'top': 'ajar'}}, 'boundaries.top'),
         ({'porosty': 0.3, 'widht_m': 1.0}, '(also wrong or missing: widht_m)'),
-        ({'porosity': -0.1, 'boundaries': {'top': 'ajar'}}, '(also wrong or missing: boundaries.top)'),
+        (
+            {'porosity': -0.1, 'boundaries': {'top': 'ajar'}},
+            '(also wrong or missing: boundaries.top)',
+        ),
         ({'permeability_m2': 1.2, 'depth_m': 40.0}, '(also impossible: permeability_m2)'),
         ({'control': {**CONTROL, 'wells': ['control9']}}, "unknown well 'control9'"),
         ({'control': {**CONTROL, 'wells': ['producer']}}, 'two roles'),

@@ -73,6 +73,11 @@ class MapOrigin:
     calibration: str = ''
     program: str = ''
 
+    @property
+    def in_words(self) -> str:
+        """Who made the maps, such as "made by PoroTwin 1.0, image"."""
+        return f'made by {self.program}' if self.program else 'of unknown origin'
+
 
 UNKNOWN_ORIGIN = MapOrigin()
 """Maps of a simulation, or from a file that does not say."""

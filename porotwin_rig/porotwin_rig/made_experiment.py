@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.photos import Photo, write_photos
 from porotwin_recording.recorded_data import RecordedData
@@ -25,6 +26,9 @@ from porotwin_rig.virtual_rig import VirtualRig
 
 PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
 """An image analysis that returns the signal as it is."""
+
+ORIGIN = MapOrigin(program=f'{PROGRAM}, virtual rig')
+"""What the file of the maps says of them: they do not come from its photographs."""
 
 HELD_OUT_START = 0.7
 """Start of the part that diagnoses are judged on, relative to the duration."""
@@ -147,8 +151,9 @@ def make_experiment(
     if photographer is not None:
         photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
     kept, floor = [], NoiseFloor()
+    packed, file = noise is not None, folder / 'concentration.nc'
     with (
-        ConcentrationWriter(folder / 'concentration.nc', grid, packed=noise is not None) as maps,
+        ConcentrationWriter(file, grid, packed=packed, origin=ORIGIN) as maps,
         ConcentrationWriter(truth, grid) if truth else nullcontext() as clean,
     ):
         fine = grid if photographer is None else grid.refined(2)

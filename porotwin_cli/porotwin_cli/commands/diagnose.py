@@ -111,7 +111,7 @@ def command(
     _refuse_twice(opened)
     past = RigPast(history, opened, date) if history is not None else None
     folder = checked_folder(output, [*recordings, *([] if rig is None else [rig])])
-    _tell_odd_times(opened)
+    _tell_what_is_read(opened)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
@@ -169,11 +169,13 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
         seen.add(place)
 
 
-def _tell_odd_times(recordings: 'Sequence[Recording]') -> None:
-    """Tell maps whose times do not fit to the times at which the pumps ran."""
+def _tell_what_is_read(recordings: 'Sequence[Recording]') -> None:
+    """Tell which maps are read, and which do not fit to the times at which the pumps ran."""
     from porotwin_recording.odd_recording import remarks_about_times
 
     for recording in recordings:
+        maps = recording.present_maps
+        say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
         for remark in remarks_about_times(recording):
             say(f'{recording.source}: {remark}')
 

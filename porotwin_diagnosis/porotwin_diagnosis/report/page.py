@@ -110,7 +110,7 @@ def _sections(result: Diagnosis, summary: Summary) -> Iterator[str]:
 
 
 def _recordings(result: Diagnosis) -> str:
-    """Say which recordings were diagnosed: duration, number of maps, cells."""
+    """Say which recordings were diagnosed: duration, number of maps, cells, origin of the maps."""
     lines = []
     for recording, sample in zip(result.recordings, result.samples, strict=True):
         grid = recording.grid
@@ -118,7 +118,7 @@ def _recordings(result: Diagnosis) -> str:
             f'{html.escape(str(recording.source))}: '
             f'{time_unit(sample.duration).text(sample.duration)}, '
             f'{len(recording.times)} maps of {grid.nx} × {grid.nz} cells of '
-            f'{1e3 * grid.dx:.1f} mm'
+            f'{1e3 * grid.dx:.1f} mm, {html.escape(recording.present_maps.origin.in_words)}'
         )
     return '<br>'.join(lines)
 
