@@ -138,7 +138,7 @@ def command(
         print_json({'output': output, **summary, **({'history': told} if history else {})})
         return
     named = ' and '.join(summary['combination']) or summary['verdict']
-    print(f'{named}, with confidence {summary["confidence"]:.2f}')
+    print(f'{named}, with confidence {100 * result.verdict.confidence:.0f} %')  # as on the page
     print(plain(sentence(result, summary)))
     for line in told:
         print(line)
@@ -237,5 +237,5 @@ def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     if as_json:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
         return
-    print(f'{result.verdict}, with confidence {result.confidence:.2f}')
+    print(f'{result.verdict}, with confidence {100 * result.confidence:.0f} %')
     say(f'report: {result.report}')
