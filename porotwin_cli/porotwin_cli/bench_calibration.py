@@ -14,10 +14,10 @@ from typing import Any
 from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.workspace import continued_folder
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import write_whole
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 from porotwin_validation.photo_flaws import WITHHELD_KIND
 from porotwin_validation.photo_scores import MapScore, PhotoCaseScore, score_case
-from porotwin_validation.whole_file import write_whole
 
 CASE_BYTES = 1.5e9
 """Memory of a case [B]: a photograph of some megapixels in several colour spaces."""

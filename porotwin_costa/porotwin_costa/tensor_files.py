@@ -1,7 +1,6 @@
 """Tensor files that cannot run code: safetensors with one JSON object in the header."""
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import whole_file
 
 _PICKLES = (b'\x80', b'PK\x03\x04')
 """First bytes of Python pickles and of torch.save archives."""
@@ -36,15 +36,12 @@ def write_tensors(
     """
     # one entry only: safetensors writes several entries in random order
     metadata = {_KEY: json.dumps({'format': file_format, **description})}
-    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
     contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        safetensors.numpy.save_file(contiguous, part, metadata)
-        part.replace(path)
+        with whole_file(path) as unfinished:
+            safetensors.numpy.save_file(contiguous, unfinished, metadata)
     except OSError as error:
-        if part.parent.is_dir():
-            part.unlink(missing_ok=True)
         raise InputError(f'{path}: cannot be written ({error.strerror})') from None
 
 

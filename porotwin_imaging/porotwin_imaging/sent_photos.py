@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from porotwin_core.parent import PARENT
+from porotwin_core.whole_file import whole_file
 
 LINES_FILE = 'sent.jsonl'
 MOST_BASELINES = 8
@@ -143,10 +144,8 @@ class SentPhotos:
         if self._folder is None:
             return
         try:
-            path = self._folder / f'baseline-{stamp:.6f}'
-            unfinished = path.with_name('unfinished')
-            unfinished.write_bytes(data)
-            unfinished.replace(path)
+            with whole_file(self._folder / f'baseline-{stamp:.6f}') as unfinished:
+                unfinished.write_bytes(data)
             for old in self._baseline_paths()[:-MOST_BASELINES]:
                 old.unlink()
         except OSError as error:

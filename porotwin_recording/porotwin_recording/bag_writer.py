@@ -12,6 +12,7 @@ import yaml
 
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import write_whole
 from porotwin_recording.bag_folder import METADATA, mcap_files
 from porotwin_recording.bag_records import Topic, TopicQos, qos_profiles
 from porotwin_recording.definitions import message_definition, type_hash
@@ -249,9 +250,7 @@ class BagWriter:
         self._mcap.close()
         if self._folder is not None:
             text = yaml.safe_dump(self._metadata(), sort_keys=False)
-            unfinished = self._folder / f'{METADATA}.partial'
-            unfinished.write_text(text, encoding='utf-8')
-            unfinished.replace(self._folder / METADATA)
+            write_whole(self._folder / METADATA, text)
 
     def _metadata(self) -> dict[str, Any]:
         """Return the content of metadata.yaml: this file, and the earlier ones of the folder."""

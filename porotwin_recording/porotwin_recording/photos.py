@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import whole_file
 from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
 from porotwin_recording.rates import LONGEST_S
 
@@ -122,9 +123,8 @@ def write_photos(
         path = folder / photo.name
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_name(f'.{path.name}')
-            unfinished.write_bytes(photo.read())
-            unfinished.replace(path)
+            with whole_file(path) as unfinished:
+                unfinished.write_bytes(photo.read())
         progress(number)
     rows = [(number_text(photo.time), photo.name, photo.role) for photo in photos]
     if all(photo.concentration is None for photo in photos):

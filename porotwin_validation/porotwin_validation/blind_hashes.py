@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import write_whole
 from porotwin_validation.blind_cases import BlindCase
-from porotwin_validation.whole_file import write_whole
 
 HASHES = 'truth_hashes.json'
 """File with the SHA-256 hash of every case's truth."""

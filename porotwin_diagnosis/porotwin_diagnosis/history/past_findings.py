@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from porotwin_core.errors import InputError, check_writable, writing
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.one_writer import only_writer
@@ -227,9 +228,7 @@ def add_finding(folder: Path, new: PastFinding) -> list[PastFinding]:
         kept = [found for found in present if found not in replaced]
         rows = [found.model_dump(mode='json') for found in (*kept, new)]
         with writing(folder):
-            part = folder / f'{FILE}.part'
-            part.write_text(json.dumps(rows, indent=1) + '\n', encoding='utf-8')
-            part.replace(folder / FILE)
+            write_whole(folder / FILE, json.dumps(rows, indent=1) + '\n')
     return replaced
 
 

@@ -6,6 +6,7 @@ import netCDF4
 
 from porotwin_core.errors import write_error
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.whole_file import whole_file
 from porotwin_diagnosis.decision.held_out import HeldOut
 
 
@@ -22,14 +23,11 @@ def write_fields(path: Path, grid: Grid, gap: FloatArray, held_out: HeldOut) -> 
     Raises:
         OSError: the disk is full or fails.
     """
-    unfinished = path.with_name(f'{path.name}.partial')
-    try:
-        _write(unfinished, grid, gap, held_out)
-        unfinished.replace(path)
-    except (OSError, RuntimeError) as error:
-        told = write_error(path, error)  # before the removal makes room again
-        unfinished.unlink(missing_ok=True)
-        raise told from None
+    with whole_file(path) as unfinished:
+        try:
+            _write(unfinished, grid, gap, held_out)
+        except (OSError, RuntimeError) as error:
+            raise write_error(path, error) from None  # before the removal makes room again
 
 
 def _write(path: Path, grid: Grid, gap: FloatArray, held_out: HeldOut) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.whole_file import whole_file
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.progress import Progress, no_progress
@@ -133,11 +134,10 @@ def _write_own_rig(rig: Rig, folder: Path) -> None:
     def is_taken(name: str) -> bool:
         return _is_of_report(name) or os.path.lexists(folder / name)
 
-    begun = folder / f'{RIG_FILE}.partial'
-    write_rig(rig, begun, is_taken=is_taken)
-    text = begun.read_text(encoding='utf-8')
-    begun.write_text(f'{APPLIED}{mark_of(text)}\n{text}', encoding='utf-8')
-    begun.replace(folder / RIG_FILE)
+    with whole_file(folder / RIG_FILE) as begun:
+        write_rig(rig, begun, is_taken=is_taken)
+        text = begun.read_text(encoding='utf-8')
+        begun.write_text(f'{APPLIED}{mark_of(text)}\n{text}', encoding='utf-8')
 
 
 def _is_of_report(name: str) -> bool:
