@@ -32,6 +32,8 @@ class CaseScore:
         confidence: confidence of the verdict.
         right: whether the verdict is right.
         imitated: whether it is right only because it looks the same as the truth to the camera.
+        listed: whether a verdict that is not right lists the truth among the effects that the recording
+            cannot separate from it.
         all_found: whether all of several effects were found; None for other kinds.
         gap_closed: share of the gap that closes, against maps without noise; None without a gap.
         parameter_errors: relative errors of the parameters of the effects that were found.
@@ -52,6 +54,7 @@ class CaseScore:
     confidence: float
     right: bool
     imitated: bool = False
+    listed: bool = False
     all_found: bool | None = None
     gap_closed: float | None = None
     parameter_errors: tuple[float, ...] = ()
@@ -77,13 +80,15 @@ def score_case(
     stated = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(stated['verdict'])
     parameters = list(_parameters(case, stated))
+    right = verdict in truth.strongest or truth.imitated or verdict in _beside(case, hidden)
     return CaseScore(
         name=case.name,
         kind=case.kind,
         truth=_truth_names(case),
         verdict=verdict,
         confidence=float(stated['confidence']),
-        right=verdict in truth.strongest or truth.imitated or verdict in _beside(case, hidden),
+        right=right,
+        listed=not right and bool({*truth.strongest} & {*stated['not_separable_from']}),
         absorbed=tuple(sorted(hidden)),
         imitated=truth.imitated,
         all_found=_all_found(case, stated, hidden) if len(case.effects) > 1 else None,

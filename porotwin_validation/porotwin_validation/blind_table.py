@@ -41,6 +41,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
     return {
         'cases': len(scores),
         'right': _share(scores, lambda score: score.right),
+        'right_or_listed': _share(scores, lambda score: score.right or score.listed),
         'imitated': _share(scores, lambda score: score.imitated),
         'wrong_although_visible': _share(scores, _is_wrong_although_visible),
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
@@ -151,8 +152,9 @@ def _cases(scores: Sequence[CaseScore]) -> Iterator[str]:
 
 
 def _wrong(score: CaseScore) -> str:
-    """Return `no`, and whether the recording shows the truth at all."""
-    return 'no: the true maps fit no better' if score.visible is False else 'no'
+    """Return `no`, whether the truth is listed, and whether the recording shows it at all."""
+    listed = ', but listed' if score.listed else ''
+    return f'no{listed}: the true maps fit no better' if score.visible is False else f'no{listed}'
 
 
 def _by_gap(scores: Sequence[CaseScore]) -> Iterator[str]:

@@ -29,12 +29,15 @@ def clean_maps(path: Path, case: BlindCase, times) -> FloatArray:
     return np.asarray(open_maps(path, case.rig)[:], dtype=float)
 
 
-def stated(folder: Path, verdict: str, confidence: float, combination=(), parameters=()) -> Path:
+def stated(
+    folder: Path, verdict: str, confidence: float, combination=(), parameters=(), listed=()
+) -> Path:
     """Write a diagnosis.json with one verdict into `folder`, and return the folder."""
     folder.mkdir(exist_ok=True)
     values = {key: {'value': value} for key, value in parameters}
     content = {
         'verdict': verdict,
+        'not_separable_from': list(listed),
         'confidence': confidence,
         'combination': list(combination),
         'effects': [{'name': name, 'parameters': values} for name in combination],

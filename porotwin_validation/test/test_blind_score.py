@@ -20,6 +20,14 @@ def test_the_right_verdict_is_right_and_another_one_is_wrong(tmp_path):
     assert right.right and not wrong.right
 
 
+def test_a_truth_beside_another_name_is_listed(tmp_path):
+    case, truth = case_of_kind('single'), CaseTruth(0.2, 0.02, ('depth',))
+    alone = score_case(case, stated(tmp_path / 'a', 'porosity', 0.9), truth)
+    beside = score_case(case, stated(tmp_path / 'b', 'porosity', 0.9, listed=['depth']), truth)
+    assert [score.listed for score in (alone, beside)] == [False, True]
+    assert not beside.right
+
+
 def test_a_name_that_imitates_the_truth_within_the_solver_floor_is_right(tmp_path):
     case = case_of_kind('left out')
     truth = CaseTruth(0.2, 0.02, ('unexplained',))

@@ -67,6 +67,14 @@ def test_a_truth_that_the_recording_does_not_show_is_told():
     assert 'no: the true maps fit no better' in table(cases, figures)
 
 
+def test_a_truth_that_is_listed_as_inseparable_counts_beside_right_ones():
+    listed = replace(SCORE, verdict='porosity', right=False, listed=True)
+    cases = [SCORE, listed]
+    figures = summary(cases)
+    assert (figures['right'], figures['right_or_listed']) == (0.5, 1.0)
+    assert '| no, but listed |' in table(cases, figures)
+
+
 def test_effects_that_a_recording_does_not_show_need_not_be_found_together():
     both = replace(SCORE, kind='alike', all_found=True)
     hidden = replace(both, all_found=False, visible=False)
