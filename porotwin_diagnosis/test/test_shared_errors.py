@@ -98,6 +98,14 @@ def test_a_shared_error_of_one_deviation_costs_one(error):
     assert left < 0.1 * float(np.sum((100 * wrong) ** 2))
 
 
+def test_a_core_that_was_taken_for_stock_costs_little_whatever_imaging_states():
+    exact = replace(SIZES, scales=(0.0,), bend=0.0)
+    maps = plumes()
+    shared = SharedErrors(100 * error_modes(exact, maps, ONE_SAND, GRID), cost=5.0)
+    left = float(np.sum(shared.decorrelated(100 * 0.05 * maps) ** 2))
+    assert left == pytest.approx(shared.cost, rel=0.05)
+
+
 def test_what_no_error_looks_like_stays():
     generator = np.random.default_rng(6)
     maps = plumes()

@@ -32,8 +32,8 @@ class CaseScore:
         confidence: confidence of the verdict.
         right: whether the verdict is right.
         imitated: whether it is right only because it looks the same as the truth to the camera.
-        listed: whether a verdict that is not right lists the truth among the effects that the recording
-            cannot separate from it.
+        listed: whether a verdict that is not right lists the truth among the effects that this
+            recording cannot separate from it.
         all_found: whether all of several effects were found; None for other kinds.
         gap_closed: share of the gap that closes, against maps without noise; None without a gap.
         parameter_errors: relative errors of the parameters of the effects that were found.

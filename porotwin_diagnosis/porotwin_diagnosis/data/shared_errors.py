@@ -6,6 +6,7 @@ direction. Such errors are not noise: they are a few unknown numbers, each with 
 
 | error | mode, c the concentration | unknown numbers |
 | --- | --- | --- |
+| level of the stock | c | 1 |
 | scale of a sand | c in that sand | one per sand |
 | bend of the response | 4 c (1 - c), and the same times 1 - 2 c | 2 |
 | shift of the camera | slope of c | 2 |
@@ -13,7 +14,8 @@ direction. Such errors are not noise: they are a few unknown numbers, each with 
 | blur | Laplacian of c | 1 |
 
 `measured_errors` reads the standard deviation of each number from the delivered deviations, cell by
-cell. `SharedErrors` takes the modes out of a residual as far as their deviations allow.
+cell. Only the level of the stock has a fixed one: imaging cannot know it. `SharedErrors` takes the
+modes out of a residual as far as their deviations allow.
 """
 
 from dataclasses import dataclass
@@ -38,6 +40,11 @@ MOST_SANDS = 8
 
 SAME_SAND = 0.02
 """Relative difference of the permeabilities of one sand: the resolution of a map file."""
+
+STOCK_LEVEL = 0.05
+"""Relative deviation of the concentration that the calibration took for stock. It took the core of
+a plume in the same rig. Immobile water, decay or fading light makes this core paler, and so all
+maps too bright by 1 to 7 % on the virtual rig."""
 
 SHIFT_OVER_PLACE, CORNER_OVER_PLACE = 0.8, 0.9
 """Deviations of a common shift and of a corner over the deviation of the place. A shaken baseline
@@ -126,6 +133,7 @@ def error_modes(
     right, up = grid.x / grid.width, (grid.z / grid.height)[:, None]
     shares = [a * b for a in (right, 1.0 - right) for b in (up, 1.0 - up)]
     modes = [
+        STOCK_LEVEL * maps,
         *(size * maps * (sands == number) for number, size in enumerate(sizes.scales)),
         pale,
         SECOND_BEND * pale * (1.0 - 2.0 * maps),
