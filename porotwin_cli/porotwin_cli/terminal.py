@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,10 +17,12 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TaskID,
     TextColumn,
-    TimeRemainingColumn,
 )
+from rich.text import Text
 from rich.table import Table
 
 from porotwin_core.errors import InputError, check_writable
@@ -97,11 +100,34 @@ def progress() -> AbstractContextManager[Progress]:
         TextColumn('{task.description}'),
         BarColumn(),
         MofNCompleteColumn(),
-        TimeRemainingColumn(),
+        _TimeLeft(),
         console=console,
         transient=True,
         speed_estimate_period=SPEED_OVER_S,
     )
+
+
+def seconds_left(task: Task) -> float | None:
+    """Return the remaining time of a task [s]; None if nothing tells it.
+
+    It is the larger one of two estimates: by the speed of the last steps, and by the mean speed
+    since the beginning. Only the second one grows while a long stage makes no step.
+    """
+    recent, elapsed = task.time_remaining, task.elapsed
+    if recent is None or not elapsed or not task.completed:
+        return recent
+    return max(recent, elapsed * (task.remaining or 0.0) / task.completed)
+
+
+class _TimeLeft(ProgressColumn):
+    """The remaining time as h:mm:ss."""
+
+    max_refresh = 0.5
+
+    def render(self, task: Task) -> Text:
+        """Return the column of `task`."""
+        left = seconds_left(task)
+        return Text('-:--:--' if left is None else str(timedelta(seconds=round(left))))
 
 
 class _ProgressLines(Progress):
@@ -131,7 +157,8 @@ class _ProgressLines(Progress):
         if passed < (LINE_EACH_S if task.description == self._stage else STAGE_AFTER_S):
             return
         self._told_s, self._stage = self.get_time(), task.description
-        left = '' if not task.time_remaining else f', {duration_in_words(task.time_remaining)} left'
+        seconds = seconds_left(task)
+        left = f', {duration_in_words(seconds)} left' if seconds else ''
         say(f'{task.description}: {task.percentage:.0f} %{left}')
 
 

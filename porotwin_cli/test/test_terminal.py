@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from porotwin_cli import terminal
-from porotwin_cli.terminal import print_json, print_table, progress, refuse_existing, say
+from porotwin_cli.terminal import (
+    print_json,
+    print_table,
+    progress,
+    refuse_existing,
+    say,
+    seconds_left,
+)
 from porotwin_core.errors import InputError
 
 
@@ -65,3 +72,17 @@ def test_a_slow_piece_of_work_hardly_changes_the_remaining_time() -> None:
         now += 60.0
         bar.update(task_id, completed=10.1)
         assert task.time_remaining == pytest.approx(90 * 60.0, rel=0.25)
+
+
+def test_the_remaining_time_grows_while_a_long_stage_makes_no_step() -> None:
+    now = 0.0
+    with progress() as bar:
+        bar.get_time = lambda: now
+        task_id = bar.add_task('diagnosis', total=100)
+        task = bar.tasks[-1]
+        for done in (0, 45, 90):
+            now = done / 9.0
+            bar.update(task_id, completed=done)
+        assert seconds_left(task) == pytest.approx(10.0 / 9.0, rel=0.2)
+        now = 900.0
+        assert seconds_left(task) == pytest.approx(100.0)
