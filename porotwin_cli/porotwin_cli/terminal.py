@@ -22,8 +22,8 @@ from rich.progress import (
     TaskID,
     TextColumn,
 )
-from rich.text import Text
 from rich.table import Table
+from rich.text import Text
 
 from porotwin_core.errors import InputError, check_writable
 
