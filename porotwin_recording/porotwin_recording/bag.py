@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     return RecordedData(
         rig,
         commanded=_schedule(chosen.commanded, start),
-        measured=_schedule(chosen.measured, start),
+        measured=_measured_schedule(chosen.measured, start),
         maps=_maps(bag, chosen, start, rig),
         photos=_photos(bag, chosen, start),
         remarks=tuple(bag.remarks),
@@ -295,6 +296,18 @@ def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
         return None
     by_time = {max(0, stamp - start) / SECOND: rates[stamp] for stamp in sorted(rates)}
     return Schedule.from_rates(by_time.items())
+
+
+def _measured_schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
+    """Return measured rates as `_schedule`, with a last row that tells how long they go on."""
+    schedule = _schedule(rates, start)
+    if schedule is None or not schedule.rows:
+        return schedule
+    end = max(0, max(rates) - start) / SECOND
+    last = schedule.rows[-1]
+    if last.time == end:
+        return schedule
+    return Schedule((*schedule.rows, replace(last, time=end, rate=schedule.at(end)[last.well])))
 
 
 def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> ConcentrationMaps | None:

@@ -7,11 +7,25 @@ import numpy as np
 
 from porotwin_core.plausibility import Remark
 from porotwin_core.units import MINUTE_S, to_ml_h
+from porotwin_core.wells import Schedule
 from porotwin_recording.rates import remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
 SAME_END = (0.7, 1.3)
 """Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
+
+LATE_BEGIN = 0.5
+"""Begin over end of maps above which they are late as a whole: no other unit explains that."""
+
+MOST_RATIO = 3.0
+"""Measured over commanded rates that is odd: worn pumps deliver half of what they should."""
+
+LEAST_STEPS, REGULAR_SHARE, SAME_STEP = 6, 0.8, 0.1
+"""Least number of intervals, the share of them that must be alike, and how much, for a camera that
+counts as regular."""
+
+LONG_STEP = 10.0
+"""Interval over the usual one above which the camera stood, or its clock was set."""
 
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
@@ -28,12 +42,14 @@ def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
     yield from (remark for remark in _limits(data) if remark.key not in named)
     yield from _end(data)
     yield from _photographs(data)
+    yield from _measured_beside_commanded(data)
     yield from remarks_about_times(data)
 
 
 def remarks_about_times(data: RecordedData) -> Iterator[Remark]:
     """Yield the remarks about times that do not fit to those of the pumps."""
     yield from _times(data)
+    yield from _odd_interval(data)
     yield from _beside_the_pumps(data)
     yield from _maps_beside_the_pumps(data)
 
@@ -86,12 +102,72 @@ def _end(data: RecordedData) -> Iterator[Remark]:
         yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
 
 
+def _measured_beside_commanded(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about measured rates that are incomplete or far from commanded ones."""
+    if data.commanded is None or data.measured is None or not data.measured.rows:
+        return
+    name, rows = 'rates_measured.csv', data.measured.rows
+    measured, end = {row.well for row in rows}, rows[-1].time
+    missing = sorted(
+        {row.well for row in data.commanded.rows if row.rate.rate and row.well not in measured}
+    )
+    if missing:
+        why = f'it has no line of {", ".join(missing)}, which rates.csv lets pump'
+        yield Remark(name, '', why, 'add its lines; until then the commanded rates count')
+    later = [row for row in data.commanded.rows if row.time > end and row.well in measured]
+    if later:
+        why = f'it ends at {end:g} s, and rates.csv changes {later[0].well} at {later[0].time:g} s'
+        yield Remark(name, '', why, 'add the later lines; until then the commanded rates count')
+    ratios = list(_ratios(data.commanded, data.measured))
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    if not 1.0 / MOST_RATIO < ratio < MOST_RATIO:
+        per_minute = SAME_END[0] < ratio * MINUTE_S < SAME_END[1]
+        unit = 'were they in ml/min? write ml/h' if per_minute else 'compare both files'
+        yield Remark(name, '', f'its rates are {ratio:.3g} times those of rates.csv', unit)
+
+
+def _ratios(commanded: Schedule, measured: Schedule) -> Iterator[float]:
+    """Yield measured over commanded rates, at the measured rows of wells that shall pump."""
+    for row in measured.rows:
+        asked = commanded.at(row.time).get(row.well)
+        if asked is not None and asked.rate and row.rate.rate:
+            yield row.rate.rate / asked.rate
+
+
+def _odd_interval(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark if one interval of a regular camera is odd: its clock may have been set.
+
+    A lost photograph makes an interval of twice the usual one, and is no oddity.
+    """
+    states = [photo.time for photo in data.photos if photo.role == 'state']
+    seen = [] if data.maps is None else data.maps.times.tolist()
+    for times, name in ((states, 'imaging.csv'), (seen, 'concentration.nc')):
+        steps = np.diff(times)
+        if len(steps) < LEAST_STEPS:
+            continue
+        usual = float(np.median(steps))
+        regular = np.abs(steps - usual) < SAME_STEP * usual
+        if usual <= 0.0 or regular.mean() < REGULAR_SHARE:
+            continue
+        lost = np.round(steps / usual)
+        odd = (np.abs(steps / usual - lost) > SAME_STEP) & (steps > 1.5 * usual)
+        odd |= steps > LONG_STEP * usual
+        if odd.any():
+            first = int(np.argmax(odd))
+            key = f'{name} at {times[first]:g} s'
+            why = f'{steps[first]:g} s pass to the next one, and {usual:g} s elsewhere'
+            yield Remark(key, '', why, 'was the clock of the camera set, or did the camera stand?')
+            return
+
+
 def _times(data: RecordedData) -> Iterator[Remark]:
-    seen = [] if data.maps is None else [float(data.maps.times[-1])]
+    seen = [] if data.maps is None else data.maps.times[[0, -1]].tolist()
     seen += [photo.time for photo in data.photos if photo.role == 'state']
     if not seen or data.commanded is None:
         return
     end, last = max(seen), data.commanded.rows[-1].time
+    if min(seen) > LATE_BEGIN * end:
+        return  # another unit would move the begin, too
     low, high = SAME_END
     for one, other, what, key in (
         (last, end, 'the maps and photographs', 'rates.csv'),
@@ -157,9 +233,13 @@ def _maps_beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
     pumping = [row.time for row in rows if row.rate.rate]
     begin, end = float(data.maps.times[0]), rows[-1].time
     stand = not any(rate.rate for rate in data.commanded.at(end).values())
-    if not pumping or not stand:
+    if not pumping:
         return
-    if begin > end:
+    if not stand and begin > LONG_STEP * max(end, float(data.maps.times[-1]) - begin):
+        why = f'the first map is of {begin:g} s, the last line of rates.csv of {end:g} s'
+    elif not stand:
+        return
+    elif begin > end:
         why = f'the first map is of {begin:g} s, the pumps stop at {end:g} s'
     elif float(data.maps.times[-1]) < pumping[0]:
         why = f'the last map is of {data.maps.times[-1]:g} s, the pumps start at {pumping[0]:g} s'

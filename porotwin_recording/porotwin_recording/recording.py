@@ -1,5 +1,7 @@
 """A recording of one experiment, whether a folder or a bag holds it."""
 
+import logging
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +18,10 @@ from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
 from porotwin_recording.map_files import files_with_maps
+from porotwin_recording.odd_recording import remarks_about_times
 from porotwin_recording.recorded_data import RecordedData
+
+LOG = logging.getLogger('porotwin')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,16 +47,24 @@ class Recording(RecordedData):
 
     @cached_property
     def delivered(self) -> Schedule:
-        """Measured rates, and the commanded rates before the first measurement.
+        """Measured rates where they exist, commanded rates elsewhere, well by well.
+
+        The commanded rates of a well count before its first measured row, after the last measured
+        row of all wells, and always if the well is not measured.
 
         Raises:
             InputError: the recording holds neither.
         """
         if self.measured is None or not self.measured.rows:
             return self.schedule
-        begin = min(row.time for row in self.measured.rows)
-        commanded = self.commanded.rows if self.commanded is not None else ()
-        return Schedule((*(row for row in commanded if row.time < begin), *self.measured.rows))
+        rows = self.measured.rows
+        begin = {row.well: row.time for row in reversed(rows)}
+        commanded = [
+            row
+            for row in (() if self.commanded is None else self.commanded.rows)
+            if row.time < begin.get(row.well, math.inf) or row.time > rows[-1].time
+        ]
+        return Schedule((*rows, *commanded))
 
     @property
     def known_rates(self) -> Schedule | None:
@@ -135,6 +148,9 @@ def open_recording(
     if is_folder and segment not in (None, 1):
         raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
     data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
+    if not is_folder:  # read_folder has told them
+        for remark in remarks_about_times(data):
+            LOG.warning('%s: %s', path, remark)
     return Recording(source=path, **vars(data))
 
 

@@ -11,7 +11,11 @@ from recording_examples import controlled_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
+from porotwin_recording.odd_recording import (
+    remarks_about_maps,
+    remarks_about_recording,
+    remarks_about_times,
+)
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 
@@ -35,6 +39,7 @@ def photo(time: float, name: str, role: str = 'state') -> Photo:
     return Photo(time, role, name, bytes, Path(name))  # type: ignore[arg-type]
 
 
+REST = WellRate()
 BASELINE = photo(-30.0, 'a.jpg', 'baseline')
 
 
@@ -110,3 +115,66 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
 def test_photographs_that_miss_the_pumps_are_odd(photos: tuple[Photo, ...], named: str) -> None:
     found = list(remarks_about_recording(replace(recording(), maps=None, photos=photos)))
     assert any(re.search(named, str(remark)) for remark in found), found
+
+
+def measured(*rows: tuple[float, str, float]) -> RecordedData:
+    """Return a recording of two wells with the `rows` (time [s], well, rate [ml/h]) measured."""
+    asked = [(0.0, 'in', 523.2), (0.0, 'out', -523.2), (1800.0, 'in', 0.0), (1800.0, 'out', 0.0)]
+    commanded, seen = (
+        Schedule(tuple(ScheduleRow(t, well, WellRate(from_ml_h(rate))) for t, well, rate in given))
+        for given in (asked, rows)
+    )
+    return replace(recording(), commanded=commanded, measured=seen)
+
+
+@pytest.mark.parametrize(
+    ('rows', 'named'),
+    [
+        ([(0.0, 'in', 520.0), (1800.0, 'in', 0.0)], 'it has no line of out'),
+        ([(0.0, 'in', 520.0), (1200.0, 'out', -520.0)], r'it ends at 1200 s, and .* in at 1800 s'),
+        ([(0.0, 'in', 8.7), (0.0, 'out', -8.7), (1801.0, 'in', 0.0)], 'were they in ml/min'),
+        ([(0.0, 'in', -523.2), (0.0, 'out', 523.2), (1801.0, 'in', 0.0)], 'are -1 times those'),
+    ],
+)
+def test_incomplete_or_far_measured_rates_are_named(rows, named: str) -> None:
+    (found,) = (
+        str(one) for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key
+    )
+    assert re.search(named, found)
+
+
+def test_measured_rates_that_cover_everything_are_not_odd() -> None:
+    rows = [(0.0, 'in', 520.0), (0.0, 'out', -511.0), (1801.0, 'in', 0.0), (1801.0, 'out', 0.0)]
+    assert not [one for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key]
+
+
+@pytest.mark.parametrize(
+    ('steps', 'odd'),
+    [
+        (12 * [30.0], False),
+        ([*(8 * [30.0]), 60.0, 30.0, 90.0], False),  # lost photographs
+        ([*(8 * [30.0]), 330.0, *(4 * [30.0])], True),
+        ([*(8 * [30.0]), 75.0, *(4 * [30.0])], True),
+        ([10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0], False),  # no regular camera
+    ],
+)
+def test_an_odd_interval_asks_for_the_clock(steps: list[float], odd: bool) -> None:
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    photos = tuple(photo(float(time), f'{time:g}.jpg') for time in times)
+    found = [str(one) for one in remarks_about_times(replace(recording(), photos=photos))]
+    assert any('was the clock of the camera set' in line for line in found) is odd
+
+
+def test_maps_that_are_late_as_a_whole_are_no_matter_of_units() -> None:
+    rows = (
+        ScheduleRow(0.0, 'in', WellRate(from_ml_h(523.2), 1.0)),
+        ScheduleRow(1800.0, 'in', REST),
+    )
+    values = np.full((3, 4, 5), 0.5, np.float32)
+    times = 86400.0 + np.array([0.0, 900.0, 2700.0])
+    maps = ConcentrationMaps(times, RIG.grid(5, 4), lambda a, b: values[a:b])
+    for last in (rows, rows[:1]):
+        data = RecordedData(RIG, commanded=Schedule(last), maps=maps)
+        (found,) = map(str, remarks_about_times(data))
+        assert 'the first map is of 86400 s' in found
+        assert 'compare the clocks' in found

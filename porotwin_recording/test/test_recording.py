@@ -72,10 +72,28 @@ def test_a_path_that_does_not_exist_is_named(tmp_path: Path) -> None:
 
 def test_measured_rates_replace_commanded_ones_from_the_first_measurement_on() -> None:
     commanded = Schedule.from_rates([(0.0, {'in': WellRate(1e-7)}), (60.0, {'in': WellRate(2e-7)})])
-    measured = Schedule((ScheduleRow(30.0, 'in', WellRate(0.9e-7)),))
+    rows = [ScheduleRow(time, 'in', WellRate(0.9e-7)) for time in (30.0, 90.0)]
+    measured = Schedule(tuple(rows))
     recording = Recording(bench_rig(), commanded=commanded, measured=measured, source=Path('run'))
-    rows = [(row.time, row.rate.rate) for row in recording.delivered.rows]
-    assert rows == [(0.0, 1e-7), (30.0, 0.9e-7)]
+    found = [(row.time, row.rate.rate) for row in recording.delivered.rows]
+    assert found == [(0.0, 1e-7), (30.0, 0.9e-7), (90.0, 0.9e-7)]
+
+
+def test_wells_without_a_measurement_and_times_after_the_last_one_follow_the_commands() -> None:
+    def rows(*given: tuple[float, str, float]) -> Schedule:
+        return Schedule(tuple(ScheduleRow(t, well, WellRate(rate)) for t, well, rate in given))
+
+    commanded = rows((0.0, 'in', 1e-7), (0.0, 'out', -2e-7), (50.0, 'in', 3e-7), (90.0, 'in', 0.0))
+    measured = rows((10.0, 'in', 0.9e-7), (60.0, 'in', 0.8e-7))
+    recording = Recording(bench_rig(), commanded=commanded, measured=measured, source=Path('run'))
+    found = [(row.time, row.well, row.rate.rate) for row in recording.delivered.rows]
+    assert sorted(found) == [
+        (0.0, 'in', 1e-7),
+        (0.0, 'out', -2e-7),
+        (10.0, 'in', 0.9e-7),
+        (60.0, 'in', 0.8e-7),
+        (90.0, 'in', 0.0),
+    ]
 
 
 def test_without_measurements_the_commanded_rates_count_as_delivered() -> None:

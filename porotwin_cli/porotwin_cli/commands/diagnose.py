@@ -154,29 +154,38 @@ def command(
 
 
 def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
-    """Refuse a recording that is named twice: it would count twice.
+    """Refuse a recording that is named twice, or a copy of it: it would count twice.
+
+    Two recordings never share their last map to the last bit, because its noise differs.
 
     Raises:
-        InputError: it is.
+        InputError: there is one.
     """
     from porotwin_diagnosis.report.origin import place_of
 
-    seen: set[Path] = set()
+    places: set[Path] = set()
+    last_maps: dict[bytes, Path] = {}
     for recording in recordings:
         place = place_of(recording.source)
-        if place in seen:
+        if place in places:
             raise InputError(f'{recording.source}: is named twice; name every recording once')
-        seen.add(place)
+        places.add(place)
+        last = recording.present_maps[-1].tobytes()
+        other = last_maps.setdefault(last, recording.source)
+        if other != recording.source:
+            raise InputError(
+                f'{recording.source}: is a copy of {other}, with the same last map; leave it out'
+            )
 
 
 def _tell_what_is_read(recordings: 'Sequence[Recording]') -> None:
-    """Tell which maps are read, and which do not fit to the times at which the pumps ran."""
-    from porotwin_recording.odd_recording import remarks_about_times
+    """Tell which maps are read, and what is odd about the tracer in them."""
+    from porotwin_cli.recorded_tracer import remarks_about_tracer
 
     for recording in recordings:
         maps = recording.present_maps
         say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
-        for remark in remarks_about_times(recording):
+        for remark in remarks_about_tracer(recording):
             say(f'{recording.source}: {remark}')
 
 

@@ -95,7 +95,7 @@ def _hidden_improvement(result: Diagnosis) -> str:
         return (
             f'The gap lies in the part before the held-out one: there the error is '
             f'{percent(after)} with the correction instead of {percent(before)}. In the held-out '
-            f'part it is {percent(blurred_after)} either way.'
+            f'part it is {percent(blurred_after)} instead of {percent(blurred_before)}.'
         )
     return (
         'With the correction, and with fronts blurred as the camera blurs them, the error of the '

@@ -1,0 +1,38 @@
+"""What is odd about the tracer in the maps of a recording, before it is diagnosed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from porotwin_imaging.mass_check import excess_remark
+from porotwin_recording.odd_recording import remarks_about_maps
+from porotwin_recording.recording import Recording
+
+LOOKED_AT = 8
+"""Maps of a recording whose tracer is compared with what the pumps injected."""
+
+
+def remarks_about_tracer(recording: Recording) -> Iterator[str]:
+    """Yield what is odd about the tracer in the maps of `recording`, one line each.
+
+    Raises:
+        InputError: the recording holds no maps.
+    """
+    yield from map(str, remarks_about_maps(recording))
+    maps, rates = recording.present_maps, recording.known_rates
+    if rates is None:
+        return
+
+    def excess(index: int) -> str:
+        return excess_remark(maps[index], float(maps.times[index]), recording.rig, rates)
+
+    if remark := excess(0):
+        pumped = any(row.rate.rate and row.time <= maps.times[0] for row in rates.rows)
+        if pumped:  # otherwise the model starts with this tracer
+            yield (
+                f'{remark}. If tracer of an earlier run was left, begin the recording before the '
+                'pumps run; a late clock looks the same'
+            )
+        return
+    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int))
+    yield from list(filter(None, map(excess, map(int, chosen))))[:1]

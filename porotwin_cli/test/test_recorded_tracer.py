@@ -1,0 +1,51 @@
+"""Oddities of the tracer in recorded maps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from porotwin_cli.recorded_tracer import remarks_about_tracer
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.recording import Recording
+
+RIG = load_rig('rigs/small')
+
+
+def recording(*, level: float, from_s: float = 0.0, first: float = 0.0) -> Recording:
+    """Return ten maps over an hour that hold `level` in a tenth of the rig.
+
+    The first map holds `first` there. 500 ml/h of stock flow from `from_s` on.
+    """
+    values = np.zeros((10, 30, 50), np.float32)
+    values[:, :3] = level
+    values[0, :3] = first
+    maps = ConcentrationMaps(
+        np.linspace(0.0, 3600.0, 10), RIG.grid(50, 30), lambda a, b: values[a:b]
+    )
+    rate = WellRate(from_ml_h(500.0), 1.0)
+    commanded = Schedule((ScheduleRow(from_s, 'injector', rate),))
+    return Recording(RIG, commanded=commanded, maps=maps, source=Path('run'))
+
+
+def test_tracer_that_the_pumps_injected_is_not_odd() -> None:
+    assert not list(remarks_about_tracer(recording(level=0.2)))
+
+
+@pytest.mark.parametrize(
+    ('given', 'named'),
+    [
+        ({'level': 20.0}, 'was this in percent'),
+        ({'level': 1.0, 'first': 0.0, 'from_s': 3500.0}, 'but the pumps injected'),
+        ({'level': 0.9, 'first': 0.5}, 'If tracer of an earlier run was left'),
+    ],
+)
+def test_tracer_that_no_pump_explains_is_told(given: dict[str, float], named: str) -> None:
+    assert any(named in line for line in remarks_about_tracer(recording(**given)))
+
+
+def test_tracer_before_all_pumps_is_a_start_that_the_model_takes() -> None:
+    assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=60.0)))
