@@ -1,4 +1,4 @@
-"""What is odd about the tracer in the maps of a recording, before it is diagnosed."""
+"""Oddities of the tracer in the maps of a recording, told before its diagnosis."""
 
 from collections.abc import Iterator
 
@@ -9,11 +9,11 @@ from porotwin_recording.odd_recording import remarks_about_maps
 from porotwin_recording.recording import Recording
 
 LOOKED_AT = 8
-"""Maps of a recording whose tracer is compared with what the pumps injected."""
+"""Maps of a recording that are compared with the injected tracer."""
 
 
 def remarks_about_tracer(recording: Recording) -> Iterator[str]:
-    """Yield what is odd about the tracer in the maps of `recording`, one line each.
+    """Yield the oddities of the tracer in the maps of `recording`, one line each.
 
     Raises:
         InputError: the recording holds no maps.

@@ -179,7 +179,7 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
 
 
 def _tell_what_is_read(recordings: 'Sequence[Recording]') -> None:
-    """Tell which maps are read, and what is odd about the tracer in them."""
+    """Tell which maps are read, and the oddities of their tracer."""
     from porotwin_cli.recorded_tracer import remarks_about_tracer
 
     for recording in recordings:
