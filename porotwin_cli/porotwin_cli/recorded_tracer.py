@@ -11,6 +11,9 @@ from porotwin_recording.recording import Recording
 LOOKED_AT = 8
 """Maps of a recording that are compared with the injected tracer."""
 
+VISIBLE_TRACER = 0.1
+"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
+
 
 def remarks_about_tracer(recording: Recording) -> Iterator[str]:
     """Yield the oddities of the tracer in the maps of `recording`, one line each.
@@ -34,5 +37,13 @@ def remarks_about_tracer(recording: Recording) -> Iterator[str]:
                 'pumps run; a late clock looks the same'
             )
         return
-    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int))
-    yield from list(filter(None, map(excess, map(int, chosen))))[:1]
+    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
+    yield from list(filter(None, map(excess, chosen)))[:1]
+    stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
+    later = [index for index in chosen if stock and maps.times[index] > stock[0]]
+    empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
+    if 2 * len(empty) > len(later):
+        yield (
+            f'{len(empty)} of {len(later)} maps that were looked at show no tracer, but stock is '
+            f'injected from {stock[0]:g} s on; compare the clocks of camera and pumps'
+        )

@@ -47,5 +47,10 @@ def test_tracer_that_no_pump_explains_is_told(given: dict[str, float], named: st
     assert any(named in line for line in remarks_about_tracer(recording(**given)))
 
 
+def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:
+    (line,) = remarks_about_tracer(recording(level=0.0))
+    assert line.startswith('7 of 7 maps that were looked at show no tracer')
+
+
 def test_tracer_before_all_pumps_is_a_start_that_the_model_takes() -> None:
     assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=60.0)))
