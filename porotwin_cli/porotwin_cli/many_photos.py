@@ -12,7 +12,11 @@ Found = TypeVar('Found')
 
 
 def each_photo(
-    pool: Crew, work: Callable[[bytes, Known], Found], photos: Sequence[Photo], known: Known
+    pool: Crew,
+    work: Callable[[bytes, Known], Found],
+    photos: Sequence[Photo],
+    known: Known,
+    note: Callable[[Photo, bytes], None] = lambda *_: None,
 ) -> Iterator[tuple[Photo, Found | InputError]]:
     """Yield every photograph with `work(bytes of the file, known)`, or why there is no result.
 
@@ -21,9 +25,17 @@ def each_photo(
         work: a function of a module, which a worker elsewhere can import.
         photos: the photographs.
         known: a value for all photographs; every worker gets it once.
+        note: called with every photograph and the bytes of its file, when it is read.
     """
+
+    def content(photo: Photo) -> bytes | InputError:
+        found = _read_or_reason(photo)
+        if isinstance(found, bytes):
+            note(photo, found)
+        return found
+
     shared = (work, pool.share(known))
-    results = in_order(pool, _done_or_reason, map(_read_or_reason, photos), first=shared)
+    results = in_order(pool, _done_or_reason, map(content, photos), first=shared)
     yield from zip(photos, results, strict=True)
 
 

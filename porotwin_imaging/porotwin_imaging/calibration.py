@@ -20,6 +20,7 @@ deviation of the blur of tracer in a photograph, in pixels of the file; without 
 `settings.py` holds. Files of schema 1 have no deviations; they are read with zeros there.
 """
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
@@ -143,6 +144,16 @@ class Calibration:
     scale_error: float = UNCALIBRATED_ERROR
     factor_deviations: tuple[float, ...] = ()
     blur_px: float | None = None
+
+    @property
+    def picture_fingerprint(self) -> str:
+        """A short hash of the pictures `sands` and `hidden`, which its file only names."""
+        whole = hashlib.sha256()
+        for picture in (self.sands, self.hidden):
+            shape = None if picture is None else picture.shape
+            whole.update(repr(shape).encode())
+            whole.update(b'' if picture is None else np.ascontiguousarray(picture).tobytes())
+        return whole.hexdigest()[:16]
 
     def check_rig(self, rig: Rig) -> None:
         """Check that the calibration was made on a rig of the size of `rig`, if it tells its rig.

@@ -118,6 +118,7 @@ def _calibrated(
         InputError: the photographs or rates are wrong, or `target` may not be written.
         WorkFailed: the calibration cannot be trusted.
     """
+    from porotwin_cli.same_photos import PhotoDigests, told
     from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
     from porotwin_imaging.calibration_pictures import write_fit
     from porotwin_imaging.calibration_trust import CalibrationRefused
@@ -125,11 +126,14 @@ def _calibrated(
 
     rig, photos = recording.rig, recording.photos
     schedule, rates_file = _injected_rates(recording)
+    states = [photo for photo in photos if photo.role == 'state']
+    for line in told(PhotoDigests().same_files(states)):
+        say(line)
     try:
         fit = fit_calibration(
             rig,
             [photo.read() for photo in photos if photo.role == 'baseline'],
-            ((photo.time, photo.read()) for photo in photos if photo.role == 'state'),
+            ((photo.time, photo.read()) for photo in states),
             schedule=schedule,
             dilutions=[
                 DilutionPhoto(photo.time, photo.read, photo.concentration)

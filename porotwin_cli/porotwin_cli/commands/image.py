@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_core.wells import Schedule
+    from porotwin_imaging.calibration import Calibration
     from porotwin_recording.photos import Photo
 
 UNCALIBRATED = (
@@ -52,8 +53,8 @@ def command(
     suffix .png. A bad photograph is named and left out. If the calibration only guessed the factor
     of a sand, the core of the plume in that sand corrects it. --learnt FOLDER keeps the corrected
     calibration for ./porotwin up --calibration FOLDER/calibration.yaml. After an interruption a
-    second call continues. It begins anew if the photographs, rig.yaml or the rates have changed
-    since.
+    second call continues. It begins anew if the photographs, rig.yaml, the rates or the calibration
+    with its pictures have changed since.
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
@@ -69,6 +70,7 @@ def command(
     from porotwin_cli.output_files import check_output, maker
     from porotwin_cli.photo_remarks import PhotoRemarks
     from porotwin_cli.rig_drawing import picture_beside
+    from porotwin_cli.same_photos import PhotoDigests, told
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration, save_calibration
@@ -101,6 +103,8 @@ def command(
     with named(names[0]):
         memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
+    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
+    source = {**fingerprints(recording), **_pictures(used)}
     clean = [photo.read() for photo in baselines]
     if used:
         better = refined(
@@ -129,9 +133,9 @@ def command(
     for remark in baseline.remarks:
         say(remark)
     imaged, refused, doubts, remarks = [], [], [], PhotoRemarks(say)
-    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
-    writing = MapParts(output, rig, map_grid, source=fingerprints(recording), origin=origin)
+    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
+    digests = PhotoDigests()
     done, left = _done_and_left(states, writing.earlier)
     if writing.changed:
         say(f'beginning anew: {", ".join(writing.changed)} changed since an interrupted call')
@@ -139,7 +143,7 @@ def command(
         say(f'going on behind {len(done)} maps of an interrupted call')
     with pool, writing as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states), completed=len(states) - len(left))
-        for photo, found in each_photo(pool, concentration_map, left, baseline):
+        for photo, found in each_photo(pool, concentration_map, left, baseline, digests.note):
             try:
                 if isinstance(found, InputError):
                     raise found
@@ -172,6 +176,9 @@ def command(
         doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
     remarks.tell_the_rest()
+    same = digests.same_files(states)
+    for line in told(same):
+        say(line)
     excess = _excess(output, rig, rates) if used else ''
     if excess:
         say(excess)
@@ -189,6 +196,7 @@ def command(
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': imaged,
                 'refused': refused,
+                'same_files': [run.entry for run in same],
                 'too_much_tracer': excess or None,
                 'pale_well': pale or None,
             }
@@ -219,6 +227,13 @@ def _learnt_words(folder: Path, corrected: int) -> str:
     """Return how to use the calibration in `folder`, with the number of `corrected` factors."""
     what = f'{corrected} learnt factors' if corrected else 'no other factors than before'
     return f'{folder}: calibration with {what}; use it with --calibration {folder}/calibration.yaml'
+
+
+def _pictures(calibration: 'Calibration | None') -> dict[str, str]:
+    """Return what stands for the pictures of a calibration: its file names them only."""
+    if calibration is None:
+        return {}
+    return {'pictures of the calibration': calibration.picture_fingerprint}
 
 
 def _done_and_left(

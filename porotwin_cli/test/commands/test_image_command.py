@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import cv2
 import netCDF4
@@ -96,6 +97,51 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
     assert [entry['plume'] for entry in again] == [entry['plume'] for entry in whole]
     np.testing.assert_array_equal(open_maps(output, rig)[:], np.delete(maps[:], 1, axis=0))
     assert not output.with_name('maps.nc.parts').exists()
+
+
+def test_image_begins_anew_if_a_picture_of_the_calibration_was_repainted(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """Maps with two masks must not be mixed: the file names its pictures only."""
+    folder, given, output = tmp_path / 'experiment', tmp_path / 'c.yaml', tmp_path / 'maps.nc'
+    shutil.copytree(experiment, folder)
+    (folder / 'concentration.nc').unlink(missing_ok=True)
+    hidden = np.zeros((20, 40), np.uint8)
+    save_calibration(Calibration(hidden=hidden), given)
+    append = MapParts.append
+
+    def interrupted(self: MapParts, time: float, *rest: Any, **others: Any) -> None:
+        append(self, time, *rest, **others)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MapParts, 'append', interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            command(folder, output, '40x24', given)
+    assert output.with_name('maps.nc.parts').exists()
+    capsys.readouterr()
+    hidden[:, :20] = 255
+    cv2.imwrite(str(tmp_path / 'hidden.png'), hidden)
+    command(folder, output, '40x24', given)
+    told = capsys.readouterr().err
+    assert 'beginning anew: pictures of the calibration changed' in told
+    assert np.isnan(open_maps(output, load_rig(folder))[:][:, :, :20]).all()
+
+
+def test_image_names_photographs_of_a_frozen_camera(
+    experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    (folder / 'concentration.nc').unlink(missing_ok=True)
+    names = [photo.name for photo in open_recording(folder).photos if photo.role == 'state']
+    for name in names[3:5]:
+        shutil.copy(folder / names[2], folder / name)
+    command(folder, tmp_path / 'maps.nc', '40x24', as_json=True)
+    answer, told = capsys.readouterr()
+    assert f'{names[2]} to {names[4]}: 3 photographs in a row are the same file' in told
+    (run,) = json.loads(answer)['same_files']
+    assert run == {'first': names[2], 'last': names[4], 'photographs': 3}
 
 
 def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:
