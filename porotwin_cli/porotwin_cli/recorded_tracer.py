@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from porotwin_core.plausibility import Remark
 from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.odd_recording import remarks_about_maps
 from porotwin_recording.recording import Recording
@@ -15,13 +16,13 @@ VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 
 
-def remarks_about_tracer(recording: Recording) -> Iterator[str]:
-    """Yield the oddities of the tracer in the maps of `recording`, one line each.
+def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
+    """Yield the remarks about the tracer in the maps of `recording`.
 
     Raises:
         InputError: the recording holds no maps.
     """
-    yield from map(str, remarks_about_maps(recording))
+    yield from remarks_about_maps(recording)
     maps, rates = recording.present_maps, recording.known_rates
     if rates is None:
         return
@@ -29,21 +30,27 @@ def remarks_about_tracer(recording: Recording) -> Iterator[str]:
     def excess(index: int) -> str:
         return excess_remark(maps[index], float(maps.times[index]), recording.rig, rates)
 
-    if remark := excess(0):
+    if told := excess(0):
         pumped = any(row.rate.rate and row.time <= maps.times[0] for row in rates.rows)
         if pumped:  # otherwise the model starts with this tracer
-            yield (
-                f'{remark}. If tracer of an earlier run was left, begin the recording before the '
+            yield _remark(
+                f'{told}. If tracer of an earlier run was left, begin the recording before the '
                 'pumps run; a late clock looks the same'
             )
         return
     chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
-    yield from list(filter(None, map(excess, chosen)))[:1]
+    yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
     later = [index for index in chosen if stock and maps.times[index] > stock[0]]
     empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
     if 2 * len(empty) > len(later):
-        yield (
+        yield _remark(
             f'{len(empty)} of {len(later)} maps that were looked at show no tracer, but stock is '
             f'injected from {stock[0]:g} s on; compare the clocks of camera and pumps'
         )
+
+
+def _remark(text: str) -> Remark:
+    """Return a line "what is wrong; what would mend it" as a remark about the maps."""
+    why, _, remedy = text.partition('; ')
+    return Remark('concentration.nc', '', why, remedy)

@@ -15,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 
 from porotwin_cli.control_words import control_words
 from porotwin_cli.density_words import density_words
+from porotwin_cli.recorded_tracer import remarks_about_tracer
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -31,9 +32,10 @@ from porotwin_imaging.geometry import Geometry
 from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.experiment_folder import FILES, folder_data
-from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
+from porotwin_recording.odd_recording import remarks_about_recording
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording import Recording
 from porotwin_solver.effects import EFFECTS, apply_effects
 from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.engine import BALANCE_TOLERANCE
@@ -121,7 +123,9 @@ def check(
     rig, found, data, kind = _read(path)
     remarks = list(found)
     if data is not None:
-        remarks += [*remarks_about_recording(data), *remarks_about_maps(data)]
+        remarks += remarks_about_recording(data)
+        if data.maps is not None:
+            remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
         remarks += [
             Remark('recording', '', text, 'see the log of the run') for text in data.remarks
         ]

@@ -44,12 +44,12 @@ def test_tracer_that_the_pumps_injected_is_not_odd() -> None:
     ],
 )
 def test_tracer_that_no_pump_explains_is_told(given: dict[str, float], named: str) -> None:
-    assert any(named in line for line in remarks_about_tracer(recording(**given)))
+    assert any(named in str(remark) for remark in remarks_about_tracer(recording(**given)))
 
 
 def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:
-    (line,) = remarks_about_tracer(recording(level=0.0))
-    assert line.startswith('7 of 7 maps that were looked at show no tracer')
+    (remark,) = remarks_about_tracer(recording(level=0.0))
+    assert remark.why.startswith('7 of 7 maps that were looked at show no tracer')
 
 
 def test_tracer_before_all_pumps_is_a_start_that_the_model_takes() -> None:
