@@ -31,8 +31,8 @@ class SameFiles:
         """One line for the operator."""
         return (
             f'{self.first} to {self.last}: {self.count} photographs in a row are the same file, '
-            'byte for byte: the camera may have hung, or files were copied; what happened in that '
-            'time is not seen, so leave the copies out of imaging.csv'
+            'byte for byte: the camera may have hung, or files were copied; leave the copies out of '
+            'imaging.csv'
         )
 
     @property

@@ -38,6 +38,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
+from porotwin_imaging.covered_baseline import uncovered
 from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
 from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
@@ -130,6 +131,7 @@ def fit_calibration(
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
     baseline_names: Sequence[str] = (),
+    samples: Sequence[Callable[[], bytes]] = (),
 ) -> CalibrationFit:
     """Return the calibration of a camera and rig.
 
@@ -150,6 +152,8 @@ def fit_calibration(
         progress: called with a line for each photograph.
         settings: settings of all steps.
         baseline_names: names of the files of the baselines, for messages.
+        samples: functions that read photographs of the injection; a few of them are called, to find
+            a baseline that something covers.
 
     Raises:
         CalibrationRefused: no photograph can be used, none shows tracer, or the level of stock
@@ -158,7 +162,8 @@ def fit_calibration(
     """
     grid = calibration_grid(rig, settings.calibration)
     baseline = make_baseline(rig, grid, baselines, settings=settings, names=baseline_names)
-    lines = list(baseline.remarks)
+    baseline, cover = uncovered(baseline, samples, baseline_names)
+    lines = [*baseline.remarks, *((str(cover),) if cover else ())]
     compared, times = _compare_all(baseline, states, lines, progress)
     colours, texture = baseline.sand_appearance()
     looks = sands.segment(colours, texture, compared[0].visible, settings.sands)
@@ -249,7 +254,8 @@ def fit_calibration(
         rates_file=rates_file,
     )
     plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
-    trust = judged(evidence, plume, sand_edges(baseline.mask.unlit), settings.trust)
+    edges = sand_edges(baseline.mask.unlit)
+    trust = judged(evidence, plume, edges, settings.trust, cover)
     lines += [*evidence_lines(evidence), *trust.remarks]
     calibration = Calibration(
         choice.signal,

@@ -5,6 +5,7 @@ the pore volume that the plume fills. A calibration that lets them disagree give
 every photograph. It is refused, with the likely reasons and with the photographs that would help.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from porotwin_imaging.calibration_evidence import (
     SandEvidence,
 )
 from porotwin_imaging.core_trend import CoreTrend, core_trend
+from porotwin_imaging.covered_baseline import REASONS, REMEDY, Cover
 from porotwin_imaging.plume_evidence import PlumeEvidence
 from porotwin_imaging.sand_edges import EdgeEvidence
 from porotwin_imaging.settings import DEFAULTS, TrustSettings
@@ -88,6 +90,7 @@ def judged(
     plume: PlumeEvidence,
     edges: Sequence[EdgeEvidence] = (),
     settings: TrustSettings = DEFAULTS.trust,
+    cover: Cover | None = None,
 ) -> Trust:
     """Return the judgement of a calibration.
 
@@ -96,20 +99,33 @@ def judged(
         plume: place and volume of the plume.
         edges: edges of the sand against the description of the camera.
         settings: limits.
+        cover: sand that the baseline does not show; it explains every other objection.
     """
-    return Trust(
-        (
-            *_absence(evidence, plume),
-            *_place(evidence, plume, settings),
-            *_changing_cores(evidence, settings),
-            *_amount(evidence, plume, settings),
-            *_baseline(evidence, plume, settings),
-            *_followers(evidence, settings),
-            *_sands(evidence.sands, settings),
-            *_level(evidence, plume, settings),
-            *_geometry(edges, settings),
-        ),
-        tuple(_remarks(evidence, plume, settings)),
+    objections = _objections(evidence, plume, edges, settings)
+    if objections and cover:
+        objections = (Objection(cover.finding, REASONS, REMEDY), *objections)
+    return Trust(objections, tuple(_remarks(evidence, plume, settings)))
+
+
+def _objections(
+    evidence: CalibrationEvidence,
+    plume: PlumeEvidence,
+    edges: Sequence[EdgeEvidence],
+    settings: TrustSettings,
+) -> tuple[Objection, ...]:
+    """Return the objections to a calibration, the most telling first."""
+    return tuple(
+        itertools.chain(
+            _absence(evidence, plume),
+            _place(evidence, plume, settings),
+            _changing_cores(evidence, settings),
+            _amount(evidence, plume, settings),
+            _baseline(evidence, plume, settings),
+            _followers(evidence, settings),
+            _sands(evidence.sands, settings),
+            _level(evidence, plume, settings),
+            _geometry(edges, settings),
+        )
     )
 
 

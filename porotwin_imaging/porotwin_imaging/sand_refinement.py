@@ -20,6 +20,7 @@ from porotwin_core.wells import Schedule
 from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.calibration_fit import calibration_grid
+from porotwin_imaging.covered_baseline import uncovered
 from porotwin_imaging.photo_to_map import compare_with_baseline
 from porotwin_imaging.sands import SandLevel
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
@@ -88,6 +89,7 @@ def refined(
     baseline = make_baseline(
         rig, grid, baselines, calibration=calibration, settings=settings, names=baseline_names
     )
+    baseline, _ = uncovered(baseline, [read for _, read in photographs], baseline_names)
     signals = [signal for _, read in chosen if (signal := _signal(read, baseline)) is not None]
     if not signals:
         return RefinedCalibration(calibration)

@@ -12,6 +12,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import Trust, judged
+from porotwin_imaging.covered_baseline import Cover
 from porotwin_imaging.front_response import FrontFit
 from porotwin_imaging.plume_evidence import PlumeEvidence
 from porotwin_imaging.sand_edges import EdgeEvidence
@@ -48,6 +49,14 @@ def refusal(evidence: CalibrationEvidence = GOOD, plume: PlumeEvidence = PLUME, 
 def test_a_calibration_whose_evidence_agrees_is_trusted_without_a_remark() -> None:
     assert judged(GOOD, PLUME) == Trust()
     assert judged(GOOD, PLUME).refusal == ''
+
+
+def test_a_covered_baseline_is_the_first_reason_but_none_of_its_own() -> None:
+    cover = Cover(0.13, 4, ('base.jpg',))
+    assert judged(GOOD, PLUME, cover=cover) == Trust()
+    line = judged(replace(GOOD, mass_factor=0.3), PLUME, cover=cover).refusal
+    assert line.startswith('calibration refused: the baseline base.jpg does not show the sand on')
+    assert 'take another baseline (also: the pump log injected' in line
 
 
 def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides() -> None:

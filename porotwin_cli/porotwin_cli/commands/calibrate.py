@@ -148,6 +148,7 @@ def _calibrated(
             baseline_names=[
                 str(recording.source / photo.name) for photo in photos if photo.role == 'baseline'
             ],
+            samples=[photo.read for photo in states],
         )
         say('drawing')
         write_fit(fit, target)

@@ -74,6 +74,7 @@ def command(
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration, save_calibration
+    from porotwin_imaging.covered_baseline import uncovered
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
     from porotwin_imaging.photo_names import named
@@ -130,7 +131,8 @@ def command(
         calibration=used,
         names=names,
     )
-    for remark in baseline.remarks:
+    baseline, cover = uncovered(baseline, [photo.read for photo in states], names)
+    for remark in (*baseline.remarks, *((str(cover),) if cover else ())):
         say(remark)
     imaged, refused, doubts, remarks = [], [], [], PhotoRemarks(say)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
@@ -196,6 +198,7 @@ def command(
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': imaged,
                 'refused': refused,
+                'covered_baseline': str(cover) if cover else None,
                 'same_files': [run.entry for run in same],
                 'too_much_tracer': excess or None,
                 'pale_well': pale or None,
@@ -230,7 +233,7 @@ def _learnt_words(folder: Path, corrected: int) -> str:
 
 
 def _pictures(calibration: 'Calibration | None') -> dict[str, str]:
-    """Return what stands for the pictures of a calibration: its file names them only."""
+    """Return the fingerprint of the pictures of a calibration, by name."""
     if calibration is None:
         return {}
     return {'pictures of the calibration': calibration.picture_fingerprint}

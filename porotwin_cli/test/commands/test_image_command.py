@@ -144,6 +144,23 @@ def test_image_names_photographs_of_a_frozen_camera(
     assert run == {'first': names[2], 'last': names[4], 'photographs': 3}
 
 
+def test_image_blames_a_covered_baseline_and_not_the_photographs(
+    experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    (folder / 'concentration.nc').unlink(missing_ok=True)
+    (name,) = (one.name for one in open_recording(folder).photos if one.role == 'baseline')
+    picture = cv2.imread(str(folder / name))
+    rows, columns, _ = picture.shape
+    picture[rows // 3 : 2 * rows // 3, columns // 3 : columns // 2] = (120, 150, 200)
+    cv2.imwrite(str(folder / name), picture)
+    command(folder, tmp_path / 'maps.nc', '40x24')
+    told = capsys.readouterr().err
+    assert f'the baseline {folder / name} does not show the sand on' in told
+    assert 'is covered or damaged in the photograph' not in told
+
+
 def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:
     folder = tmp_path / 'experiment'
     shutil.copytree(experiment, folder)
