@@ -16,8 +16,12 @@ SEPARATORS = ';\t,'
 """Separators of columns, the surest first: a comma may be a decimal comma."""
 
 _NUMBER = re.compile(r'[+-]?[\d.,\s\u00a0\u202f\']*\d[\d.,]*(?:[eE][+-]?\d+)?')
-_THOUSANDS = re.compile(r'[+-]?\d{1,3}[.,]\d{3}')
-"""A number that may be written with a separator of thousands."""
+_THOUSANDS = re.compile(r'[+-]?[1-9]\d{0,2},\d{3}')
+"""A number whose comma may separate thousands; behind a leading zero it cannot."""
+
+_SEPARATORS = re.compile(r"[.,\s']")
+_WHOLE = re.compile(r"[+-]?\s*(?:\d+|[1-9]\d{0,2}([.,\s'])\d{3}(?:\1\d{3})*)")
+"""A whole number; separators stand before three digits each, and all are the same."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +44,35 @@ class ForeignTable:
         return len(next(iter(self.columns.values()), []))
 
     def find(self, *names: str) -> str | None:
-        """Return the title of the first column that is one of `names`, without its unit."""
+        """Return the title of the first column that is one of `names`, without its unit.
+
+        Raises:
+            InputError: several columns have that name and differ in their units.
+        """
         for name in names:
-            for title in self.columns:
-                if bare_title(title) == name:
-                    return title
+            found = [title for title in self.columns if bare_title(title) == name]
+            if found:
+                return self.only(found)
         return None
+
+    def only(self, titles: Sequence[str]) -> str:
+        """Return the one title in `titles`.
+
+        Raises:
+            InputError: there are several; nothing says which column is meant.
+        """
+        if len(titles) > 1:
+            raise InputError(
+                f"{self.path}: which column is meant, '{titles[0]}' or '{titles[1]}'? delete the "
+                'other one, or put another word before its title, such as note'
+            )
+        return titles[0]
 
     def needed(self, *names: str) -> str:
         """Return the title as `find`.
 
         Raises:
-            InputError: there is no such column.
+            InputError: there is no such column, or there are several.
         """
         found = self.find(*names)
         if found is None:
@@ -80,9 +101,16 @@ class ForeignTable:
 
     def _number(self, word: str, where: str, title: str) -> float:
         value = number_in(word, self.decimal)
-        if not math.isfinite(value):
-            raise InputError(f"{where}: {title} is '{word}'; write a number")
-        return value
+        if math.isfinite(value):
+            return value
+        other: Decimal = 'point' if self.decimal == 'comma' else 'comma'
+        otherwise = number_in(word, other)
+        if math.isfinite(otherwise):
+            raise InputError(
+                f"{where}: {title} is '{word}', no number with a decimal {self.decimal}; "
+                f'write it with one, or give --decimal {other} for {otherwise:g}'
+            )
+        raise InputError(f"{where}: {title} is '{word}'; write a number")
 
 
 def bare_title(title: str) -> str:
@@ -91,9 +119,16 @@ def bare_title(title: str) -> str:
 
 
 def number_in(word: str, decimal: Decimal) -> float:
-    """Return the number in a word; NaN if there is none."""
-    text = re.sub(r"[\s\u00a0\u202f']", '', word)
-    text = text.replace('.', '').replace(',', '.') if decimal == 'comma' else text.replace(',', '')
+    """Return the number in a word; NaN if there is none.
+
+    Thousands may be separated, as in 1,500. In 0,500 and 1,50 nothing separates thousands.
+    """
+    whole, mark, rest = word.strip().partition(',' if decimal == 'comma' else '.')
+    if _SEPARATORS.search(whole):
+        if not _WHOLE.fullmatch(whole):
+            return math.nan
+        whole = _SEPARATORS.sub('', whole)
+    text = f'{whole}.{rest}' if mark else whole
     try:
         return float(text) if text.isascii() and '_' not in text else math.nan
     except ValueError:
@@ -123,9 +158,21 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
     for number, line in enumerate(lines[1:], 2):
         if len(line) != len(titles):
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
+    _check_repeated(path, titles)
     words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
     found = decimal or _decimal(path, (word for column in words for word in column))
     return ForeignTable(path, dict(zip(titles, words, strict=True)), found)
+
+
+def _check_repeated(path: Path, titles: Sequence[str]) -> None:
+    """Refuse two columns of one title: nothing says which is meant. Empty titles do not count."""
+    for second, title in enumerate(titles):
+        first = titles.index(title)
+        if title and first < second:
+            raise InputError(
+                f"{path}: the columns {first + 1} and {second + 1} are both titled '{title}'; "
+                'delete one of them, or put another word before its title, such as note'
+            )
 
 
 def _text(path: Path) -> str:
@@ -149,23 +196,23 @@ def _decimal(path: Path, words: Iterable[str]) -> Decimal:
     Raises:
         InputError: they can be read in two ways, or contradict each other.
     """
-    marks: set[str] = set()
+    marks: dict[str, str] = {}
     doubtful = ''
     for word in words:
         if not _NUMBER.fullmatch(word) or not {',', '.'} & set(word):
             continue
-        last = max(word.rfind(','), word.rfind('.'))
-        if word.count(word[last]) > 1 or (',' in word and '.' in word):
-            other = {',': '.', '.': ','}[word[last]]
-            marks.add(other if word.count(word[last]) > 1 else word[last])
-        elif word[last] == ',' and _THOUSANDS.fullmatch(word):
+        last = word[max(word.rfind(','), word.rfind('.'))]
+        if word.count(last) > 1:
+            if _WHOLE.fullmatch(word):  # 1,234,567; a date such as 31.05.2024 is no number
+                marks.setdefault({',': '.', '.': ','}[last], word)
+        elif '.' not in word and _THOUSANDS.fullmatch(word):
             doubtful = doubtful or word
         else:
-            marks.add(word[last])
-    if marks == {',', '.'}:
+            marks.setdefault(last, word)
+    if len(marks) > 1:
         raise InputError(
-            f'{path}: some numbers have decimal points and some decimal commas; write them alike, '
-            'or give --decimal'
+            f'{path}: some numbers have decimal points and some decimal commas, such as '
+            f"'{marks['.']}' and '{marks[',']}'; write them alike, or give --decimal"
         )
     if doubtful and not marks:
         plain = doubtful.replace(',', '')
@@ -173,4 +220,4 @@ def _decimal(path: Path, words: Iterable[str]) -> Decimal:
             f"{path}: is '{doubtful}' {doubtful.replace(',', '.')} or {plain}? give --decimal "
             'comma or --decimal point'
         )
-    return 'comma' if marks == {','} else 'point'
+    return 'comma' if ',' in marks else 'point'

@@ -7,13 +7,16 @@ from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 
 DateOrder = Literal['day-first', 'month-first']
 
 MONTHS = 12
-YEARS = 100
 CENTURY = 2000
 """Years of two digits belong to this century."""
+
+FIRST_YEAR, LAST_YEAR = 1900, 2200
+"""Years of experiments; other ones are slips."""
 
 _TIME = r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?'
 _ZONE = r'\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?'
@@ -46,7 +49,7 @@ def moments(
 
     Raises:
         InputError: a word is no time, lacks the time of day that others have, is none in its zone,
-            or can be read in two ways.
+            is more than a year from most others, or can be read in two ways.
     """
     matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
     for number, (word, match) in enumerate(zip(words, matches, strict=True), 2):
@@ -68,16 +71,31 @@ def moments(
             if zone
             else f'{where}: times without a zone, taken as one clock; --time-zone names one'
         )
-    return [
+    times = [
         _moment(match, day_first, zone, f'{where}:{number}')
         for number, match in enumerate(found, 2)
-    ], told
+    ]
+    _check_years(times, words, where)
+    return times, told
 
 
 def names_zone(words: Sequence[str]) -> bool:
     """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
     matches = (_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words)
     return any(match is not None and match['zone'] is not None for match in matches)
+
+
+def _check_years(times: Sequence[datetime], words: Sequence[str], where: str) -> None:
+    """Refuse a time that is more than a year from most others: a clock was not set."""
+    if not times:
+        return
+    middle = sorted(range(len(times)), key=lambda at: times[at])[len(times) // 2]
+    for at, time in enumerate(times):
+        if abs((time - times[middle]).total_seconds()) > LONGEST_EXPERIMENT_S:
+            raise InputError(
+                f"{where}:{at + 2}: '{words[at]}' is more than a year from '{words[middle]}' in "
+                f'row {middle + 2}; correct the one that is wrong'
+            )
 
 
 def _check_clock_times(found: Sequence[re.Match[str]], where: str) -> None:
@@ -121,12 +139,14 @@ def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> dat
         day, month = (parts['one'], parts['two'])[:: 1 if day_first else -1]
     else:
         day, month = parts['day'], parts['month']
-    year = int(parts['year'])
+    year = int(parts['year']) + CENTURY * (len(parts['year']) == len('24'))
+    if not FIRST_YEAR <= year <= LAST_YEAR:
+        raise InputError(f"{where}: '{match[0]}' is no date of an experiment; correct the year")
     hour, minute, second = _clock(parts['time'], parts['half'])
     whole = int(second)
     try:
         moment = datetime(
-            year + CENTURY * (year < YEARS),
+            year,
             int(month),
             int(day),
             hour,

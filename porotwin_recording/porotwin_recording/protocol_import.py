@@ -17,10 +17,12 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.clock_order import check_order, counters
 from porotwin_recording.csv_table import number_text, write_table
 from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.foreign_table import Decimal, ForeignTable, read_foreign_table
+from porotwin_recording.foreign_table import Decimal, ForeignTable, number_in, read_foreign_table
 from porotwin_recording.foreign_time import DateOrder, moments, names_zone
 from porotwin_recording.foreign_units import rate_factor, unit_in
 from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
@@ -78,6 +80,11 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     """
     told: list[str] = []
     photographs, rows = [], []
+    if not abs(answers.camera_ahead_s) <= LONGEST_EXPERIMENT_S:  # also if it is no number
+        raise InputError(
+            f'--camera-ahead {answers.camera_ahead_s:g}: give the lead of the clock in seconds, at '
+            f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
+        )
     if (folder / IMAGING_PROTOCOL).is_file():
         photographs = _photographs(folder, answers, told)
     if (folder / INJECTION_PROTOCOL).is_file():
@@ -120,7 +127,8 @@ def _photographs(
 ) -> list[tuple[datetime, Path]]:
     """Return times and files of the photographs, the oldest first."""
     table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
-    times = _moments(table, table.needed('datetime', 'time', 'date'), answers, told)
+    column = table.needed('datetime', 'time', 'date')
+    times = _moments(table, column, answers, told)
     files = sorted(path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
     title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
     by_name = title == table.find('path', 'file', 'filename')
@@ -131,6 +139,7 @@ def _photographs(
             missing.append(word)
         else:
             found.append((moment, file))
+    _check_order(table, column, title, times, by_name=by_name, told=told)
     if not found:
         raise InputError(f"{table.path}: none of its photographs is there, such as '{missing[0]}'")
     if missing:
@@ -142,6 +151,31 @@ def _photographs(
         told.append(f"{table.path}: the camera's clock is {answers.camera_ahead_s:g} s ahead")
     ahead = timedelta(seconds=answers.camera_ahead_s)
     return sorted((moment - ahead, file) for moment, file in found)
+
+
+def _check_order(
+    table: ForeignTable,
+    column: str,
+    title: str,
+    times: list[datetime],
+    *,
+    by_name: bool,
+    told: list[str],
+) -> None:
+    """Check that times which name no zone rise from photograph to photograph.
+
+    Raises:
+        InputError: a clock was set back, as far as ids, names or rows show.
+    """
+    words, names = table.columns[column], table.columns[title]
+    if names_zone(words):
+        return
+    ids = table.find('image_id') if by_name else title
+    numbers = counters([Path(name.replace('\\', '/')).stem for name in names]) if by_name else None
+    if numbers is None and ids and all(word.isdecimal() for word in table.columns[ids]):
+        numbers = [int(word) for word in table.columns[ids]]
+    remark = check_order(times, words, f'{table.path}: {column}', numbers)
+    told += [remark] if remark else []
 
 
 def _moments(
@@ -273,7 +307,11 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
         words = [re.findall(r'[-+\d.,eE]*\d', word) for word in table.columns[named]]
         if any(len(pair) != 2 for pair in words):
             raise InputError(f'{table.path}: {named} needs two numbers, such as (0.24, 0.23)')
-        places = [(float(x), float(z)) for x, z in words]
+        # no length of a rig has thousands: a comma is a decimal one
+        pairs = [[number_in(word.replace('.', ','), 'comma') for word in pair] for pair in words]
+        places = [(x, z) for x, z in pairs]
+        if not np.isfinite(places).all():
+            raise InputError(f'{table.path}: {named} needs two numbers, such as (0.24, 0.23)')
     else:
         x, z = table.needed('location_x', 'x'), table.needed('location_y', 'location_z', 'y', 'z')
         places = list(zip(table.numbers(x), table.numbers(z), strict=True))
@@ -303,7 +341,7 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     titles = [title for title in table.columns if title.startswith(('rate', 'flow'))]
     if not titles:
         raise InputError(f'{table.path}: has no column of rates; name one rate [ml/min]')
-    title = titles[0]
+    title = table.only(titles)
     where = f'{table.path}: {title}'
     unit = answers.rate_unit or unit_in(title)
     if 'sccm' in unit:

@@ -94,6 +94,11 @@ def test_the_same_protocols_as_excel_writes_them_in_europe(folder: Path) -> None
         (('10:02:00,2', '09:02:00,2'), 'ends before it starts'),
         (('0.3,0.2', '0.1,0.1'), 'overlap at'),
         (('2024-05-31 10:00:00,', '2024-05-31 10:00:00Z,'), 'some times have a zone'),
+        (('2024-05-31 10:00:00', '1970-01-01 00:00:00'), ":2: '1970.* a year from '2024"),
+        (('2024-05-31 10:00:00', '0001-01-01 00:00:00'), 'correct the year'),
+        (('rate_ml/min', 'start'), "columns 4 and 6 are both titled 'start'"),
+        (('id,location_x', 'rate set,location_x'), "meant, 'rate set' or 'rate_ml/min'"),
+        (('id,location_x', 'start [utc],location_x'), r"meant, 'start \[utc\]' or 'start'"),
     ],
 )
 def test_every_ambiguity_and_fault_is_asked_for_in_one_line(
@@ -114,6 +119,39 @@ def test_a_comma_before_three_digits_may_be_a_decimal_one(folder: Path) -> None:
         imported(folder)
     recording, _ = imported(folder, ProtocolAnswers(decimal='point'))
     assert to_ml_h(recording.schedule.at(1.0)['in'].rate) == pytest.approx(1500.0)
+
+
+def test_places_may_have_decimal_commas(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(
+        'location;start;end;rate [ml/h]\n'
+        '"(0,105; 0,1)";2024-05-31 10:00;2024-05-31 10:02;1,5\n'
+        '"(0.3, 0.2)";2024-05-31 10:00;2024-05-31 10:02;-1,5\n'
+    )
+    recording, _ = imported(folder)
+    assert set(recording.schedule.at(1.0)) == {'in', 'out'}
+
+
+@pytest.mark.parametrize('ahead', [float('nan'), float('inf'), 1e15, -1e11])
+def test_a_lead_of_the_camera_beyond_a_year_is_refused(folder: Path, ahead: float) -> None:
+    with pytest.raises(InputError, match=r'--camera-ahead .*: give the lead .* at most a year'):
+        imported(folder, ProtocolAnswers(camera_ahead_s=ahead))
+
+
+@pytest.mark.parametrize('title', ['image_id', 'path'])
+def test_a_camera_that_set_itself_back_is_refused(folder: Path, title: str) -> None:
+    words = [str(n) if title == 'image_id' else f'x/DSC_{n:05d}.JPG' for n in (7, 8, 9)]
+    times = ('02:30', '02:50', '02:10')
+    lines = [f'{word},2026-10-25 {time}' for word, time in zip(words, times, strict=True)]
+    protocol = folder / 'imaging_protocol.csv'
+    protocol.write_text('\n'.join([f'{title},datetime', *lines]))
+    (folder / 'injection_protocol.csv').unlink()
+    with pytest.raises(InputError, match=r"datetime:4: '2026-10-25 02:10' of photograph 9"):
+        imported(folder)
+    zones = ('+02:00', '+02:00', '+01:00')
+    lines = [line + zone for line, zone in zip(lines, zones, strict=True)]
+    protocol.write_text('\n'.join([f'{title},datetime', *lines]))
+    recording, _ = imported(folder)
+    assert [photo.time for photo in recording.photos] == [0.0, 1200.0, 2400.0]
 
 
 def test_answers_settle_what_is_open(folder: Path) -> None:

@@ -1,0 +1,61 @@
+"""Tests of tables of other programs: numbers with commas, and titles that repeat."""
+
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_recording.foreign_table import Decimal, read_foreign_table
+
+
+def numbers(folder: Path, *words: str, decimal: Decimal | None = None) -> list[float]:
+    """Return the numbers of a column that is written beside dates."""
+    path = folder / 'p.csv'
+    path.write_text('\n'.join(['when;rate', *(f'31.05.2024;{word}' for word in words)]))
+    return read_foreign_table(path, decimal).numbers('rate')
+
+
+@pytest.mark.parametrize(
+    ('words', 'decimal', 'read'),
+    [
+        (('0,500', '-0,250'), None, [0.5, -0.25]),
+        (('0,500', '1,500'), None, [0.5, 1.5]),
+        (('1,500', '7'), 'point', [1500.0, 7.0]),
+        (('1,234,567', '.5'), None, [1234567.0, 0.5]),
+        (('1.234.567', '0,5'), None, [1234567.0, 0.5]),
+        (("1'500.5", '2e-3'), None, [1500.5, 0.002]),
+        (('- 2 500,25', '2\u00a0500'), None, [-2500.25, 2500.0]),
+    ],
+)
+def test_thousands_and_decimal_commas_are_read(
+    tmp_path: Path, words: tuple[str, ...], decimal: Decimal | None, read: list[float]
+) -> None:
+    assert numbers(tmp_path, *words, decimal=decimal) == read
+
+
+@pytest.mark.parametrize(
+    ('words', 'decimal', 'fault'),
+    [
+        (('0,500', '0.235'), None, r"decimal commas, such as '0\.235' and '0,500'"),
+        (('1,500', '7'), None, 'give --decimal comma or --decimal point'),
+        (('7', '0,500'), 'point', r"p\.csv:3: rate is '0,500', no number with a decimal point"),
+        (('1,50', '7'), 'point', r'write it with one, or give --decimal comma for 1\.5'),
+        (('0.500', '7'), 'comma', "'0.500', no number with a decimal comma"),
+        (('1 5', '7'), None, 'write a number'),
+    ],
+)
+def test_a_comma_that_fits_neither_is_refused(
+    tmp_path: Path, words: tuple[str, ...], decimal: Decimal | None, fault: str
+) -> None:
+    with pytest.raises(InputError, match=fault):
+        numbers(tmp_path, *words, decimal=decimal)
+
+
+def test_two_columns_for_one_quantity_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'p.csv'
+    path.write_text('rate [ml/min],well,rate [ml/min],\n8,in,80,\n')
+    with pytest.raises(InputError, match=r"columns 1 and 3 are both titled 'rate \[ml/min\]'"):
+        read_foreign_table(path)
+    path.write_text('start [utc],start [local],,\n1,2,3,4\n')
+    with pytest.raises(InputError, match=r"which column is meant, 'start \[utc\]' or 'start"):
+        read_foreign_table(path).needed('start')
