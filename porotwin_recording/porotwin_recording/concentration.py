@@ -169,10 +169,10 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     _check_coordinate(path, 'x', x, grid.x, f'width_m {rig.width_m:g}')
     _check_coordinate(path, 'z', z, grid.z, f'height_m {rig.height_m:g}')
     if np.abs(times).max() > LONGEST_S:
-        worst = times[np.abs(times).argmax()]
+        worst = int(np.abs(times).argmax())
         raise InputError(
-            f'{path}: time {worst:.10g} s is more than a year from the start; write seconds since '
-            'the start of the experiment, not Unix time'
+            f'{path}: time {times[worst]:.10g} s of frame {worst} is more than a year from the '
+            'start; write seconds since the start of the experiment, not Unix time'
         )
     if np.any(np.diff(times) <= 0):
         first = int(np.argmax(np.diff(times) <= 0)) + 1

@@ -8,6 +8,7 @@
 import contextlib
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -41,6 +42,10 @@ MOST_STOCK = 1.3
 
 LEAST_NOISE = 0.3
 """Concentration below 0 [-] that noise does not reach."""
+
+FAR_FROM_SQUARE, NEARLY_SQUARE = 1.3, 1.1
+"""Longer over shorter side of a cell: maps are taken as transposed if they have cells beyond the
+first, and transposed ones below the second."""
 
 REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
@@ -101,8 +106,11 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
             f'{path}: its maps have the shape {arrays.values.shape}, and it has '
             f'{len(arrays.times)} times; write maps as (time, row, column)'
         )
+    if not arrays.values.size:
+        raise InputError(f'{path}: its maps have the shape {arrays.values.shape}: none has a value')
     times = _seconds(path, arrays, answers, told)
     _check_coordinates(path, arrays)
+    _check_cells(path, arrays, rig)
     values = _upward(path, _rightward(path, arrays, told), answers, told)
     values = _shares(path, values, answers, told)
     _check_extent(path, arrays, rig)
@@ -118,22 +126,60 @@ def _seconds(
 ) -> NDArray[np.float64]:
     """Return the times [s] from the first one on, or from zero if they begin later."""
     times = arrays.times
-    if np.issubdtype(times.dtype, np.datetime64):
-        told.append(
-            f'{path}: time zero is {np.datetime_as_string(times[0], unit="s")}, its first map'
-        )
-        return (times - times[0]) / np.timedelta64(1, 's')
-    unit, _, epoch = (answers.time_unit or arrays.units.get('time', '')).partition(' since ')
-    factor = time_factor(unit, f'{path}: time')
-    told.append(f'{path}: times in {unit}')
-    seconds: NDArray[np.float64] = np.asarray(times, dtype=float) * factor
-    if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
-        raise InputError(f'{path}: its times do not increase; sort the maps by time')
-    if epoch and seconds[0] > LONGEST_EXPERIMENT_S:
-        told.append(f'{path}: time zero is the first map, {times[0]:.10g} {unit} since {epoch}')
-        seconds = seconds - seconds[0]
+    if times.ndim != 1 or times.dtype.kind not in f'{REAL_KINDS}M':
+        raise InputError(f'{path}: its times are no row of numbers; write numbers or datetime64')
+    if times.dtype.kind == 'M':
+        shown = np.datetime_as_string(times, unit='s').tolist()
+        seconds = _dated_seconds(times)
+        _check_rise(path, seconds, shown)
+        told.append(f'{path}: time zero is {shown[0]}, its first map')
+    else:
+        unit, _, epoch = (answers.time_unit or arrays.units.get('time', '')).partition(' since ')
+        seconds = np.asarray(times, dtype=float) * time_factor(unit, f'{path}: time')
+        shown = [f'{time:.10g}' for time in times]
+        _check_rise(path, seconds, shown)
+        told.append(f'{path}: times in {unit}')
+        if epoch and seconds[0] > LONGEST_EXPERIMENT_S:
+            told.append(f'{path}: time zero is the first map, {shown[0]} {unit} since {epoch}')
+            seconds = seconds - seconds[0]
     _check_duration(path, seconds)
     return seconds
+
+
+def _dated_seconds(times: NDArray[Any]) -> NDArray[np.float64]:
+    """Return dates as seconds from the first date; NaN for NaT."""
+    dates = times[~np.isnat(times)]
+    if not len(dates):
+        return np.full(len(times), np.nan)
+    seconds: NDArray[np.float64] = (times - dates[0]) / np.timedelta64(1, 's')
+    return seconds
+
+
+def _check_rise(path: Path, seconds: NDArray[np.float64], shown: Sequence[str]) -> None:
+    """Check that times [s] increase, and that none is far from all others.
+
+    Raises:
+        InputError: they do not; the message names the first map where this shows.
+    """
+    missing = ~np.isfinite(seconds)
+    if missing.any():
+        at = int(missing.argmax())
+        raise InputError(
+            f'{path}: the time of map {at + 1} is {shown[at]}; write a time, or leave that map out'
+        )
+    far = np.abs(seconds - np.median(seconds)) > LONGEST_EXPERIMENT_S
+    if 0 < far.sum() < len(far) / 2:
+        at = int(far.argmax())
+        raise InputError(
+            f'{path}: the time of map {at + 1}, {shown[at]}, is more than a year from most '
+            'others; correct it'
+        )
+    if np.any(np.diff(seconds) <= 0):
+        at = int(np.argmax(np.diff(seconds) <= 0)) + 1
+        raise InputError(
+            f'{path}: its times do not increase: map {at + 1} is of {shown[at]}, the one before '
+            f'it of {shown[at - 1]}; sort the maps by time'
+        )
 
 
 def _check_duration(path: Path, seconds: NDArray[np.float64]) -> None:
@@ -191,6 +237,32 @@ def _check_coordinates(path: Path, arrays: _Arrays) -> None:
                 f'{path}: {name} neither rises nor falls from cell to cell; sort {name} and the '
                 'maps alike'
             )
+
+
+def _check_cells(path: Path, arrays: _Arrays, rig: Rig) -> None:
+    """Compare the cells of maps without coordinates with squares, which most programs use.
+
+    Raises:
+        InputError: cells are far from square, and would be nearly square if x and z were exchanged.
+    """
+    if arrays.x is not None or arrays.z is not None:
+        return
+    _, rows, columns = arrays.values.shape
+    given, exchanged = (
+        rig.width_m / across / (rig.height_m / upward)
+        for across, upward in ((columns, rows), (rows, columns))
+    )
+    if _longer(given) > FAR_FROM_SQUARE and _longer(exchanged) < NEARLY_SQUARE:
+        raise InputError(
+            f'{path}: maps of {rows} rows and {columns} columns look transposed: cells of the rig '
+            f'would be {1e3 * rig.width_m / columns:.3g} x {1e3 * rig.height_m / rows:.3g} mm; '
+            'write them as (time, row, column), or give x and z of the cells'
+        )
+
+
+def _longer(ratio: float) -> float:
+    """Return the longer over the shorter side of a cell."""
+    return max(ratio, 1.0 / ratio)
 
 
 def _falls(values: NDArray[Any] | None) -> bool:
@@ -294,8 +366,15 @@ def _chosen(path: Path, names: list[str], quantity: str) -> str | None:
     """Return the name of a quantity among `names`; units at its end do not count."""
     for wanted in NAMES[quantity]:
         for name in names:
-            if re.split(r'[_\s\[(]', name.lower())[0] == wanted:
+            if name.lower() == wanted:
                 return name
+        found = [name for name in names if re.split(r'[_\s\[(]', name.lower())[0] == wanted]
+        if len(found) > 1:
+            raise InputError(
+                f'{path}: which {quantity} is meant, {found[0]} or {found[1]}? name it {wanted}'
+            )
+        if found:
+            return found[0]
     if quantity in ('concentration', 'time'):
         raise InputError(f'{path}: has no {quantity}; it holds {", ".join(names)}')
     return None

@@ -210,6 +210,61 @@ def test_impossible_coordinates_and_times_are_refused(
     assert not (tmp_path / 'made_of_npz').exists()
 
 
+def dates(*words: str) -> np.ndarray:
+    """Return five dates: these ones, and minutes after 12:00."""
+    rest = [f'2024-05-01T12:0{minute}' for minute in range(5 - len(words))]
+    return np.array([*words, *rest], 'datetime64[s]')
+
+
+@pytest.mark.parametrize(
+    ('times', 'fault'),
+    [
+        (dates('2024-05-01T13:00'), 'do not increase: map 2 is of 2024-05-01T12:00:00, .*13:00:00'),
+        (dates('2024-05-01T10:00', 'NaT'), 'the time of map 2 is NaT'),
+        (dates(*['NaT'] * 5), 'the time of map 1 is NaT'),
+        (dates('1970-01-01'), 'time of map 1, 1970-01-01T00:00:00, is more than a year from'),
+        (np.array([0.0, 10.0, 1.7e9, 30.0, 40.0]), 'the time of map 3, 1700000000, is more than'),
+        (np.array([0.0, 10.0, 5.0, 30.0, 40.0]), 'map 3 is of 5, the one before it of 10'),
+        (np.array(['10:00', '10:01', '10:02', '10:03', '10:04']), 'no row of numbers'),
+        (np.zeros((5, 1)), 'no row of numbers'),
+    ],
+)
+def test_times_that_do_not_rise_are_named_with_their_map(
+    tmp_path: Path, recording: Recording, times: np.ndarray, fault: str
+) -> None:
+    path = tmp_path / 'maps.npz'
+    np.savez(path, maps=recording.concentration, time_s=times)
+    with pytest.raises(InputError, match=f'{path}: .*{fault}') as refusal:
+        imported(path, MapAnswers(first_row='bottom'))
+    assert '\n' not in str(refusal.value)
+    assert not (tmp_path / 'made_of_npz').exists()
+
+
+def test_transposed_maps_without_coordinates_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'maps.npz'
+    maps = np.random.default_rng(1).random((2, 30, 40))
+    answers = MapAnswers(first_row='bottom')
+    np.savez(path, maps=np.swapaxes(maps, 1, 2), time_s=[0, 10])
+    with pytest.raises(InputError, match='maps of 40 rows and 30 columns look transposed'):
+        imported(path, answers)
+    for name, shape in (('square', (2, 20, 20)), ('flat', (2, 10, 40)), ('right', (2, 30, 40))):
+        path = tmp_path / name / 'maps.npz'
+        path.parent.mkdir()
+        np.savez(path, maps=np.ones(shape), time_s=[0, 10])
+        assert imported(path, answers)[0].concentration.shape == shape
+
+
+def test_a_quantity_with_two_names_is_asked_for(tmp_path: Path, recording: Recording) -> None:
+    path, maps = tmp_path / 'maps.npz', recording.concentration
+    answers = MapAnswers(first_row='bottom')
+    np.savez(path, c_raw=maps, c_filtered=maps, time_s=recording.times)
+    with pytest.raises(InputError, match='which concentration is meant, c_raw or c_filtered'):
+        imported(path, answers)
+    np.savez(path, c_std=0 * maps, c=maps, time_bnds=np.zeros(5), time=recording.times)
+    found, _ = imported(path, MapAnswers('s', first_row='bottom'))
+    np.testing.assert_array_equal(found.concentration, maps)
+
+
 def test_values_far_below_zero_are_told(tmp_path: Path, recording: Recording) -> None:
     maps = np.nan_to_num(recording.concentration)
     maps[0, 0, 0] = -0.8

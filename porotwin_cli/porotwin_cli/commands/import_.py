@@ -1,6 +1,8 @@
 """./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -62,31 +64,38 @@ def command(
     """
     from porotwin_recording.bag_conversion import import_experiment
     from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
+    from porotwin_recording.one_writer import one_writer
     from porotwin_recording.protocol_import import (
         ProtocolAnswers,
         has_protocols,
         import_protocols,
     )
 
-    if source.is_dir() and has_protocols(source):
-        answers = ProtocolAnswers(
-            date_order, time_zone, decimal, rate_unit, concentration, camera_ahead
-        )
-        refuse_existing(target)
-        told = import_protocols(source, target, _rig(source, rig), answers)
-    elif source.suffix in SUFFIXES:
-        refuse_existing(target)
-        maps = MapAnswers(time_unit, first_row, stock, decimal)
-        told = import_maps(source, target, _rig(source.parent, rig), maps)
-    else:
+    if not (source.is_dir() and has_protocols(source)) and source.suffix not in SUFFIXES:
         convert(import_experiment, source, target, as_json=as_json)
         return
-    for line in told:
-        say(line)
+    refuse_existing(target)
+    with one_writer(target), _absent_after_error(target):
+        if source.suffix in SUFFIXES:
+            maps = MapAnswers(time_unit, first_row, stock, decimal)
+            told = import_maps(source, target, _rig(source.parent, rig), maps)
+        else:
+            answers = ProtocolAnswers(
+                date_order, time_zone, decimal, rate_unit, concentration, camera_ahead
+            )
+            told = import_protocols(source, target, _rig(source, rig), answers)
+        for line in told:
+            say(line)
+        _report(source, target, told, as_json=as_json)
+
+
+@contextmanager
+def _absent_after_error(target: Path) -> Iterator[None]:
+    """Remove `target` after an error of the block, so that a second call does not find it."""
     try:
-        _report(target, told, as_json=as_json)
-    except InputError:  # a second call would find the target
-        shutil.rmtree(target)
+        yield
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
         raise
 
 
@@ -103,10 +112,19 @@ def _rig(folder: Path, path: Path | None) -> 'Rig':
     return load_rig(path or folder)
 
 
-def _report(target: Path, told: list[str], *, as_json: bool) -> None:
+def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> None:
+    """Print what was made.
+
+    Raises:
+        InputError: it is no experiment that other commands accept; `source` is named.
+    """
     from porotwin_recording.recording import open_recording
 
-    made = open_recording(target)
+    try:
+        made = open_recording(target)
+    except InputError as error:  # it names files that are removed again
+        reason = str(error).replace(f'{target}/', '').removeprefix(f'{target}: ')
+        raise InputError(f'{source}: makes no valid experiment folder: {reason}') from None
     maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
     if as_json:
         print_json({'output': target, 'maps': maps, 'photographs': photographs, 'told': told})

@@ -69,3 +69,21 @@ def test_maps_of_a_simulation_need_no_export(tmp_path: Path) -> None:
         result = porotwin('export', tmp_path / 'model.nc', tmp_path / 'out', '--format', kind)
         assert result.returncode == 2
         assert 'xarray.open_dataset opens it' in result.stderr
+
+
+def test_a_refused_import_leaves_nothing_and_names_its_source(tmp_path: Path) -> None:
+    lab = tmp_path / 'lab'
+    lab.mkdir()
+    protocol = lab / 'injection_protocol.csv'
+    rows = 'well,start,end,rate [UNIT]\ninjector,2024-05-31 10:00,2024-05-31 10:02,2\n'
+    protocol.write_text(rows.replace('UNIT', 'l/s'))
+    rig = Path(__file__).resolve().parents[3] / 'rigs' / 'small' / 'rig.yaml'
+    words = ('import', lab, tmp_path / 'made', '--rig', rig)
+    refused = porotwin(*words)
+    assert refused.returncode == 2
+    line = refused.stderr.strip().splitlines()[-1]
+    assert f'{lab}: makes no valid experiment folder: rates.csv: ' in line
+    assert str(tmp_path / 'made') not in line
+    assert [path.name for path in tmp_path.iterdir()] == ['lab']
+    protocol.write_text(rows.replace('UNIT', 'ml/min'))
+    assert porotwin(*words).returncode == 0
