@@ -105,6 +105,43 @@ def test_bad_input_is_one_line_and_status_2(arguments: list[str], named: str) ->
     assert result.stdout == ''
 
 
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ['bench', 'physics', '--seed'],
+        ['blind-check', '--output', 'blind', '--seed'],
+        ['demo', '--seed'],
+        ['experiment', 'diffusive', '--seed'],
+        ['train', 'recording', '--output', 'model', '--seed'],
+    ],
+)
+@pytest.mark.parametrize('seed', ['-1', '1e3', str(2**32)])
+def test_a_seed_that_generators_do_not_take_is_refused(arguments: list[str], seed: str) -> None:
+    result = porotwin(*arguments, seed)
+    assert result.returncode == 2
+    assert "Invalid value for '--seed'" in result.stderr
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ['bench', 'faults', '--hours'],
+        ['check', 'rig.yaml', '--photo-interval-s'],
+        ['demo', '--minutes'],
+        ['experiment', 'complex', '--cell-mm'],
+        ['experiment', 'complex', '--hours'],
+        ['experiment', 'diffusive', '--minutes'],
+        ['up', '--rig', 'rig.yaml', '--horizon-s'],
+        ['up', '--rig', 'rig.yaml', '--photo-interval-s'],
+    ],
+)
+@pytest.mark.parametrize('number', ['nan', 'inf', '1e300'])
+def test_a_time_or_length_without_end_is_refused(arguments: list[str], number: str) -> None:
+    result = porotwin(*arguments, number)
+    assert result.returncode == 2
+    assert f"Invalid value for '{arguments[-1]}'" in result.stderr
+
+
 def test_an_interrupt_ends_with_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,8 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
+from porotwin_core.units import HOUR_S, LONGEST_EXPERIMENT_S
 
 BENCHES = {
     'solver': 'porotwin_solver.solver_bench',
@@ -48,14 +50,19 @@ def command(
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: kills of each node.', min=0)] = 100,
     hours: Annotated[
-        float, typer.Option(help='faults: simulated time of the memory test [h].', min=0)
+        float,
+        typer.Option(
+            help='faults: simulated time of the memory test [h].',
+            min=0,
+            max=LONGEST_EXPERIMENT_S / HOUR_S,
+        ),
     ] = 24.0,
     tries: Annotated[
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
     seed: Annotated[
         int,
-        typer.Option(help='loop, mend, physics, faults, calibration: random seed.'),
+        seed_option('loop, mend, physics, faults, calibration: random seed.'),
     ] = 1,
     baseline: Annotated[
         Path | None,

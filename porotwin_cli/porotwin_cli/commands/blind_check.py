@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.errors import InputError
 
@@ -15,7 +16,7 @@ def command(
         Path, typer.Option(help='Folder for cases and report. A second call continues there.')
     ],
     cases: Annotated[int, typer.Option(help='Number of recordings.', min=1)] = 20,
-    seed: Annotated[int, typer.Option(help='Seed of the random effects and rigs.')] = 1,
+    seed: Annotated[int, seed_option('Seed of the random effects and rigs.')] = 1,
     source: Annotated[
         Literal['maps', 'photographs'],
         typer.Option(

@@ -9,6 +9,7 @@ import typer
 from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
 from porotwin_core.preset_names import PRESET_WORDS
+from porotwin_core.units import DAY_S
 
 PICTURE = 'check.png'
 """Name of the picture by default."""
@@ -26,6 +27,7 @@ def command(
         typer.Option(
             help='Time between photographs, for the cost [s]; default: as recorded, or 30 s.',
             min=0.1,
+            max=DAY_S,
         ),
     ] = None,
     as_json: Json = False,

@@ -5,10 +5,12 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.ros_environment import prepare_environment
+from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
 
 
 def command(
@@ -18,10 +20,11 @@ def command(
             help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
             'for 20 min or more before the twin takes over. Default: 30; with a hidden effect 40.',
             min=1.0,
+            max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),
     ] = None,
     speed: Annotated[str, typer.Option(help="'max', or the speed relative to real time.")] = 'max',
-    seed: Annotated[int, typer.Option(help='Seed of sand, camera and training.')] = 7,
+    seed: Annotated[int, seed_option('Seed of sand, camera and training.')] = 7,
     hidden_effect: Annotated[
         str,
         typer.Option(

@@ -6,8 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
+from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_cli.workspace import run_folder
+from porotwin_core.units import HOUR_S, LONGEST_EXPERIMENT_S, MINUTE_S
 
 
 class PaperSection(StrEnum):
@@ -35,11 +37,18 @@ def command(
     minutes: Annotated[
         float,
         typer.Option(
-            help='Length of each diffusive or control experiment [min]. 0: as usual.', min=0
+            help='Length of each diffusive or control experiment [min]. 0: as usual.',
+            min=0,
+            max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),
     ] = 0.0,
     hours: Annotated[
-        float, typer.Option(help='complex: length of the experiment [h].', min=2)
+        float,
+        typer.Option(
+            help='complex: length of the experiment [h].',
+            min=2,
+            max=LONGEST_EXPERIMENT_S / HOUR_S,
+        ),
     ] = 27.5,
     cell_mm: Annotated[
         float,
@@ -47,9 +56,10 @@ def command(
             help='Cells of the maps, diffusive or complex [mm]. 0: 10 or 25. Twice the size takes '
             'about an eighth of the time.',
             min=0,
+            max=1000,
         ),
     ] = 0.0,
-    seed: Annotated[int, typer.Option(help='Seed of the training.')] = 7,
+    seed: Annotated[int, seed_option('Seed of the training.')] = 7,
     as_json: Json = False,
 ) -> None:
     """Repeat an experiment of the paper on the virtual rig, with its figures.

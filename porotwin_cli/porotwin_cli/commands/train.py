@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 from porotwin_core.preset_names import PRESET_WORDS
 
@@ -29,7 +30,7 @@ def command(
     epochs: Annotated[
         int, typer.Option(help='Passes over the data. 0: default of the network.', min=0)
     ] = 0,
-    seed: Annotated[int, typer.Option(help='Seed of the weights and of the sample order.')] = 7,
+    seed: Annotated[int, seed_option('Seed of the weights and of the sample order.')] = 7,
     effect: Annotated[
         list[str], typer.Option(help='Effect of the model to correct, as NAME:PARAM=VALUE,...')
     ] = [],  # noqa: B006 (typer reads the default once)

@@ -12,6 +12,7 @@ from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
+from porotwin_core.units import DAY_S
 from porotwin_hub.graph import GraphSettings, description_of
 
 
@@ -51,10 +52,10 @@ def command(
         str, typer.Option(help=description_of('architecture'))
     ] = GraphSettings.architecture,
     photo_interval_s: Annotated[
-        float, typer.Option(help=description_of('photo_interval_s'), min=0.1)
+        float, typer.Option(help=description_of('photo_interval_s'), min=0.1, max=DAY_S)
     ] = GraphSettings.photo_interval_s,
     horizon_s: Annotated[
-        float, typer.Option(help=description_of('horizon_s'), min=1.0)
+        float, typer.Option(help=description_of('horizon_s'), min=1.0, max=DAY_S)
     ] = GraphSettings.horizon_s,
     params: Annotated[Path | None, typer.Option(help=description_of('params'))] = None,
     _template: Annotated[
