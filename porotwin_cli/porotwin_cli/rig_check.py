@@ -28,6 +28,7 @@ from porotwin_core.wells import Schedule
 from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
+from porotwin_imaging.corner_check import REMEDY, small_rig
 from porotwin_imaging.geometry import Geometry
 from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_folder import is_bag
@@ -63,9 +64,6 @@ OUTSIDE_PHOTOGRAPH = 0.02
 
 FAR_OUTSIDE = 0.5
 """The same distance, too large for corners of this photograph."""
-
-SMALL_IN_PHOTOGRAPH = 0.1
-"""Part of a photograph below which the rig is suspiciously small in it."""
 
 
 class PhotoInterval(NamedTuple):
@@ -386,10 +384,9 @@ def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
     corners, extent = np.array(rig.camera.corners_px), np.array(size)
     beyond = float(np.max(np.maximum(-corners, corners - extent)))
     shown = f'{name} of {size[0]} x {size[1]} px'
-    key, remedy = 'camera.corners_px', 'were they read in a copy of another size? correct them'
+    key, remedy = 'camera.corners_px', REMEDY
     if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
         why = f'a corner lies {beyond:.0f} px outside {shown}'
         yield Remark(key, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
-    part = float(np.prod(np.ptp(corners, axis=0)) / np.prod(extent))
-    if part < SMALL_IN_PHOTOGRAPH:
-        yield Remark(key, '', f'the rig covers {part:.0%} of {shown}', remedy)
+    if odd := small_rig(rig.camera.corners_px, size):
+        yield Remark(key, '', odd, remedy)

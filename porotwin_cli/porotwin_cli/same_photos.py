@@ -31,7 +31,7 @@ class SameFiles:
         """One line for the operator."""
         return (
             f'{self.first} to {self.last}: {self.count} photographs in a row are the same file, '
-            'byte for byte: the camera may have hung, or files were copied; leave the copies out of '
+            'byte for byte: the camera may have hung, or files were copied; leave copies out of '
             'imaging.csv'
         )
 

@@ -23,6 +23,7 @@ from porotwin_imaging.baseline_mask import BaselineMask, baseline_mask, texture
 from porotwin_imaging.baseline_subtraction import log_ratio
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.colour_correction import ColourReference, colour_reference
+from porotwin_imaging.corner_check import REMEDY, small_rig
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.light_check import refuse_grey_baseline
@@ -203,7 +204,12 @@ def make_baseline(
         calibrated=calibration is not None,
         sand_factors=used_calibration.factor_map(grid),
         settings=settings,
-        remarks=(*remarks, *over_exposed, *_remarks_on_files(photographs)),
+        remarks=(
+            *_remarks_on_corners(camera, size),
+            *remarks,
+            *over_exposed,
+            *_remarks_on_files(photographs),
+        ),
     )
 
 
@@ -234,6 +240,12 @@ def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
             f'photograph is {size[0]} x {size[1]} px, but camera.corners_px reach to '
             f'{corners.max(axis=0).tolist()}; correct rig.yaml or use photographs of this rig'
         )
+
+
+def _remarks_on_corners(camera: Camera, size: tuple[int, int]) -> list[str]:
+    """Return a remark if the corners are those of a smaller copy of the photograph."""
+    odd = small_rig(camera.corners_px, size)
+    return [f'camera.corners_px in rig.yaml: {odd}; {REMEDY}'] if odd else []
 
 
 def _inside_rig(camera: Camera, shape: tuple[int, ...], reduction: int) -> NDArray[np.bool_]:

@@ -36,7 +36,7 @@ _LEAST_SHARE = 0.005
 _CLEARER = 2.0
 """Ratio of the contrasts of grains with and without a cover."""
 _MOSTLY = 0.7
-"""Least share of a hole with equal grains in the photographs [-]. A hand in the baseline leaves 1."""
+"""Least share of a hole with equal grains in the photographs [-]: 1 with a hand in the baseline."""
 _MARGIN = np.ones((3, 3), np.uint8)
 """One block around a hole is left out as well: corners and blurred rims look like sand."""
 _NAMED = 3

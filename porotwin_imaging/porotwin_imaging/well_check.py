@@ -62,7 +62,8 @@ def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Sch
             return (
                 f'the maps show {100 * max(share, 0.0):.0f} % of the tracer at well {well} while '
                 'it injects: the baseline shows tracer already, or the rates are wrong; take a '
-                'baseline from before any tracer, and check the rates and the clock of the camera'
+                'baseline from before any tracer, and check the rates, the clock of the camera and '
+                'camera.corners_px'
             )
     return ''
 
