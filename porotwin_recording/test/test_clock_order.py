@@ -24,7 +24,8 @@ def test_a_clock_that_was_set_back_is_refused_by_the_number_and_by_the_row() -> 
         judged(SET_BACK, [1, 2, 3, 4, 5, 6])
     with pytest.raises(InputError, match=r":4: '02:10' of row 4 is earlier .* sort the rows"):
         judged(SET_BACK, None)
-    with pytest.raises(InputError, match='of photograph 3 is earlier than .* of photograph 2'):  # rows sorted by the time
+    # rows sorted by local time
+    with pytest.raises(InputError, match=r'of photograph 3 is earlier than .* of photograph 2'):
         judged(tuple(sorted(SET_BACK)), [3, 1, 4, 2, 5, 6])
     with pytest.raises(InputError, match='of photograph 2'):
         judged((170, 130), [1, 2])
