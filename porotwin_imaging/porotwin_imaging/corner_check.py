@@ -1,4 +1,4 @@
-"""A check of the corners of a rig: those of a smaller copy cover a small part of the photograph."""
+"""A check of the corners of a rig: corners from a smaller copy lie close together."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ REMEDY = 'were they read in a copy of another size? correct them'
 
 
 def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> str:
-    """Return what is odd about a rig that is small in its photograph; '' if nothing is.
+    """Return a remark about a rig of small size in its photograph; '' for other rigs.
 
     Args:
         corners: columns and rows of the corners [px].

@@ -181,6 +181,10 @@ def command(
     same = digests.same_files(states)
     for line in told(same):
         say(line)
+    photos = [str(entry['photo']) for entry in imaged]
+    jump = _jump(output, rig, rates, photos) if used else ''
+    if jump:
+        say(jump)
     excess = _excess(output, rig, rates) if used else ''
     if excess:
         say(excess)
@@ -200,6 +204,7 @@ def command(
                 'refused': refused,
                 'covered_baseline': str(cover) if cover else None,
                 'same_files': [run.entry for run in same],
+                'out_of_course': jump or None,
                 'too_much_tracer': excess or None,
                 'pale_well': pale or None,
             }
@@ -276,6 +281,15 @@ def _imaged_before(
         }
         found.append((entry, doubt))
     return found
+
+
+def _jump(output: Path, rig: 'Rig', rates: 'Schedule | None', photos: list[str]) -> str:
+    """Return which of the `photos` of the maps in `output` are out of the course of the tracer."""
+    from porotwin_imaging.mass_course import jump_remark
+    from porotwin_recording.concentration import open_maps
+
+    maps = open_maps(output, rig)
+    return jump_remark(maps, maps.times.tolist(), photos, rig, rates) if rates else ''
 
 
 def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:

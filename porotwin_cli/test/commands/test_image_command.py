@@ -15,6 +15,7 @@ from sparse_bags import SparseBag
 from porotwin_cli.commands.image import command
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
+from porotwin_imaging import mass_course
 from porotwin_imaging.calibration import Calibration, load_calibration, save_calibration
 from porotwin_recording import topic_names
 from porotwin_recording.concentration import open_maps
@@ -215,3 +216,20 @@ def test_image_tells_what_is_odd_about_a_photograph(
     told = capsys.readouterr().err
     assert f'{name}: ' in told
     assert f'the map at {float(times[0]):.0f} s holds' in told
+
+
+def test_image_names_swapped_photographs(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(mass_course, 'LEAST_SHARE', 0.001)  # three minutes inject little
+    folder, given = tmp_path / 'experiment', tmp_path / 'calibration.yaml'
+    shutil.copytree(experiment, folder)
+    (folder / 'concentration.nc').unlink(missing_ok=True)
+    first, *_, last, _ = (p.name for p in open_recording(folder).photos if p.role == 'state')
+    early, late = (folder / name for name in (first, last))
+    content = early.read_bytes()
+    early.write_bytes(late.read_bytes())
+    late.write_bytes(content)
+    save_calibration(Calibration(), given)
+    command(folder, tmp_path / 'maps.nc', '94x56', given)
+    assert f'{last} shows ' in capsys.readouterr().err
