@@ -7,11 +7,11 @@ import pytest
 from diagnosis_examples import candidate, recorded, sample_of
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import EffectDescription
+from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_diagnosis.search.place_scan import promising_starts
+from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.thresholds import STARTING_PLACES
 
 
@@ -43,3 +43,13 @@ def test_a_rig_at_rest_sets_no_scale_for_a_leak(quiet):
     with pytest.raises(InputError, match='no pump ever runs'):
         resting = replace(sample_of(quiet), schedule=Schedule(()))
         promising_starts([Forward(resting)], 'leak')
+
+
+def test_a_rig_that_is_closed_on_all_sides_has_no_leak_to_try(quiet):
+    sample = sample_of(quiet)
+    place = (0.3, 0.2)
+    assert sized_trials_at(sample, 'leak', place)
+    sides = Boundaries(top='closed', bottom='closed', left='closed', right='closed')
+    closed = replace(sample, rig=sample.rig.model_copy(update={'boundaries': sides}))
+    assert not sized_trials_at(closed, 'leak', place)
+    assert sized_trials_at(closed, 'heterogeneity', place)

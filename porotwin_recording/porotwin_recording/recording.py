@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.rates_in_force import balanced
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
 from porotwin_recording.bag import read_bag
@@ -50,7 +51,8 @@ class Recording(RecordedData):
         """Measured rates where they exist, commanded rates elsewhere, well by well.
 
         The commanded rates of a well count before its first measured row, after the last measured
-        row of all wells, and always if the well is not measured.
+        row of all wells, and always if the well is not measured. In a closed rig the producer
+        balances all others, as in the hub, because measured rates never add up to zero exactly.
 
         Raises:
             InputError: the recording holds neither.
@@ -64,7 +66,15 @@ class Recording(RecordedData):
             for row in (() if self.commanded is None else self.commanded.rows)
             if row.time < begin.get(row.well, math.inf) or row.time > rows[-1].time
         ]
-        return Schedule((*rows, *commanded))
+        return self._balanced(Schedule((*rows, *commanded)))
+
+    def _balanced(self, schedule: Schedule) -> Schedule:
+        """Return `schedule`, balanced by the producer of the control section in a closed rig."""
+        if not self.rig.closed or self.rig.control is None:
+            return schedule
+        producer = self.rig.control.producer
+        times = dict.fromkeys(row.time for row in schedule.rows)
+        return Schedule.from_rates((time, balanced(schedule.at(time), producer)) for time in times)
 
     @property
     def known_rates(self) -> Schedule | None:

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from recording_examples import bench_experiment, bench_rig
+from recording_examples import bench_experiment, bench_rig, controlled_rig
 
 from porotwin_core.errors import InputError
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recording import Recording, open_recording
 
@@ -94,6 +94,16 @@ def test_wells_without_a_measurement_and_times_after_the_last_one_follow_the_com
         (60.0, 'in', 0.8e-7),
         (90.0, 'in', 0.0),
     ]
+
+
+def test_measured_rates_balance_in_a_closed_rig() -> None:
+    closed = controlled_rig().model_copy(update={'boundaries': bench_rig().boundaries})
+    assert closed.closed and closed.control is not None
+    producer = closed.control.producer
+    rates = {'in': WellRate(1e-7, 1.0), producer: WellRate(-0.97e-7)}
+    recording = Recording(closed, measured=Schedule.constant(rates), source=Path('run'))
+    assert net_rate(recording.delivered.at(0.0)) == 0.0
+    assert recording.delivered.at(0.0)['in'] == rates['in']
 
 
 def test_without_measurements_the_commanded_rates_count_as_delivered() -> None:

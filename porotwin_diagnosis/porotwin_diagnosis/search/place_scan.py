@@ -227,11 +227,14 @@ def trials_at(sample: Sample, effect: str, place: tuple[float, float]) -> Sequen
 def sized_trials_at(sample: Sample, effect: str, place: tuple[float, float]) -> Sequence[Candidate]:
     """Return candidates of `effect` of several sizes at one `place` (x, z) [m].
 
-    Raises:
-        InputError: as `trials_of`.
+    The result is empty if the rig cannot have the effect: a rig that is closed on all sides has no
+    leak.
     """
     search = _place_search(effect)
-    return (search.sized_trials or search.trials)(search_context([sample], sample), place)
+    try:
+        return (search.sized_trials or search.trials)(search_context([sample], sample), place)
+    except InputError:
+        return []
 
 
 def _place_search(name: str) -> PlaceSearch:
