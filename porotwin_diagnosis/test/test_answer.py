@@ -10,6 +10,7 @@ from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.report.answer import answer, sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_recording.concentration import MapOrigin
 
 
 def said(result, verdict=None):
@@ -110,6 +111,21 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     found = rows(replace(denser, verdict=verdict))
     assert found['Where'].startswith('Most of all near x = ')
     assert 'held-out maps are predicted worse' in found['How sure']
+
+
+@pytest.mark.parametrize('calibrated', [True, None])
+@pytest.mark.parametrize(
+    ('name', 'parameters', 'hidden'),
+    [('decay', {'rate': 1e-4}, True), ('porosity', {'factor': 0.88}, False)],
+)
+def test_a_calibration_that_hides_a_part_of_an_effect_is_said(
+    denser, name, parameters, hidden, calibrated
+):
+    (recording,) = denser.recordings
+    maps = replace(recording.maps, origin=MapOrigin(calibrated))
+    seen = replace(denser, recordings=(replace(recording, maps=maps),))
+    text = rows(naming(seen, name, parameters))['How sure']
+    assert ('is a lower bound' in text) is (hidden and calibrated is True)
 
 
 def test_a_scant_recording_is_said_to_limit_the_confidence(denser):

@@ -336,6 +336,13 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
             'such as a bent response of the dye, may be hidden by the calibration; known dilutions '
             'and the weighed outflow would show it.'
         )
+    paling = [name for name in verdict.members if name in EFFECTS and EFFECTS[name].pales_core]
+    if paling and _is_calibrated(result):
+        names = ' and '.join(map(spoken, paling))
+        lines.append(
+            f'The size of {names} is a lower bound: the calibration took the core of a plume in '
+            'the same rig for stock, and so took a part of the effect out of the maps.'
+        )
     swallowed = swallowed_misfit(verdict.model)
     if verdict.name != UNEXPLAINED and swallowed > NO_GAP_MISFIT:
         lines.append(

@@ -60,5 +60,6 @@ EFFECT = Effect(
     blind_draw=draw,
     changes=Process.STORAGE,
     appearance=Appearance.FADING,
+    pales_core=True,
     residual_terms=('c',),
 )

@@ -74,5 +74,6 @@ EFFECT = Effect(
     blind_draw=draw,
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,
+    pales_core=True,
     replaces_nominal=True,
 )

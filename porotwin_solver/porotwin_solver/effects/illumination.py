@@ -79,6 +79,7 @@ EFFECT = Effect(
     laboratory_check='photograph a grey card at the start and the end, left and right',
     blind_draw=draw,
     appearance=Appearance.FADING,
+    pales_core=True,
     needs_simulation=False,
     is_tried_in_every_pair=True,
 )

@@ -51,6 +51,7 @@ EFFECT = Effect(
     laboratory_check='photograph three bottles of stock diluted to known concentrations',
     blind_draw=draw,
     appearance=Appearance.FADING,
+    pales_core=True,
     needs_simulation=False,
     is_tried_in_every_pair=True,
 )

@@ -93,6 +93,8 @@ class Effect:
         blind_draw: draws parameters for the blind check; None where it draws no such case.
         changes: the process that it changes; follows from the scope for wells and the camera.
         appearance: how it shows; None where the blind check draws no pair with it.
+        pales_core: whether it makes the core of a plume paler or darker. A calibration on the same
+            rig takes this core for stock, and so hides a part of the effect.
         equal_to: returns the names of the effects that no map can tell from this one.
         order: position in lists, in searches and in the draws of the blind check.
         replaces_nominal: it replaces its own description in `rig.yaml`; other effects add to it.
@@ -124,6 +126,7 @@ class Effect:
     blind_draw: Draw | None = None
     changes: Process = Process.TRANSPORT
     appearance: Appearance | None = None
+    pales_core: bool = False
     equal_to: Callable[[Values], tuple[str, ...]] = _equal_to_none
     order: int = LAST
     replaces_nominal: bool = False
