@@ -16,6 +16,11 @@ from porotwin_solver.effects.definition.effect import Appearance, Effect, Proces
 from porotwin_solver.effects.definition.words import number, time_span
 from porotwin_solver.physics import Physics
 
+LEAST_EXCHANGE = 0.3
+"""Least exchange rate [-] times the duration of a recording that a search tries: a quarter of the
+immobile water takes part. With less, immobile water is a lower porosity. A calibrated camera
+cannot tell them apart, because the calibration took the paler core for stock."""
+
 MOST_IMMOBILE = 0.95
 """Largest immobile fraction: the flow needs some mobile water."""
 
@@ -34,7 +39,13 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     duration = context.duration
     immobile = FitParameter('immobile_fraction', '-', 0.04, 0.3, 1e-4, 0.8, log=True)
     exchange = FitParameter(
-        'exchange_rate', '1/s', 1.0 / duration, 0.5, 1e-3 / duration, MOST_REACTION_RATE, log=True
+        'exchange_rate',
+        '1/s',
+        1.0 / duration,
+        0.5,
+        LEAST_EXCHANGE / duration,
+        MOST_REACTION_RATE,
+        log=True,
     )
     return [Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0)))]
 
