@@ -47,7 +47,7 @@ def spreading():
 
 def coarse_fitter(*recordings):
     samples = [sample_of(recording) for recording in recordings]
-    return Fitter([Forward(sample) for sample in samples], point_spread_width=0.3)
+    return Fitter([Forward(sample, point_spread_width=0.3) for sample in samples])
 
 
 def one_step_diffusion(recording):
@@ -115,7 +115,7 @@ def test_a_tenth_of_a_cell_is_no_gap_but_two_percent_of_retardation_is(quiet):
     assert changes[0] < 0.5
     assert changes[1] > max(0.7, 1.5 * changes[0])
     on_own_cells, on_fine_cells = (
-        Fitter([forward], point_spread_width=0.55).evaluate((), np.zeros(0))
+        Fitter([replace(forward, point_spread_width=0.55)]).evaluate((), np.zeros(0))
         for forward in (Forward(sample), fine)
     )
     assert on_fine_cells.held_out_misfit < 1.2
@@ -128,10 +128,10 @@ def test_the_point_spread_of_a_camera_is_not_taken_for_diffusion(quiet):
     sample = replace(sample, observed=blurred)
     forward = Forward(sample, refinement=2)
     levels = make_levels([sample], progress=lambda _stage, _share: None)
-    measured = levels.with_point_spread_of(levels.null()).judging.point_spread_width
+    measured = levels.with_point_spread_of(levels.null()).judging.forwards[0].point_spread_width
     found = []
     for width in (0.0, measured):
-        fit = fitted(Fitter([forward], point_spread_width=width), 'dispersion diffusion')
+        fit = fitted(Fitter([replace(forward, point_spread_width=width)]), 'dispersion diffusion')
         found.append(fit.effects[0].parameters['diffusion'])
     assert found[1] < 0.2 * found[0]
 
@@ -196,7 +196,7 @@ def test_unseen_cells_do_not_count(denser_sand):
     observed = sample.observed.copy()
     observed[:, 20:26, 20:30] = np.nan
     fits = [
-        fitted(Fitter([Forward(each)], point_spread_width=0.3), 'porosity')
+        fitted(Fitter([Forward(each, point_spread_width=0.3)]), 'porosity')
         for each in (sample, replace(sample, observed=observed))
     ]
     assert fits[1].scaled_parameters[0] == pytest.approx(fits[0].scaled_parameters[0], abs=0.4)

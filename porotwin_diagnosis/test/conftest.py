@@ -46,7 +46,7 @@ def denser(denser_sand) -> Diagnosis:
 @pytest.fixture(scope='session')
 def fitter(denser_sand) -> Fitter:
     """Fits to the recording of a lower porosity, on its own cells."""
-    return Fitter([Forward(sample_of(denser_sand))], point_spread_width=0.3)
+    return Fitter([Forward(sample_of(denser_sand), point_spread_width=0.3)])
 
 
 @pytest.fixture(scope='session')

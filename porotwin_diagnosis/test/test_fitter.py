@@ -15,7 +15,7 @@ from porotwin_diagnosis.search.ranking import feasible
 
 
 def fine_fitter(recording):
-    return Fitter([Forward(sample_of(recording), refinement=2)], point_spread_width=0.55)
+    return Fitter([Forward(sample_of(recording), refinement=2, point_spread_width=0.55)])
 
 
 def test_porosity_is_found_in_data_of_another_simulator(fitter, porosity):
@@ -30,7 +30,7 @@ def test_porosity_is_found_in_data_of_another_simulator(fitter, porosity):
 def test_held_out_frames_have_no_part_in_a_fit(fitter, denser_sand, porosity):
     sample = sample_of(denser_sand)
     sample.observed[sample.fitted_frames :] = 0.5
-    spoiled = Fitter([Forward(sample)], point_spread_width=0.3)
+    spoiled = Fitter([Forward(sample, point_spread_width=0.3)])
     a, b = fitter.fit((porosity,)), spoiled.fit((porosity,))
     assert np.allclose(a.scaled_parameters, b.scaled_parameters)
     assert b.held_out_misfit > 3 * a.held_out_misfit
@@ -53,7 +53,7 @@ def test_a_shifted_and_rotated_picture_is_found_in_its_narrow_valley(tmp_path):
     truth = {'dx': 0.006, 'dz': -0.008, 'rotation': -0.02, 'scale': 1.01}
     effect = EffectDescription(name='registration', parameters=truth)
     sample = sample_of(recorded(tmp_path / 'recording', effect))
-    fitter = Fitter([Forward(sample)], point_spread_width=0.3)
+    fitter = Fitter([Forward(sample, point_spread_width=0.3)])
     registration = candidate([sample], 'registration')
     true_parameters = [each.scaled(truth[each.name]) for each in registration.parameters]
     true = fitter.evaluate((registration,), np.array(true_parameters))
@@ -102,8 +102,8 @@ class RefusingForward(Forward):
 def test_a_model_that_cannot_run_ends_neither_a_fit_nor_its_derivatives(denser_sand, porosity):
     least = -2.0
     factor = porosity.parameters[0].value(least)
-    forward = RefusingForward(sample_of(denser_sand), least_factor=factor)
-    fitter = Fitter([forward], point_spread_width=0.3)
+    forward = RefusingForward(sample_of(denser_sand), least_factor=factor, point_spread_width=0.3)
+    fitter = Fitter([forward])
     stopped = fitter.fit((porosity,))
     assert stopped.is_feasible
     assert least <= stopped.scaled_parameters[0] < 0.0, 'as far as the model goes'

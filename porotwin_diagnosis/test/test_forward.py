@@ -75,6 +75,6 @@ def test_an_extrapolation_multiplies_the_correction(forward, finer):
 
 def test_residuals_come_for_every_recording(forward):
     frames = forward.sample.fitted_frames
-    residuals = whitened_residuals([forward] * 2, (), point_spread_width=0.3, fitted_only=True)
+    residuals = whitened_residuals([forward] * 2, (), fitted_only=True)
     assert [residual.shape[0] for residual in residuals] == [frames, frames]
     np.testing.assert_array_equal(*residuals)

@@ -1,5 +1,7 @@
 """The levels of a search, their corrections and their point spread."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_examples import TYPICAL_SEED, candidate, sample_of
@@ -7,6 +9,7 @@ from diagnosis_examples import TYPICAL_SEED, candidate, sample_of
 from porotwin_core.grid import relative_error
 from porotwin_core.parallel import crew
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import normalised_misfit, score
 from porotwin_diagnosis.thresholds import NEARLY_CLOSED_MISFIT
@@ -26,8 +29,17 @@ def test_the_point_spread_is_measured_with_a_model_that_fits(quiet):
     null = levels.null()
     measured = levels.with_point_spread_of(null)
     true = MapNoise.drawn(TYPICAL_SEED).blur_cells
-    assert measured.judging.point_spread_width == pytest.approx(true, abs=0.2)
+    assert measured.judging.forwards[0].point_spread_width == pytest.approx(true, abs=0.2)
     assert measured.null().fitted_misfit <= null.fitted_misfit + 1e-6
+
+
+def test_every_recording_has_a_point_spread_of_its_own(quiet):
+    sharp = sample_of(quiet)
+    blurred_maps = np.stack([blurred(frame[None], 0.6)[0] for frame in sharp.observed_or_zero])
+    soft = replace(sharp, observed=np.where(sharp.seen_mask > 0, blurred_maps, np.nan))
+    levels = make_levels([sharp, soft], progress=lambda _stage, _share: None)
+    measured = levels.with_point_spread_of(levels.null()).judging.forwards
+    assert measured[1].point_spread_width > measured[0].point_spread_width + 0.1
 
 
 def test_a_simulation_on_the_finest_cells_corrects_the_judging_cells(quiet):
@@ -40,12 +52,12 @@ def test_a_simulation_on_the_finest_cells_corrects_the_judging_cells(quiet):
 
 def test_levels_do_not_change_when_others_are_made_from_them(quiet):
     levels = levels_of(quiet)
-    before, width = levels.null(), levels.judging.point_spread_width
+    before, width = levels.null(), levels.judging.forwards[0].point_spread_width
     corrected = levels.corrected_at(before)
     levels.with_corrected_coarse_cells(())
     assert corrections(levels) == [None, None]
     assert corrections(corrected)[1] is None
-    assert levels.judging.point_spread_width == width
+    assert levels.judging.forwards[0].point_spread_width == width
     after = levels.null()
     assert (after.fitted_misfit, after.held_out_misfit) == (
         before.fitted_misfit,

@@ -12,7 +12,7 @@ TRUE_FACTOR = 0.88
 
 
 def test_a_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, denser_sand, porosity):
-    fine = Fitter([Forward(sample_of(denser_sand), refinement=2)], point_spread_width=0.55)
+    fine = Fitter([Forward(sample_of(denser_sand), refinement=2, point_spread_width=0.55)])
     off = fine.evaluate((porosity,), at_factor(porosity, 0.93))
     fit = polished(fine, off, fitter)
     assert fit.fitted_misfit < 0.4 * off.fitted_misfit
@@ -42,7 +42,7 @@ def test_what_the_fitted_frames_lose_is_added_to_the_held_out_misfit(fitter, den
     sample = sample_of(denser_sand)
     shown = Forward(sample).maps(())
     sample.observed[sample.fitted_frames :] = shown[sample.fitted_frames :]
-    turned = Fitter([Forward(sample)], point_spread_width=0.3)
+    turned = Fitter([Forward(sample, point_spread_width=0.3)])
     true, none = at_factor(porosity, TRUE_FACTOR), at_factor(porosity, 1.0)
     plain = turned.evaluate((porosity,), true)
     moved = turned.evaluate((porosity,), none)

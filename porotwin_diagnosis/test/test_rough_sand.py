@@ -16,7 +16,7 @@ def sample(denser_sand):
 
 def test_a_less_viscous_tracer_amplifies_the_roughness_of_the_sand(sample):
     sands = RoughSands([[Forward(on_rough_sand(sample, seed))] for seed in (0, 1)])
-    fitter = Fitter([Forward(sample)], point_spread_width=0.3, rough_sands=sands)
+    fitter = Fitter([Forward(sample, point_spread_width=0.3)], rough_sands=sands)
     viscosity = candidate([sample], 'viscosity')
 
     def amplification(ratio):
@@ -32,7 +32,7 @@ def test_without_sands_nothing_is_amplified(sample):
     viscosity = candidate([sample], 'viscosity')
     thin = (viscosity.described([viscosity.parameters[0].scaled(0.5)]),)
     forward = Forward(sample)
-    found = RoughSands().fingering_amplification([forward], thin, point_spread_width=0.3)
+    found = RoughSands().fingering_amplification([forward], thin)
     assert found == (1.0, 1.0)
     assert forward.simulations == 0
 

@@ -61,14 +61,12 @@ class Fitter:
 
     Attributes:
         forwards: one forward model per recording.
-        point_spread_width: width [cells] of the point spread that simulated maps lack.
         noise_share: share of the expected noise that counts (see `search.noise_bound`).
         rough_sands: models on rough sands, for effects that destabilise fronts.
         pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
-    point_spread_width: float = field(default=0.0, kw_only=True)
     noise_share: float = field(default=1.0, kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
     pool: Executor | None = field(default=None, kw_only=True)
@@ -92,7 +90,6 @@ class Fitter:
         return whitened_residuals(
             self.forwards,
             effects,
-            point_spread_width=self.point_spread_width,
             width=width,
             fitted_only=fitted_only,
         )
@@ -179,8 +176,8 @@ class Fitter:
         except InputError:
             return infeasible_fit(members, scaled_parameters)
         unshared = [
-            sample.unshared_residual(shown, point_spread_width=self.point_spread_width)
-            for sample, shown in zip(self.samples, maps, strict=True)
+            forward.sample.unshared_residual(shown, point_spread_width=forward.point_spread_width)
+            for forward, shown in zip(self.forwards, maps, strict=True)
         ]
         residuals = [
             sample.decorrelated(residual)
@@ -200,7 +197,7 @@ class Fitter:
             noise_misfit=noise,
             expected_noise=noise,
             fingering_amplification=self.rough_sands.fingering_amplification(
-                self.forwards, effects, point_spread_width=self.point_spread_width
+                self.forwards, effects
             ),
             unshared_misfit=misfit(self.samples, unshared),
             scheme_misfit=self._scheme_misfit,
@@ -214,7 +211,8 @@ class Fitter:
             InputError: the model cannot run with the fit.
         """
         maps = [
-            blurred(forward.maps(fit.effects), self.point_spread_width) for forward in self.forwards
+            blurred(forward.maps(fit.effects), forward.point_spread_width)
+            for forward in self.forwards
         ]
         return self._relative_error(maps, held_out=True)
 

@@ -74,6 +74,8 @@ class Forward:
         preset: preset of the solver.
         refinement: solver cells per cell of the sample, each way; None for the preset's own.
         correction: multifidelity correction (nt, nz, nx) [-] that is added to simulated maps.
+        point_spread_width: width [cells] of the point spread of the camera, which simulated maps
+            lack.
         memory: simulations made before. It belongs to the sample, the preset and the refinement.
         crew: runs the simulations; None: the thread that wants one does.
     """
@@ -82,6 +84,7 @@ class Forward:
     preset: str = field(default='fast', kw_only=True)
     refinement: int | None = field(default=None, kw_only=True)
     correction: FloatArray | None = field(default=None, kw_only=True)
+    point_spread_width: float = field(default=0.0, kw_only=True)
     memory: SimulationMemory = field(default_factory=SimulationMemory, kw_only=True, repr=False)
     crew: Executor | None = field(default=None, kw_only=True, repr=False)
 
@@ -179,7 +182,6 @@ def whitened_residuals(
     forwards: Sequence[Forward],
     effects: Effects,
     *,
-    point_spread_width: float,
     width: float = SMOOTHING_WIDTH,
     fitted_only: bool = False,
 ) -> list[FloatArray]:
@@ -188,7 +190,6 @@ def whitened_residuals(
     Args:
         forwards: one forward model per recording.
         effects: effects of the rig and of the camera.
-        point_spread_width: width [cells] of the point spread that simulated maps lack.
         width: width [cells] of the smoothing.
         fitted_only: whether to return the fitted frames only.
 
@@ -202,7 +203,7 @@ def whitened_residuals(
         forward.sample.whitened(
             forward.maps(effects, fitted_only=fitted_only),
             width=width,
-            point_spread_width=point_spread_width,
+            point_spread_width=forward.point_spread_width,
         )
         for forward in forwards
     ]

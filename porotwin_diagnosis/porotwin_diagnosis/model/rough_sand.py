@@ -58,7 +58,7 @@ class RoughSands:
         self._responses: dict[str, FloatArray] = {}
 
     def fingering_amplification(
-        self, forwards: Sequence[Forward], effects: Effects, *, point_spread_width: float
+        self, forwards: Sequence[Forward], effects: Effects
     ) -> tuple[float, float]:
         """Return the ratio of the responses to rough sand with and without `effects`, at least 1.
 
@@ -68,7 +68,6 @@ class RoughSands:
         Args:
             forwards: one forward model per recording, on smooth sand.
             effects: effects of the rig and of the camera.
-            point_spread_width: width [cells] of the point spread that simulated maps lack.
 
         Returns:
             The ratio for the fitted and for the held-out frames; 1 if fronts are stable.
@@ -78,32 +77,30 @@ class RoughSands:
         """
         if not self._sands or not destabilises_fronts(effects):
             return 1.0, 1.0
-        with_effects, without = (
-            self._response(forwards, each, point_spread_width) for each in (effects, ())
-        )
+        with_effects, without = (self._response(forwards, each) for each in (effects, ()))
         fitted, held_out = np.maximum(with_effects / np.maximum(without, LEAST_RESPONSE), 1.0)
         return float(fitted), float(held_out)
 
-    def _response(
-        self, forwards: Sequence[Forward], effects: Effects, point_spread_width: float
-    ) -> FloatArray:
+    def _response(self, forwards: Sequence[Forward], effects: Effects) -> FloatArray:
         key = repr(effects)
         if key not in self._responses:
-            self._responses[key] = self._measured(forwards, effects, point_spread_width)
+            self._responses[key] = self._measured(forwards, effects)
         return self._responses[key]
 
-    def _measured(
-        self, forwards: Sequence[Forward], effects: Effects, point_spread_width: float
-    ) -> FloatArray:
+    def _measured(self, forwards: Sequence[Forward], effects: Effects) -> FloatArray:
         """Return the response (2,) [-]: fitted, held out."""
-        smooth = whitened_residuals(forwards, effects, point_spread_width=point_spread_width)
+        smooth = whitened_residuals(forwards, effects)
         squares = np.zeros(2)
         for sand in self._sands:
             rough_models = [
-                replace(rough, correction=forward.correction)
+                replace(
+                    rough,
+                    correction=forward.correction,
+                    point_spread_width=forward.point_spread_width,
+                )
                 for rough, forward in zip(sand, forwards, strict=True)
             ]
-            rough = whitened_residuals(rough_models, effects, point_spread_width=point_spread_width)
+            rough = whitened_residuals(rough_models, effects)
             changes = [there - here for there, here in zip(rough, smooth, strict=True)]
             squares += np.square(misfit([forward.sample for forward in forwards], changes))
         return np.sqrt(squares / len(self._sands))

@@ -22,11 +22,12 @@ from scipy.optimize import minimize_scalar
 from porotwin_core.grid import relative_error
 from porotwin_core.parallel import Crew, ThreadCrew
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample, coarsened
 from porotwin_diagnosis.model.effect_traits import is_slow_on_fine_grids
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.fitter import Fitter
-from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.library import pumping_wells
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.model.rough_sand import RoughSands, on_rough_sand
@@ -178,25 +179,16 @@ class Levels:
         return corrected.with_point_spread_of(fit)
 
     def with_point_spread_of(self, fit: Fit) -> 'Levels':
-        """Return levels whose judging has the point spread that suits `fit`.
+        """Return levels whose judging has the point spreads that suit `fit`.
 
-        Its width minimises the misfit of the fitted frames.
+        The width of every recording minimises the misfit of its fitted frames: cameras of several
+        days need not be equally sharp.
 
         Raises:
             InputError: the model cannot run with this fit.
         """
-
-        def misfit_at(width: float) -> float:
-            fitter = replace(self.judging, point_spread_width=width)
-            return fitter.evaluate(fit.members, fit.scaled_parameters).fitted_misfit
-
-        found = minimize_scalar(
-            misfit_at,
-            bounds=POINT_SPREAD_RANGE,
-            method='bounded',
-            options={'xatol': POINT_SPREAD_TOLERANCE},
-        )
-        return replace(self, judging=replace(self.judging, point_spread_width=float(found.x)))
+        forwards = [_with_own_point_spread(forward, fit) for forward in self.judging.forwards]
+        return replace(self, judging=replace(self.judging, forwards=forwards))
 
     def refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
         """Return `fits` fitted again on the cells of the recordings, the best score first.
@@ -327,21 +319,26 @@ def make_levels(
         [Forward(on_rough_sand(sample, seed), refinement=JUDGING, crew=crew) for sample in samples]
         for seed in range(ROUGH_SANDS)
     ]
+
+    def models(refinement: int, seen: Sequence[Sample], width: float) -> list[Forward]:
+        return [
+            Forward(sample, refinement=refinement, crew=crew, point_spread_width=width)
+            for sample in seen
+        ]
+
+    coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
     return Levels(
         samples=tuple(samples),
         screening=Fitter(
-            [Forward(coarsened(s, _screening_factor(s)), refinement=1, crew=crew) for s in samples],
-            point_spread_width=0.5 * TYPICAL_POINT_SPREAD,
+            models(1, coarse, 0.5 * TYPICAL_POINT_SPREAD),
             pool=pool,
         ),
         refining=Fitter(
-            [Forward(sample, refinement=1, crew=crew) for sample in samples],
-            point_spread_width=TYPICAL_POINT_SPREAD,
+            models(1, samples, TYPICAL_POINT_SPREAD),
             pool=pool,
         ),
         judging=Fitter(
-            [Forward(sample, refinement=JUDGING, crew=crew) for sample in samples],
-            point_spread_width=TYPICAL_POINT_SPREAD,
+            models(JUDGING, samples, TYPICAL_POINT_SPREAD),
             rough_sands=RoughSands(sands),
             pool=pool,
         ),
@@ -350,6 +347,26 @@ def make_levels(
         crew=crew,
         pool=pool,
     )
+
+
+def _with_own_point_spread(forward: Forward, fit: Fit) -> Forward:
+    """Return `forward` with the point spread width that suits `fit` best.
+
+    Raises:
+        InputError: the model cannot run with this fit.
+    """
+
+    def misfit_at(width: float) -> float:
+        spread = replace(forward, point_spread_width=width)
+        return misfit([forward.sample], whitened_residuals([spread], fit.effects))[0]
+
+    found = minimize_scalar(
+        misfit_at,
+        bounds=POINT_SPREAD_RANGE,
+        method='bounded',
+        options={'xatol': POINT_SPREAD_TOLERANCE},
+    )
+    return replace(forward, point_spread_width=float(found.x))
 
 
 def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:
