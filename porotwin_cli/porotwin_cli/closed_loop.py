@@ -12,7 +12,7 @@ import numpy as np
 from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.live_mend import MendDesk, accept_all
-from porotwin_cli.mended_loop import mended_figures
+from porotwin_cli.mended_loop import mended_figures, mending_lines
 from porotwin_cli.page_told import tell_page
 from porotwin_cli.rehearsal import calibration_run, train_costa
 from porotwin_cli.run_account import TrueTracer, read_account, summary
@@ -378,6 +378,8 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
         ('photographs', figures['photographs'], f'{figures["remarks"]} remarks in the bag'),
     ]
     print_table('closed loop on the virtual rig', ('', 'with the twin', 'compared with'), rows)
-    print(f'pictures: {folder / "plume.png"}, {folder / "course.png"}')
+    for line in mending_lines(figures) if 'hidden_effect' in figures else ():
+        print(line)
+    print(f'pictures: {", ".join(str(picture) for picture in sorted(folder.glob("*.png")))}')
     print(f'bag: {folder / "bag"} (replay it with ./porotwin replay {folder / "bag"})')
     print(f'duration: {figures["duration_s"]:.0f} s')

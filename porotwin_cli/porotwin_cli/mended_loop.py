@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -124,6 +125,24 @@ def mended_figures(
         _forecast_picture(folder / 'forecast.png', rig, truth, mending, hidden, preset)
     (folder / 'mended.json').write_text(json.dumps(figures, indent=1, default=str))
     return figures
+
+
+def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines for a person: the hidden effect, the found one, and the gain.
+
+    `figures` are those of `mended_figures`.
+    """
+    yield f'hidden effect: {figures["hidden_effect"]}'
+    if not figures['found']:
+        yield 'found: nothing sure enough to offer, so that the model stayed as described'
+    else:
+        found, minute = '; '.join(figures['found']), figures['verdict_minute']
+        yield f'found at minute {minute:.0f}, accepted and kept: {found}'
+    told = {'as described': 'as described', 'mended': 'mended', 'knew': 'with the true effect'}
+    errors = ', '.join(
+        f'{100.0 * error:.1f} % {told[name]}' for name, error in figures['forecast_error'].items()
+    )
+    yield f'forecasts over {FORECAST_S / MINUTE_S:g} min err by {errors}'
 
 
 # --- the runs beside ------------------------------------------------------------------------------

@@ -112,8 +112,8 @@ def _measured_beside_commanded(data: RecordedData) -> Iterator[Remark]:
         {row.well for row in data.commanded.rows if row.rate.rate and row.well not in measured}
     )
     if missing:
-        why = f'it has no line of {", ".join(missing)}, which rates.csv lets pump'
-        yield Remark(name, '', why, 'add its lines; until then the commanded rates count')
+        why = f'rates.csv lets {" and ".join(missing)} pump, and nothing was measured there'
+        yield Remark(name, '', why, 'the commanded rates count there')
     later = [row for row in data.commanded.rows if row.time > end and row.well in measured]
     if later:
         why = f'it ends at {end:g} s, and rates.csv changes {later[0].well} at {later[0].time:g} s'

@@ -130,7 +130,10 @@ def measured(*rows: tuple[float, str, float]) -> RecordedData:
 @pytest.mark.parametrize(
     ('rows', 'named'),
     [
-        ([(0.0, 'in', 520.0), (1800.0, 'in', 0.0)], 'it has no line of out'),
+        (
+            [(0.0, 'in', 520.0), (1800.0, 'in', 0.0)],
+            'lets out pump, and nothing was measured there',
+        ),
         ([(0.0, 'in', 520.0), (1200.0, 'out', -520.0)], r'it ends at 1200 s, and .* in at 1800 s'),
         ([(0.0, 'in', 8.7), (0.0, 'out', -8.7), (1801.0, 'in', 0.0)], 'were they in ml/min'),
         ([(0.0, 'in', -523.2), (0.0, 'out', 523.2), (1801.0, 'in', 0.0)], 'are -1 times those'),

@@ -62,6 +62,6 @@ def _remainder(name: str, lack: float) -> str:
             'it would be the answer'
         )
     return (
-        f'the model leaves {100 * lack:.0f} % of what a true effect may leave, and a cause outside '
-        'the library may imitate it'
+        f'the remaining error is {100 * lack:.0f} % of what a true effect may leave (less is '
+        'better); a cause outside the library may imitate the effect'
     )

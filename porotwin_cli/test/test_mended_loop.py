@@ -1,0 +1,27 @@
+"""The last lines of a demo with a hidden effect."""
+
+import math
+
+import pytest
+
+from porotwin_cli.mended_loop import mending_lines
+
+
+@pytest.mark.parametrize(
+    ('found', 'minute', 'told'),
+    [
+        (['porosity:factor=0.902'], 40.0, 'found at minute 40, accepted and kept: porosity'),
+        ([], math.nan, 'found: nothing sure enough to offer'),
+    ],
+)
+def test_the_demo_tells_what_was_hidden_found_and_gained(found, minute, told) -> None:
+    figures = {
+        'hidden_effect': 'porosity:factor=0.9',
+        'found': found,
+        'verdict_minute': minute,
+        'forecast_error': {'as described': 0.058, 'mended': 0.0423, 'knew': 0.0424},
+    }
+    hidden, line, gained = mending_lines(figures)
+    assert hidden.endswith('porosity:factor=0.9')
+    assert line.startswith(told)
+    assert '5.8 % as described, 4.2 % mended, 4.2 % with the true effect' in gained
