@@ -1,4 +1,4 @@
-"""Scenarios of the closed loop: a rig with a zone to protect, and what the twin is not told.
+"""Scenarios of the closed loop: a rig with a zone to protect, and faults that no twin is told.
 
 `bench_loop_draw` draws them; the demo's experiment is one as well.
 """

@@ -293,7 +293,7 @@ def _jump(output: Path, rig: 'Rig', rates: 'Schedule | None', photos: list[str])
 
 
 def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
-    """Return what is wrong if a map in `output` holds more tracer than was injected before it."""
+    """Return a remark if a map in `output` holds more tracer than was injected before it."""
     from porotwin_imaging.mass_check import excess_remark
     from porotwin_recording.concentration import open_maps
 
@@ -307,7 +307,7 @@ def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
 
 
 def _pale_well(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
-    """Return what is wrong if the maps in `output` show no tracer at a well that injects it."""
+    """Return a remark if the maps in `output` show no tracer at a well that injects it."""
     from porotwin_imaging.well_check import pale_well_remark
     from porotwin_recording.concentration import open_maps
 
