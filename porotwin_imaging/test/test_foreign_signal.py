@@ -45,7 +45,9 @@ def test_another_colour_is_left_out_with_its_share(colour: tuple[float, float, f
     assert not kept[SQUARE].any()
     assert 0.9 < kept.mean() < 0.95
     (line,) = remarks
-    assert line.endswith('% of the sand has a colour that tracer cannot make: this part is left out')
+    assert line.endswith(
+        '% of the sand has a colour that tracer cannot make: this part is left out'
+    )
 
 
 def test_without_a_colour_the_sign_is_checked() -> None:
