@@ -71,8 +71,8 @@ def without_foreign_signal(
         return visible, []
     left_out = cv2.dilate(foreign.astype(np.uint8), np.ones(_REACH, np.uint8)) > 0
     lost = float((left_out & visible).sum() / count)
-    share = f'{100 * lost:.1f} % of the sand'
-    remark = f'{share} has a colour that tracer cannot make: this part is left out'
+    part = f'{100 * lost:.1f} % of the sand'
+    remark = f'{part} has a colour that tracer cannot make: this part is left out'
     return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
 
 

@@ -70,9 +70,9 @@ class Recording(RecordedData):
 
     def _balanced(self, schedule: Schedule) -> Schedule:
         """Return `schedule`, balanced by the producer of the control section in a closed rig."""
-        if not self.rig.closed or self.rig.control is None:
+        producer = self.rig.control.producer if self.rig.control else None
+        if producer is None or not self.rig.closed:
             return schedule
-        producer = self.rig.control.producer
         times = dict.fromkeys(row.time for row in schedule.rows)
         return Schedule.from_rates((time, balanced(schedule.at(time), producer)) for time in times)
 

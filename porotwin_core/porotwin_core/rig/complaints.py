@@ -1,10 +1,11 @@
 """Validation errors of pydantic as one line for the owner of a rig."""
 
 import difflib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pydantic
-from pydantic_core import ErrorDetails
 
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
@@ -58,7 +59,7 @@ def one_line(
     return f'{source}: {where} = {_shown(first["input"])}: {reason}{more}'
 
 
-def _key(complaint: ErrorDetails) -> list[str]:
+def _key(complaint: Mapping[str, Any]) -> list[str]:
     """Return the parts of the key that a complaint is about."""
     return [str(part) for part in complaint['loc'] if part not in _FORMS]
 
