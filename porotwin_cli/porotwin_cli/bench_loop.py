@@ -21,6 +21,7 @@ from porotwin_cli.bench_loop_run import RUNS, TWINS, LoopFigures, run_closed, ru
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
+from porotwin_core.whole_file import whole_file
 
 SETTINGS = 'settings.json'
 """File in the folder of a bench with everything that its figures follow from."""
@@ -57,9 +58,8 @@ class DrawJob:
 
 
 def _write(file: Path, content: bytes) -> None:
-    part = file.with_suffix('.part')
-    part.write_bytes(content)
-    part.replace(file)
+    with whole_file(file) as unfinished:
+        unfinished.write_bytes(content)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import EffectDescription, Rig, load_rig
 from porotwin_core.wells import WellRates
+from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.mending.finding import finding_of
@@ -110,9 +111,7 @@ class MendJob:
 
     def work(self) -> None:
         """Run and write the figures; a file that exists is complete."""
-        part = self.file.with_suffix('.part')
-        part.write_text(json.dumps(asdict(self._figures())), encoding='utf-8')
-        part.replace(self.file)
+        write_whole(self.file, json.dumps(asdict(self._figures())))
 
     def _figures(self) -> MendFigures:
         if self.run == 'mended':

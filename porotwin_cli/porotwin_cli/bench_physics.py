@@ -24,6 +24,7 @@ from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule
+from porotwin_core.whole_file import write_whole
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.frames import Frames, cut, mean_rates, resampled
 from porotwin_costa.free_run_gate import SETTLED, Judge, KeptRun, corrector
@@ -128,9 +129,7 @@ class PhysicsJob:
 
     def work(self) -> None:
         """Train, run freely and write the figures; a file that exists is complete."""
-        part = self.file.with_suffix('.part')
-        part.write_text(json.dumps(asdict(self._figures())), encoding='utf-8')
-        part.replace(self.file)
+        write_whole(self.file, json.dumps(asdict(self._figures())))
 
     def _figures(self) -> PhysicsFigures:
         unseen, floor = self._frames(UNSEEN)

@@ -113,7 +113,7 @@ def _rig(folder: Path, path: Path | None) -> 'Rig':
 
 
 def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> None:
-    """Print what was made.
+    """Print the name and the content of the new recording.
 
     Raises:
         InputError: it is no experiment that other commands accept; `source` is named.
