@@ -6,7 +6,6 @@ again.
 """
 
 import math
-import os
 import random
 import signal
 import tempfile
@@ -24,6 +23,7 @@ from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig, write_rig
+from porotwin_core.ros_environment import claim_domain, prepare_environment
 from porotwin_core.units import HOUR_S
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
@@ -127,9 +127,8 @@ def long_run(hours: float, seed: int) -> Iterator[LongRun]:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         nodes = _nodes(folder, hours, seed)
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-        with GraphProcesses(nodes, folder, say=lambda _: None) as processes:
+        prepare_environment()
+        with claim_domain(), GraphProcesses(nodes, folder, say=lambda _: None) as processes:
             run = LongRun(processes, [node.name for node in nodes])
             with GraphWatch(run.add):
                 if not run.wait_until(0.0, limit=START_S):

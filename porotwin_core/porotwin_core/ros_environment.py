@@ -24,8 +24,18 @@ NAMESPACE_NAME = re.compile(r'(/[A-Za-z][A-Za-z0-9_]*)+')
 LARGEST_DOMAIN = 232
 """Largest domain: its ports end below 65536 (design.ros2.org, about domain IDs)."""
 
-FREE_DOMAINS = range(1, 102)
-"""Domains whose ports lie below those that Linux gives to programs (docs.ros.org)."""
+FREE_DOMAINS = range(81, 102)
+"""Domains to choose from.
+
+Their ports lie below those that Linux gives to programs (docs.ros.org). People set small numbers by
+hand, and the tests of this project use those up to 80.
+"""
+
+DOMAIN_PORTS = 250
+"""Ports of one domain (RTPS 2.2, section 9.6.1)."""
+
+FIRST_PORTS = (7400, 7410)
+"""Ports that the first node of domain 0 opens: for all nodes, and its own (RTPS 2.2, 9.6.1)."""
 
 RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
 """The nodes of a graph find each other in these discovery ranges."""
@@ -164,7 +174,7 @@ def _lock(domain: int) -> socket.socket:
 
 
 def claim_domain() -> DomainClaim:
-    """Claim the domain of `ROS_DOMAIN_ID`; if there is none, choose a free one and set it.
+    """Claim the domain of `ROS_DOMAIN_ID`; if there is none, choose one without nodes and set it.
 
     Raises:
         InputError: the domain is in use, or no domain is free.
@@ -172,6 +182,8 @@ def claim_domain() -> DomainClaim:
     if os.environ.get(DOMAIN, '').strip():
         return DomainClaim(domain_of(os.environ))
     for domain in FREE_DOMAINS:
+        if _has_nodes(domain):
+            continue
         try:
             claim = DomainClaim(domain)
         except InputError:
@@ -179,3 +191,14 @@ def claim_domain() -> DomainClaim:
         os.environ[DOMAIN] = str(domain)
         return claim
     raise InputError(f'all domains up to {FREE_DOMAINS[-1]} are in use; end some graphs')
+
+
+def _has_nodes(domain: int) -> bool:
+    """Return whether nodes run in `domain` on this machine, also those of other programs."""
+    for first in FIRST_PORTS:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+            try:
+                port.bind(('', first + DOMAIN_PORTS * domain))
+            except OSError:
+                return True
+    return False

@@ -1,6 +1,7 @@
 """Tests of the variables of ROS 2, and of one graph per domain."""
 
 import os
+import socket
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,17 @@ def test_a_domain_has_one_graph(monkeypatch: pytest.MonkeyPatch) -> None:
             assert second.domain != first.domain
     with DomainClaim(first.domain) as again:
         assert again.domain == first.domain
+
+
+@pytest.mark.parametrize('first', [7400, 7410])
+def test_a_domain_with_nodes_of_another_program_is_not_chosen(
+    first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    with claim_domain() as free:
+        pass
+    monkeypatch.delenv('ROS_DOMAIN_ID')
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
+        node.bind(('', first + 250 * free.domain))
+        with claim_domain() as claim:
+            assert claim.domain != free.domain
