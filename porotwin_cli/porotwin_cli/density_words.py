@@ -43,5 +43,8 @@ def density_words(rig: Rig, grid: Grid, stock: float, seconds: float) -> str:
         f'{number(1e3 * radius, 2)} mm'
     )
     if way > NOTABLE * radius:
-        words += '; weigh stock and water, and tell a difference with --effect buoyancy'
+        words += (
+            '; weigh stock and water, and write a difference into `effects:` of rig.yaml '
+            '(buoyancy, docs/effects.md)'
+        )
     return words

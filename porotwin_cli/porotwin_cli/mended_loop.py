@@ -121,7 +121,7 @@ def mended_figures(
         'mended_picture': folder / 'mended.png',
     }
     _picture(folder / 'mended.png', rig, folder, truth, mending, beside)
-    if not math.isnan(mending.accepted):
+    if mending.last:
         _forecast_picture(folder / 'forecast.png', rig, truth, mending, hidden, preset)
     (folder / 'mended.json').write_text(json.dumps(figures, indent=1, default=str))
     return figures
@@ -133,14 +133,23 @@ def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     `figures` are those of `mended_figures`.
     """
     yield f'hidden effect: {figures["hidden_effect"]}'
-    if not figures['found']:
+    minute = figures['verdict_minute']
+    if figures['found']:
+        yield f'found at minute {minute:.0f}, accepted and kept: {"; ".join(figures["found"])}'
+    elif math.isnan(minute):
         yield 'found: nothing sure enough to offer, so that the model stayed as described'
     else:
-        found, minute = '; '.join(figures['found']), figures['verdict_minute']
-        yield f'found at minute {minute:.0f}, accepted and kept: {found}'
+        yield (
+            f'an effect was accepted at minute {minute:.0f} and taken back, because the next '
+            'photographs contradicted it'
+        )
+    if not figures['found']:
+        yield 'forecast.png is not drawn: no mended model is left to compare'
     told = {'as described': 'as described', 'mended': 'mended', 'knew': 'with the true effect'}
     errors = ', '.join(
-        f'{100.0 * error:.1f} % {told[name]}' for name, error in figures['forecast_error'].items()
+        f'{100.0 * error:.1f} % {told[name]}'
+        for name, error in figures['forecast_error'].items()
+        if figures['found'] or name != 'mended'
     )
     yield f'forecasts over {FORECAST_S / MINUTE_S:g} min err by {errors}'
 
@@ -267,9 +276,8 @@ def _picture(
     minutes = np.array(account.times) / MINUTE_S
     axes[0].semilogy(minutes, account.prediction_error, color='#333333')
     axes[0].set_ylabel('relative error of the\nforecast for this photograph')
-    axes[1].plot(
-        truth.times / MINUTE_S, truth.disallowed(rig) * ML, color='#12502f', label='mended'
-    )
+    twin = 'this twin, mended' if mending.last else 'this twin, not mended'
+    axes[1].plot(truth.times / MINUTE_S, truth.disallowed(rig) * ML, color='#12502f', label=twin)
     for (name, run), colour in zip(beside.items(), ('#b03a2e', '#2e6db0'), strict=False):
         first, last = truth.times[0], truth.times[-1]
         times = np.linspace(first, last, len(run.course_ml)) / MINUTE_S
@@ -292,7 +300,8 @@ def _picture(
                     ha='right',
                     fontsize=8,
                 )
-    figure.suptitle(f'found: {in_words(mending.last)}', fontsize=10, wrap=True)
+    found = f'found: {in_words(mending.last)}' if mending.last else 'nothing found to mend'
+    figure.suptitle(found, fontsize=10, wrap=True)
     with writing(path):
         figure.savefig(path, dpi=DPI)
     plt.close(figure)

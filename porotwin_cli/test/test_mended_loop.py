@@ -12,6 +12,7 @@ from porotwin_cli.mended_loop import mending_lines
     [
         (['porosity:factor=0.902'], 40.0, 'found at minute 40, accepted and kept: porosity'),
         ([], math.nan, 'found: nothing sure enough to offer'),
+        ([], 40.0, 'an effect was accepted at minute 40 and taken back'),
     ],
 )
 def test_the_demo_tells_what_was_hidden_found_and_gained(found, minute, told) -> None:
@@ -21,7 +22,11 @@ def test_the_demo_tells_what_was_hidden_found_and_gained(found, minute, told) ->
         'verdict_minute': minute,
         'forecast_error': {'as described': 0.058, 'mended': 0.0423, 'knew': 0.0424},
     }
-    hidden, line, gained = mending_lines(figures)
+    hidden, line, *missing, gained = mending_lines(figures)
     assert hidden.endswith('porosity:factor=0.9')
     assert line.startswith(told)
-    assert '5.8 % as described, 4.2 % mended, 4.2 % with the true effect' in gained
+    mended = '4.2 % mended, ' if found else ''
+    assert f'5.8 % as described, {mended}4.2 % with the true effect' in gained
+    assert [text.startswith('forecast.png is not drawn') for text in missing] == [True] * (
+        not found
+    )

@@ -269,6 +269,9 @@ INTERVAL_DEVIATIONS = 1.645 * 1.7
 Errors of the scheme shift parameters too; without the factor the intervals held only two thirds of
 the true values of the independent simulator."""
 
+LEAST_RIVAL = 1e-3
+"""Least probability of an effect for an experiment that separates it from the named one."""
+
 LEAST_EXPERIMENT_GAIN = 1.1
 """Least gain in the distance of two explanations for another experiment to be proposed. A smaller
 one is no reason to change the schedule."""

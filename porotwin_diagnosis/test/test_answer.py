@@ -47,7 +47,13 @@ def test_the_first_screen_names_cause_place_size_and_confidence(denser):
         ('registration', {'dx': 0.004}, 'Nowhere in the rig: this is an effect of the camera'),
         ('clock', {'offset': -60.0}, 'Nowhere in the rig: this is an effect of the camera'),
         ('leak', {'x': 0.33, 'z': 0.3, 'rate': -20.0}, 'At x = 0.330 m, z = 0.300 m'),
-        ('rate', {'factor': 0.9}, 'At the well injector, x = 0.235 m, z = 0.235 m'),
+        ('rate', {'factor': 0.9}, 'At the well injector, x = 0.235 m, z = 0.235 m.'),
+        (
+            'well_position',
+            {'dx': 0.01, 'dz': -0.004},
+            'At the well injector, x = 0.235 m, z = 0.235 m by rig.yaml; '
+            'it opens at x = 0.245 m, z = 0.231 m.',
+        ),
     ],
 )
 def test_the_place_of_an_effect_is_said_or_that_it_has_none(denser, name, parameters, place):

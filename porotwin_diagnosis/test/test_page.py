@@ -35,6 +35,19 @@ def test_a_page_fits_a_telephone_and_needs_no_other_file(denser, tmp_path):
     assert 'src="data:image' in text
 
 
+def test_a_rig_whose_name_says_rig_is_not_called_a_rig_rig(denser, tmp_path):
+    recording = denser.recordings[0]
+    named = replace(recording, rig=recording.rig.model_copy(update={'name': 'bench rig'}))
+    text, _ = page(replace(denser, recordings=(named,)), tmp_path)
+    assert '<h1>Sim-to-real gap: bench rig</h1>' in text
+
+
+def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(denser, tmp_path):
+    verdict = replace(denser.verdict, probabilities={'porosity': 1.0, 'leak': 1e-5})
+    text, _ = page(replace(denser, verdict=verdict, proposals=()), tmp_path)
+    assert 'no experiment must separate them' in text
+
+
 def test_no_gap_says_first_which_effects_could_not_have_been_seen(denser, tmp_path):
     verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
     text, verdict_said = page(replace(denser, verdict=verdict), tmp_path)

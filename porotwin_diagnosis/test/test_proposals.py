@@ -1,5 +1,7 @@
 """The next experiment: which one separates two explanations, and which one does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_examples import SMALL
@@ -87,6 +89,19 @@ def test_without_a_gap_nothing_is_proposed(sample):
     fitter = Fitter([Forward(sample)])
     null = fitter.evaluate((), np.zeros(0))
     assert propose(fitter, Findings(null, null, []), Verdict('none', 0.9, null, (), (), {})) == ()
+
+
+def test_beside_an_effect_without_a_probable_rival_nothing_is_proposed(sample):
+    fitter = Fitter([Forward(sample)])
+    null = fitter.evaluate((), np.zeros(0))
+    (candidate,) = (one for one in library([sample]) if one.label == 'porosity')
+    kept = fitter.evaluate((candidate,), np.zeros(1))
+    findings = Findings(null, null, [kept, null], [])
+    verdict = Verdict('porosity', 0.9, kept, ('porosity',), (), {'porosity': 0.99, 'leak': 0.01})
+    assert not verdict.stands_alone
+    alone = replace(verdict, probabilities={'porosity': 0.9999, 'leak': 0.0001})
+    assert alone.stands_alone
+    assert propose(fitter, findings, alone) == ()
 
 
 def test_an_unexplained_gap_gets_the_checks_of_its_form_and_tests_of_its_kind(sample):

@@ -17,6 +17,7 @@ from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
+    from porotwin_diagnosis.decision.verdict import Verdict
     from porotwin_recording.recording import Recording
 
 
@@ -84,7 +85,6 @@ def command(
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
-    from porotwin_solver.effects import EFFECTS
     from porotwin_solver.effects.definition.words import plain
 
     if live != (not recordings):
@@ -143,10 +143,20 @@ def command(
     for line in told:
         print(line)
     say(f'report: {output / "report.html"}')
-    camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
-    if apply and not (result.verdict.members and result.verdict.model.effects):
-        say(f'{output / "rig.yaml"} repeats the description: the verdict names no effect')
-    if apply and camera:
+    _tell_about_rig(result.verdict, output, apply=apply)
+
+
+def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
+    """Tell how the effects of `verdict` reach the twin, or what `apply` has written."""
+    from porotwin_solver.effects import EFFECTS
+
+    camera = ' and '.join(name for name in verdict.members if EFFECTS[name].is_of_camera)
+    if not verdict.model.effects or not verdict.members:
+        if apply:
+            say(f'{output / "rig.yaml"} repeats the description: the verdict names no effect')
+    elif not apply:
+        say('the same call with --apply also writes a rig.yaml with it, for ./porotwin up --rig')
+    elif camera:
         say(
             f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
             'expects it. The running twin does not correct its maps for it: correct the camera'

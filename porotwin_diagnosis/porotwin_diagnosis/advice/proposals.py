@@ -74,6 +74,7 @@ def propose(
     Checks in the laboratory come first. The schedule of the recording with the largest difference
     between the explanations is varied. An experiment is proposed if its gain is above
     `LEAST_EXPERIMENT_GAIN`. Without a gap there is nothing to separate, and the result is empty.
+    The same holds if the named effect stands alone.
     """
     best = _two_best(findings, verdict)
     if best is None:
@@ -109,13 +110,13 @@ def propose(
 
 
 def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
-    """Return the kept model and the best other one; None without a gap.
+    """Return the kept model and the best other one; None if there is nothing to separate.
 
     Effects that are nearly as good come first: an experiment can separate them. Effects that look
     the same follow.
     """
     kept = verdict.model
-    if not kept.members:
+    if not kept.members or verdict.stands_alone:
         return None
     fits = findings.pairs if len(kept.members) > 1 else findings.singles
     others = [fit for fit in fits if fit.label != kept.label] or [

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import effects_of
 from porotwin_solver.effects.definition.effect import Scope
 
@@ -66,3 +67,9 @@ class Verdict:
     def kept(self) -> bool:
         """Whether the verdict names a cause of a gap."""
         return self.name not in (NONE, UNEXPLAINED)
+
+    @property
+    def stands_alone(self) -> bool:
+        """Whether a single effect is named, and no other one is probable."""
+        rivals = (share for name, share in self.probabilities.items() if name != self.name)
+        return len(self.members) == 1 and max(rivals, default=1.0) < LEAST_RIVAL

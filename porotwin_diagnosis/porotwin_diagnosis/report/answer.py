@@ -258,10 +258,13 @@ def _place_of(name: str, row: Mapping[str, Any], result: Diagnosis) -> str:
         return f'At x = {values["x"]:.3f} m, z = {values["z"]:.3f} m.'
     if 'well' in values:
         well = result.recordings[0].rig.wells[values['well']]
-        return (
-            f'At the well {html.escape(values["well"])}, x = {well.x_m:.3f} m, '
-            f'z = {well.z_m:.3f} m.'
+        place = (
+            f'At the well {html.escape(values["well"])}, x = {well.x_m:.3f} m, z = {well.z_m:.3f} m'
         )
+        if not {'dx', 'dz'} <= values.keys():
+            return f'{place}.'
+        x, z = well.x_m + values['dx'], well.z_m + values['dz']
+        return f'{place} by rig.yaml; it opens at x = {x:.3f} m, z = {z:.3f} m.'
     return 'In the whole rig.'
 
 

@@ -62,7 +62,7 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
 
     The page needs no other file.
     """
-    title = f'Sim-to-real gap: {html.escape(result.recordings[0].rig.name)} rig'
+    title = f'Sim-to-real gap: {html.escape(_rig_in_words(result.recordings[0].rig.name))}'
     body = [
         f'<h1>{title}</h1>',
         f'<small>{_recordings(result)}</small>',
@@ -78,6 +78,10 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         f'<title>{title}</title><style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
     path.write_text(page, encoding='utf-8')
+
+
+def _rig_in_words(name: str) -> str:
+    return name if name.lower().endswith('rig') else f'{name} rig'
 
 
 def _first_screen(result: Diagnosis, summary: Summary) -> str:

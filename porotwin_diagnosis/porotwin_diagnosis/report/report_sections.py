@@ -13,6 +13,7 @@ from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
 from porotwin_diagnosis.report.markup import percent, table
 from porotwin_diagnosis.report.wording import phrase, spoken, value
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
+from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
@@ -158,6 +159,13 @@ def _checks_of_form(result: Diagnosis) -> Iterator[tuple[str, str]]:
 
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
     """Return the table of proposed experiments."""
+    if result.verdict.stands_alone:
+        return (
+            '<p>Every other effect of the library has a probability below '
+            f'{100 * LEAST_RIVAL:g} %, so that no experiment must separate them. A recording with '
+            'other wells or rates is the best test of the named effect: its error must fall too.'
+            '</p>'
+        )
     if not result.proposals:
         return '<p>No other experiment shows more than a repetition of this recording.</p>'
     proposals = summary['next_experiment']
