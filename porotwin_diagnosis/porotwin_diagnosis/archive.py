@@ -116,9 +116,14 @@ def archive_tasks(
     """Return the tasks of an archive; the folder of a recording in `output` has its name.
 
     Raises:
-        InputError: two recordings have the same name, or `output` holds the files of one.
+        InputError: a recording is named twice, two have the same name, or `output` holds the files
+            of one.
     """
     check_apart(output, recordings)
+    places = [recording.resolve() for recording in recordings]
+    again = next((place for place in places if places.count(place) > 1), None)
+    if again is not None:
+        raise InputError(f'--each: {again} is named twice; name every recording once')
     names = [recording.resolve().name for recording in recordings]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -205,3 +205,8 @@ def test_an_archive_in_the_folder_of_a_recording_is_refused(monday: Path) -> Non
 def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="two recordings are called 'monday'"):
         archive_tasks([tmp_path / 'a' / 'monday', tmp_path / 'b' / 'monday'], tmp_path)
+
+
+def test_a_recording_that_is_named_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='monday is named twice'):
+        archive_tasks([tmp_path / 'a' / 'monday'] * 2, tmp_path / 'out')

@@ -34,6 +34,10 @@ PACKED_NAN = 255
 LARGEST_DIMENSION = 10_000_000
 """Largest size of a dimension: photographs of ten years at one per half minute."""
 
+LARGEST_CONCENTRATION = 1e6
+"""Size of a concentration [-] above which it is no measured value in any unit, but a code for
+none, such as 1e20."""
+
 DEVIATIONS = {
     'deviation': 'standard deviation of the concentration',
     'systematic': 'part of the standard deviation that is the same at all times',
@@ -192,10 +196,14 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
         with _damage_named(path), _dataset(path) as opened:
             values = opened.variables[name][start:stop]
             maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
-        infinite = np.isinf(maps)
-        if name == 'concentration' and infinite.any():
-            LOG.warning('%s: infinite concentrations are read as unknown; write NaN there', path)
-            maps[infinite] = np.nan
+        impossible = np.abs(maps) > LARGEST_CONCENTRATION
+        if name == 'concentration' and impossible.any():
+            LOG.warning(
+                '%s: infinite concentrations, or beyond %g, are read as unknown; write NaN there',
+                path,
+                LARGEST_CONCENTRATION,
+            )
+            maps[impossible] = np.nan
         return maps
 
     return read
