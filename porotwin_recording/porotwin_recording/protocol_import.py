@@ -2,14 +2,16 @@
 
 Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
 (a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
-`rate_ml/min`. See https://github.com/pmgbergen/DarSIA.
+`rate_ml/min`. See https://github.com/pmgbergen/DarSIA. The log of a flow meter or a balance,
+`measured_protocol.csv`, has the columns of the injection.
 """
 
 import itertools
 import os
 import re
 import shutil
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -30,6 +32,8 @@ from porotwin_recording.recorded_data import RecordedData
 
 IMAGING_PROTOCOL = 'imaging_protocol.csv'
 INJECTION_PROTOCOL = 'injection_protocol.csv'
+MEASURED_PROTOCOL = 'measured_protocol.csv'
+PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
 
 IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
@@ -60,14 +64,15 @@ class ProtocolAnswers:
 
 def has_protocols(folder: Path) -> bool:
     """Return whether a folder has one of the protocols."""
-    return any((folder / name).is_file() for name in (IMAGING_PROTOCOL, INJECTION_PROTOCOL))
+    return any((folder / name).is_file() for name in PROTOCOLS)
 
 
 def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnswers) -> list[str]:
     """Write an experiment folder from protocols and photographs; return the assumptions made.
 
-    Time zero is the first injection, or the first photograph where nothing is injected. Photographs
-    before time zero are baselines. Photographs are linked where the file system allows it.
+    Time zero is the first commanded injection, else the first measured one, else the first
+    photograph. Photographs before time zero are baselines. Photographs are linked where the file
+    system allows it.
 
     Args:
         folder: the folder with the protocols.
@@ -79,43 +84,55 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
         InputError: one line with the file, the fault and the remedy.
     """
     told: list[str] = []
-    photographs, rows = [], []
     if not abs(answers.camera_ahead_s) <= LONGEST_EXPERIMENT_S:  # also if it is no number
         raise InputError(
             f'--camera-ahead {answers.camera_ahead_s:g}: give the lead of the clock in seconds, at '
             f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
         )
-    if (folder / IMAGING_PROTOCOL).is_file():
-        photographs = _photographs(folder, answers, told)
-    if (folder / INJECTION_PROTOCOL).is_file():
-        rows = _injections(folder / INJECTION_PROTOCOL, rig, answers, told)
-    if not photographs and not rows:
-        raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
-    _check_clocks(folder, answers)
-    begin = min([row.start for row in rows] or [moment for moment, _ in photographs])
+    there = [name for name in PROTOCOLS if (folder / name).is_file()]
+    if not there:
+        raise InputError(f'{folder}: has none of {", ".join(PROTOCOLS)}')
+    photographs = _photographs(folder, answers, told) if IMAGING_PROTOCOL in there else []
+    commanded = measured = None
+    if INJECTION_PROTOCOL in there:
+        commanded = _pumped(folder / INJECTION_PROTOCOL, rig, answers, told)
+    if MEASURED_PROTOCOL in there:
+        measured = _pumped(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
+    _check_clocks([folder / name for name in there], answers)
+    pumped = commanded or measured or []
+    begin = min([row.start for row in pumped] or [moment for moment, _ in photographs])
     photos = _with_roles(photographs, begin, told)
-    schedule = _schedule(rows, begin) if rows else None
-    write_folder(target, RecordedData(rig, commanded=schedule))
+    write_folder(
+        target,
+        RecordedData(
+            rig,
+            commanded=_schedule(commanded, begin) if commanded else None,
+            measured=_schedule(_since(begin, measured, told), begin) if measured else None,
+        ),
+    )
     _place(target, photos)
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
     return told
 
 
-def _check_clocks(folder: Path, answers: ProtocolAnswers) -> None:
-    """Check that the times of both protocols can be compared.
+def _check_clocks(paths: list[Path], answers: ProtocolAnswers) -> None:
+    """Check that the times of all protocols can be compared.
 
     Raises:
-        InputError: one names its zone, and nothing says the zone of the other.
+        InputError: one names its zone, and nothing says the zone of another.
     """
-    paths = [folder / IMAGING_PROTOCOL, folder / INJECTION_PROTOCOL]
-    if answers.time_zone or not all(path.is_file() for path in paths):
+    if answers.time_zone:
         return
     tables = [read_foreign_table(path, answers.decimal) for path in paths]
-    zoned = [any(names_zone(words) for words in table.columns.values()) for table in tables]
-    if zoned[0] != zoned[1]:
+    zoned = {
+        table.path: any(names_zone(words) for words in table.columns.values()) for table in tables
+    }
+    without = [path for path in paths if not zoned[path]]
+    if without and len(without) < len(paths):
+        other = next(path.name for path in paths if zoned[path])
         raise InputError(
-            f'{paths[zoned[0]]}: its times name no zone, those of {paths[zoned[1]].name} do; '
-            'give --time-zone, such as Europe/Oslo, the zone of the times that name none'
+            f'{without[0]}: its times name no zone, those of {other} do; give --time-zone, such as '
+            'Europe/Oslo, the zone of the times that name none'
         )
 
 
@@ -253,44 +270,93 @@ def _place(target: Path, photos: list[Photo]) -> None:
     write_table(target / IMAGING_FILE, HEADER, rows)
 
 
-# --- injections ---------------------------------------------------------------------------------
+# --- rates --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class _Injection:
-    """A rate [m^3/s] of a well from `start` to `end`."""
+class _Pumped:
+    """A rate [m^3/s] of a well from `start` to `end`; None: until the end of the recording."""
 
     start: datetime
-    end: datetime
+    end: datetime | None
     well: str
     rate: WellRate
 
 
-def _injections(
-    path: Path, rig: Rig, answers: ProtocolAnswers, told: list[str]
-) -> list[_Injection]:
+def _pumped(
+    path: Path,
+    rig: Rig,
+    answers: ProtocolAnswers,
+    told: list[str],
+    commanded: list[_Pumped] | None = None,
+) -> list[_Pumped]:
+    """Return the rates of a protocol in the order of their times.
+
+    Without a column of concentrations, the `commanded` rates of the same well tell them.
+    """
     table = read_foreign_table(path, answers.decimal)
-    starts = _moments(table, table.needed('start'), answers, told)
-    ends = _moments(table, table.needed('end', 'stop'), answers, told)
+    starts = _moments(table, table.needed('start', 'datetime', 'time'), answers, told)
     wells = _wells(table, rig, told)
+    ends = _ends(table, starts, wells, answers, told)
     rates = _rates(table, rig, answers, told)
-    shares = _concentrations(table, rates, answers, told)
+    if commanded and table.find('concentration') is None:
+        told.append(f'{path}: no column concentration: {INJECTION_PROTOCOL} tells it')
+        places = zip(wells, starts, strict=True)
+        shares = [_commanded_share(commanded, well, start) for well, start in places]
+    else:
+        shares = _concentrations(table, rates, answers, told)
     rows = []
     for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
         start, end, well, rate, share = values
-        if end <= start:
+        if end is not None and end <= start:
             raise InputError(f'{path}:{number}: ends before it starts; correct start or end')
-        rows.append(_Injection(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
-    rows.sort(key=lambda row: (row.start, row.end))
-    for well in dict.fromkeys(wells):
+        rows.append(_Pumped(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
+    rows.sort(key=lambda row: row.start)
+    _check_overlap(path, rows)
+    return rows
+
+
+def _ends(
+    table: ForeignTable,
+    starts: list[datetime],
+    wells: list[str],
+    answers: ProtocolAnswers,
+    told: list[str],
+) -> Sequence[datetime | None]:
+    """Return when each rate ends: at the next row of its well if no column says it."""
+    title = table.find('end', 'stop')
+    if title is not None:
+        return _moments(table, title, answers, told)
+    told.append(f'{table.path}: no column end: every rate holds until the next row of its well')
+    ends: list[datetime | None] = []
+    for start, well in zip(starts, wells, strict=True):
+        later = (time for time, other in zip(starts, wells, strict=True) if other == well)
+        ends.append(min((time for time in later if time > start), default=None))
+    return ends
+
+
+def _commanded_share(commanded: list[_Pumped], well: str, start: datetime) -> float:
+    """Return the concentration of the last injection of `well` that begins by `start`, or else of
+    its first one; 1 if it never injects."""
+    own = [row for row in commanded if row.well == well and row.rate.rate > 0]
+    begun = [row for row in own if row.start <= start]
+    return (begun[-1:] or own[:1])[0].rate.concentration if own else 1.0
+
+
+def _check_overlap(path: Path, rows: list[_Pumped]) -> None:
+    """Check that no two rates of one well in `rows`, sorted by start, overlap.
+
+    Raises:
+        InputError: two do.
+    """
+    for well in dict.fromkeys(row.well for row in rows):
         own = [row for row in rows if row.well == well]
         for earlier, later in itertools.pairwise(own):
-            if later.start < earlier.end:
+            if later.start == earlier.start or (earlier.end and later.start < earlier.end):
                 raise InputError(
-                    f'{path}: two injections of well {well} overlap at '
+                    f'{path}: two rates of well {well} overlap at '
                     f'{later.start:%Y-%m-%d %H:%M:%S}; correct start or end'
                 )
-    return rows
 
 
 def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
@@ -371,13 +437,25 @@ def _concentrations(
     return [share] * table.length
 
 
-def _schedule(rows: list[_Injection], begin: datetime) -> Schedule:
-    """Return the rates over time; a well stops at the end of an injection."""
+def _since(begin: datetime, rows: list[_Pumped], told: list[str]) -> list[_Pumped]:
+    """Return the rates from time zero on: a recording has no earlier ones."""
+    early = [row for row in rows if row.start < begin and row.rate.rate]
+    if early:
+        told.append(
+            f'{MEASURED_PROTOCOL}: {len(early)} rates begin before the first of '
+            f'{INJECTION_PROTOCOL}; their earlier part is left out. Compare the clocks'
+        )
+    kept = [row for row in rows if row.end is None or row.end > begin]
+    return [replace(row, start=max(row.start, begin)) for row in kept]
+
+
+def _schedule(rows: list[_Pumped], begin: datetime) -> Schedule:
+    """Return the rates over time; a well stops at the end of a rate."""
     found: list[ScheduleRow] = []
     starts = {(row.well, row.start) for row in rows}
     for row in rows:
         found.append(ScheduleRow((row.start - begin).total_seconds(), row.well, row.rate))
-        if (row.well, row.end) not in starts:
+        if row.end is not None and (row.well, row.end) not in starts:
             stop = WellRate(0.0, row.rate.concentration)
             found.append(ScheduleRow((row.end - begin).total_seconds(), row.well, stop))
     return Schedule(tuple(sorted(found, key=lambda each: each.time)))

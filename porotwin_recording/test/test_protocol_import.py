@@ -203,3 +203,50 @@ def test_a_producing_row_needs_no_concentration(folder: Path) -> None:
     (folder.parent / 'experiment').rename(folder.parent / 'other')
     with pytest.raises(InputError, match=r"csv:2: concentration is ''; write a number"):
         imported(folder)
+
+
+MEASURED = (
+    'well;time;flow [ml/h]\n'
+    'in;31.05.2024 09:59:50;0\n'
+    'in;31.05.2024 10:00:10;117,5\n'
+    'in;31.05.2024 10:02:00;0\n'
+    'out;31.05.2024 10:01:00;-88\n'
+)
+
+
+def test_the_log_of_a_flow_meter_becomes_measured_rates(folder: Path) -> None:
+    injection = INJECTION.replace('rate_ml/min', 'rate_ml/min,concentration')
+    injection = injection.replace(':00,2\n', ':00,2,0.5\n').replace(',-1.5\n', ',-1.5,0\n')
+    (folder / 'injection_protocol.csv').write_text(injection)
+    (folder / 'measured_protocol.csv').write_text(MEASURED)
+    recording, told = imported(folder, replace(PLAIN, date_order='day-first'))
+    measured = recording.measured
+    assert measured is not None
+    assert measured.rows[0].time == 0.0
+    assert measured.at(5.0)['in'].rate == 0.0  # began at -10 s
+    assert to_ml_h(measured.at(60.0)['in'].rate) == pytest.approx(117.5)
+    assert measured.at(60.0)['in'].concentration == 0.5  # as commanded
+    assert to_ml_h(measured.at(500.0)['out'].rate) == pytest.approx(-88.0)  # the last row holds
+    assert measured.at(500.0)['in'].rate == 0.0
+    assert 'every rate holds until the next row of its well' in '\n'.join(told)
+    assert 'no column concentration: injection_protocol.csv tells it' in '\n'.join(told)
+
+
+def test_measured_rates_before_the_first_command_are_told(folder: Path) -> None:
+    (folder / 'measured_protocol.csv').write_text(MEASURED.replace('59:50;0', '59:50;30'))
+    recording, told = imported(folder, replace(PLAIN, date_order='day-first'))
+    assert recording.measured is not None
+    assert to_ml_h(recording.measured.at(5.0)['in'].rate) == pytest.approx(30.0)
+    assert (
+        'measured_protocol.csv: 1 rates begin before the first of injection_protocol.csv'
+        in '\n'.join(told)
+    )
+
+
+def test_without_commands_the_measured_log_gives_the_rates(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').unlink()
+    (folder / 'measured_protocol.csv').write_text(MEASURED)
+    recording, _ = imported(folder, replace(PLAIN, date_order='day-first'))
+    assert recording.commanded is None
+    assert recording.measured is not None
+    assert recording.measured.rows[0].time == 0.0

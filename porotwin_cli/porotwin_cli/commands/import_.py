@@ -55,8 +55,8 @@ def command(
     """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
-    them, or maps in a file .npz, .csv or .nc or a folder .zarr. The command asks for missing facts,
-    one line each.
+    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv or .nc or
+    a folder .zarr. The command asks for missing facts, one line each.
 
     Example: ./porotwin import experiment experiment_bag
 
@@ -130,3 +130,5 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
         print_json({'output': target, 'maps': maps, 'photographs': photographs, 'told': told})
     else:
         print(f'{target}: {maps} maps, {photographs} photographs')
+        image = f'./porotwin image {target} --output {target}/concentration.nc makes its maps'
+        say(f'next: ./porotwin check {target}' + (f'; {image}' if photographs and not maps else ''))
