@@ -111,6 +111,7 @@ def mended_figures(
     forecasts = forecast_errors(rig, truth, mending, hidden, preset)
     figures = {
         'hidden_effect': as_text(hidden),
+        'hidden_in_words': in_words((hidden,)) if hidden.name in EFFECTS else as_text(hidden),
         'found': [as_text(effect) for effect in mending.last],
         'found_in_words': in_words(mending.last),
         'verdict_minute': mending.accepted / MINUTE_S,
@@ -132,10 +133,10 @@ def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
 
     `figures` are those of `mended_figures`.
     """
-    yield f'hidden effect: {figures["hidden_effect"]}'
+    yield f'hidden effect: {figures["hidden_in_words"]}'
     minute = figures['verdict_minute']
     if figures['found']:
-        yield f'found at minute {minute:.0f}, accepted and kept: {"; ".join(figures["found"])}'
+        yield f'found at minute {minute:.0f}, accepted and kept: {figures["found_in_words"]}'
     elif math.isnan(minute):
         yield 'found: nothing sure enough to offer, so that the model stayed as described'
     else:

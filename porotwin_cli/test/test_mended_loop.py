@@ -10,20 +10,21 @@ from porotwin_cli.mended_loop import mending_lines
 @pytest.mark.parametrize(
     ('found', 'minute', 'told'),
     [
-        (['porosity:factor=0.902'], 40.0, 'found at minute 40, accepted and kept: porosity'),
+        (['porosity:factor=0.902'], 40.0, 'found at minute 40, accepted and kept: the porosity'),
         ([], math.nan, 'found: nothing sure enough to offer'),
         ([], 40.0, 'an effect was accepted at minute 40 and taken back'),
     ],
 )
 def test_the_demo_tells_what_was_hidden_found_and_gained(found, minute, told) -> None:
     figures = {
-        'hidden_effect': 'porosity:factor=0.9',
+        'hidden_in_words': 'the porosity is 10 % lower than nominal',
         'found': found,
+        'found_in_words': 'the porosity is 9.8 % lower than nominal',
         'verdict_minute': minute,
         'forecast_error': {'as described': 0.058, 'mended': 0.0423, 'knew': 0.0424},
     }
     hidden, line, *missing, gained = mending_lines(figures)
-    assert hidden.endswith('porosity:factor=0.9')
+    assert hidden.endswith('the porosity is 10 % lower than nominal')
     assert line.startswith(told)
     mended = '4.2 % mended, ' if found else ''
     assert f'5.8 % as described, {mended}4.2 % with the true effect' in gained

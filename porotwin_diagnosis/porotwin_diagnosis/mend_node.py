@@ -21,7 +21,7 @@ from std_msgs.msg import Header
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
@@ -109,10 +109,11 @@ class MendNode(Node):
         self._overdue = False
         self._held: list[Header] = []
         self._known_sequence = -1
-        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._diagnostics = Diagnostics(self)
         self._connect()
-        threading.Thread(target=self._do_work, daemon=True).start()
+        self._worker = threading.Thread(target=self._do_work, daemon=True)
+        self._worker.start()
 
     def _declare_settings(self) -> MendSettings:
         return MendSettings(
@@ -248,9 +249,14 @@ class MendNode(Node):
 
     # --- the worker ---------------------------------------------------------------------------
 
+    def destroy_node(self) -> None:
+        """End the worker; Python complains about a thread that waits at its end."""
+        self._work.put(None)
+        self._worker.join(END_S)
+        super().destroy_node()
+
     def _do_work(self) -> None:
-        while self.context.ok():
-            work = self._work.get()
+        while (work := self._work.get()) is not None and self.context.ok():
             try:
                 with self._lock:
                     work()
