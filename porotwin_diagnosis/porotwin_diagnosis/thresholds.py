@@ -246,6 +246,14 @@ CONTRADICTED_CONFIDENCE = 0.6
 """Confidence in `unexplained` where the misfit at the fronts names an effect and the held-out maps
 contradict it."""
 
+LOST_PLACE = 0.25
+"""Half width of the 90 % interval of a place, relative to the rig, above which a leak or a zone is
+nowhere. True ones have 0.01. Two leaks of opposite sign that imitated a flow through the whole rig
+had 0.4 to 0.5."""
+
+LOST_PLACE_CONFIDENCE = 0.6
+"""Confidence in `unexplained` where leaks or zones without a place would close the gap."""
+
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both

@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 from diagnosis_results import naming
 
+from porotwin_diagnosis.advice.partial_cause import PartialCause
+from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.decision.numerics import Numerics
-from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.decision.verdict import Doubt, Verdict
 from porotwin_diagnosis.report.answer import answer, sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.concentration import MapOrigin
@@ -77,7 +79,7 @@ def test_an_improvement_that_shows_only_beside_blurred_fronts_is_said(denser):
     (part,) = denser.held_out
     hidden = replace(part, error_after=part.error_before + 0.01)
     text = said(replace(denser, held_out=(hidden,)))
-    assert 'with fronts blurred as the camera blurs them' in text
+    assert 'and with the blur of the camera, the error' in text
     nothing = replace(hidden, after=part.before)
     text = said(replace(denser, held_out=(nothing,)))
     assert 'The gap lies in the part before' in text
@@ -107,6 +109,15 @@ def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
     assert rows(replace(denser, verdict=verdict))['Where'] == 'Nowhere.'
 
 
+def test_leaks_that_may_lie_almost_anywhere_are_said_to_stand_for_something_else(denser):
+    pair = denser.evidence.findings.pairs[0]
+    verdict = Verdict('unexplained', 0.6, pair, (), (), {'porosity': 0.1}, doubt=Doubt.PLACE)
+    part = PartialCause(pair, 0.97, RemainderForm((), 0.0), None)
+    result = replace(denser, verdict=verdict, partial=part, remainder=RemainderForm((), 0.0))
+    assert 'closes 97 % of it. But this recording leaves open where in the rig' in said(result)
+    assert 'It looks as if the porosity' in rows(result)['Cause']
+
+
 def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser):
     worst = denser.evidence.findings.singles[1]
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
@@ -114,7 +125,8 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     assert text.startswith('<b>Unexplained.</b> There is a gap: the error of the model')
     assert 'None of the 2 effects of the library, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
-    found = rows(replace(denser, verdict=verdict))
+    contradicted = replace(denser.evidence, held_out_errors=(0.1, 0.2))
+    found = rows(replace(denser, verdict=verdict, evidence=contradicted))
     assert found['Where'].startswith('Most of all near x = ')
     assert 'held-out maps are predicted worse' in found['How sure']
 

@@ -34,7 +34,7 @@ class CorrectedAt:
         alike = {'porosity', 'retardation'}
         return 0.01 if {one.label, other.label} <= alike else 0.3
 
-    def blurred_error(self, fit):
+    def camera_error(self, fit):
         return fit.held_out_error
 
 

@@ -1,13 +1,15 @@
 """The share of a gap that closes, with its interval, for one recording and for several."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.decision.held_out import (
     HeldOut,
-    blurred_errors,
     bounded_floor,
+    camera_errors,
     gap_closed_with_interval,
 )
 
@@ -64,8 +66,8 @@ def test_cells_that_are_never_seen_do_not_count():
 
 
 def test_errors_of_several_recordings_are_combined_as_root_mean_square():
-    assert blurred_errors([part(0.10, 0.11)]) == pytest.approx((0.10, 0.11))
-    both = blurred_errors([part(0.20, 0.05), part(0.10, 0.11)])
+    assert camera_errors([part(0.10, 0.11)]) == pytest.approx((0.10, 0.11))
+    both = camera_errors([part(0.20, 0.05), part(0.10, 0.11)])
     assert both == pytest.approx((np.sqrt(0.025), np.sqrt(0.0073)))
 
 
@@ -78,7 +80,7 @@ def test_another_blur_changes_the_noise_floor_and_nothing_else():
     assert wide.error_after == held.error_after
 
 
-def test_blurred_errors_show_an_improvement_that_the_blur_of_the_camera_hides():
+def test_camera_errors_show_an_improvement_that_the_blur_of_the_camera_hides():
     """A response that thins the fringe is right, and looks wrong beside a blurred picture."""
     x = np.arange(30.0)
     shown = np.broadcast_to(np.clip((24.0 - x) / 4.0, 0.0, 1.0), TRUTH.shape)
@@ -88,9 +90,23 @@ def test_blurred_errors_show_an_improvement_that_the_blur_of_the_camera_hides():
         np.linalg.norm(maps - observed) / np.linalg.norm(observed) for maps in (shown, thinned)
     ]
     held = HeldOut(np.arange(8.0), observed, shown, thinned, *errors, 0.02, point_spread_width=1.0)
-    before, after = blurred_errors([held])
+    before, after = camera_errors([held])
     assert after < 1e-9 < 0.02 < before
     assert errors[1] > 0.02
+
+
+def test_camera_errors_show_an_improvement_that_the_level_of_calibrated_maps_hides():
+    """Maps 6 % too pale fit a model with a misplaced, paler plume as well as the true one."""
+    true, wrong = 1.0 * TRUTH, 0.94 * TRUTH
+    wrong[..., -1] += 0.04
+    observed = 0.94 * TRUTH
+    held = HeldOut(np.arange(8.0), observed, wrong, true, 0.05, 0.06, 0.0, level_known=False)
+    before, after = camera_errors([held])
+    assert after < 1e-9 < 0.004 < before
+    before, after = camera_errors([replace(held, level_known=True)])
+    assert before < after
+    far = replace(held, observed=0.5 * TRUTH)
+    assert camera_errors([far])[1] == pytest.approx(0.7)  # no calibration is so far off
 
 
 def test_a_model_that_errs_less_than_the_stated_noise_bounds_the_noise_floor():

@@ -77,6 +77,13 @@ def test_an_effect_that_closes_the_gap_alone_is_named():
     assert verdict.confidence > 0.8
 
 
+def test_leaks_that_may_lie_almost_anywhere_explain_nothing():
+    found = findings(5.0, ('leak', 0.45), ('illumination', 2.4))
+    assert decide(replace(evidence(found), place_uncertainty=0.2)).name == 'leak'
+    verdict = decide(replace(evidence(found), place_uncertainty=0.3))
+    assert (verdict.name, verdict.doubt, verdict.members) == ('unexplained', Doubt.PLACE, ())
+
+
 def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():
     found = findings(5.0, ('viscosity', 0.85), ('decay', 3.0))
     pair = fit_of('viscosity', 'decay', misfit=0.15)

@@ -40,6 +40,7 @@ from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
     ErrorSizes,
     SharedErrors,
+    best_level,
     error_modes,
     measured_errors,
     sands_of,
@@ -311,6 +312,16 @@ class Sample:
         observed = self.observed[part][seen]
         norm = max(float(np.linalg.norm(observed)), 1e-12)
         return float(np.linalg.norm(predicted[part][seen] - observed)) / norm
+
+    def at_level(self, predicted: FloatArray) -> FloatArray:
+        """Return `predicted` (nt, nz, nx) at the level of the stock that the held-out maps have.
+
+        Only a calibration on the same rig leaves this level open.
+        """
+        if self.shared_errors is None:
+            return predicted
+        late = slice(self.fitted_frames, None)
+        return predicted * best_level(predicted[late], self.observed[late])
 
 
 def at_compared_cells(maps: FloatArray, width: float) -> FloatArray:

@@ -5,10 +5,18 @@ from dataclasses import dataclass
 
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.explanation import Explanation
-from porotwin_diagnosis.decision.held_out import HeldOut, blurred_errors
+from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors
 from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_FRAMES, WORSENED
+from porotwin_diagnosis.thresholds import (
+    INTERVAL_DEVIATIONS,
+    LOST_PLACE,
+    SCANT_COLUMNS,
+    SCANT_FRAMES,
+    WORSENED,
+)
+from porotwin_solver.effects import EFFECTS
 
 
 @dataclass(frozen=True)
@@ -19,10 +27,12 @@ class Evidence:
         findings: fits of the single effects and of pairs.
         explanation: the kept model, which the verdict accepts or rejects.
         numerics: misfits of the configured and of the accurate scheme.
-        held_out_errors: relative L2 errors of the held-out maps before and after, with predictions
-            blurred as the camera blurs them.
+        held_out_errors: relative L2 errors of the held-out maps before and after, with blur and
+            level of the camera.
         columns: columns of cells of the widest recording.
         fitted_frames: frames that the fits saw, of all recordings.
+        place_uncertainty: largest half width [-] of the 90 % interval of a place in the kept model,
+            relative to the rig; 0 if it has no leak and no zone.
     """
 
     findings: Findings
@@ -31,12 +41,18 @@ class Evidence:
     held_out_errors: tuple[float, float]
     columns: int
     fitted_frames: int
+    place_uncertainty: float = 0.0
 
     @property
     def contradicted(self) -> bool:
         """Whether the kept model predicts the held-out maps worse than the configured model."""
         before, after = self.held_out_errors
         return after > WORSENED * before
+
+    @property
+    def has_lost_place(self) -> bool:
+        """Whether a leak or a zone of the kept model may lie almost anywhere."""
+        return self.place_uncertainty > LOST_PLACE
 
     @property
     def scant(self) -> bool:
@@ -56,7 +72,21 @@ def gather(
         findings,
         explanation,
         numerics,
-        blurred_errors(held_out),
+        camera_errors(held_out),
         columns=max(sample.grid.nx for sample in samples),
         fitted_frames=sum(sample.fitted_frames for sample in samples),
+        place_uncertainty=place_uncertainty(explanation.model),
     )
+
+
+def place_uncertainty(model: Fit) -> float:
+    """Return the largest half width [-] of the 90 % interval of a place in `model`, with
+    covariance, relative to the range of the place; 0 without a place."""
+    widths = [
+        INTERVAL_DEVIATIONS * deviation * parameter.step / (parameter.high - parameter.low)
+        for member, _, deviations in model.member_parameters
+        if EFFECTS[member.effect].has_place
+        for parameter, deviation in zip(member.parameters, deviations, strict=True)
+        if parameter.name in ('x', 'z')
+    ]
+    return float(max(widths, default=0.0))

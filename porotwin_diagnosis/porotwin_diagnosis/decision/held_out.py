@@ -14,6 +14,7 @@ from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.data.shared_errors import best_level
 from porotwin_diagnosis.decision.numerics import Numerics, before_and_after
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_recording.recording import Recording
@@ -50,6 +51,8 @@ class HeldOut:
         error_after: relative L2 error of `after`.
         noise_floor: relative L2 error of true maps, from noise and blur (see `bounded_floor`).
         point_spread_width: width [cells] over which the camera blurs maps.
+        level_known: whether the level of the stock in `observed` is known; a calibration on the
+            same rig leaves it open.
     """
 
     times: FloatArray
@@ -60,6 +63,7 @@ class HeldOut:
     error_after: float
     noise_floor: float
     point_spread_width: float = 0.0
+    level_known: bool = True
 
     @property
     def remainder(self) -> FloatArray:
@@ -74,12 +78,16 @@ class HeldOut:
         floor = bounded_floor(spread, self.after, self.observed)
         return replace(self, noise_floor=floor, point_spread_width=width)
 
-    def blurred_errors(self) -> tuple[float, float]:
-        """Return the relative L2 errors before and after, with the blur of the camera."""
+    def camera_errors(self) -> tuple[float, float]:
+        """Return the relative L2 errors before and after, with blur and level of the camera."""
         before, after = (
-            blurred(maps, self.point_spread_width) for maps in (self.before, self.after)
+            self._at_level(blurred(maps, self.point_spread_width))
+            for maps in (self.before, self.after)
         )
         return relative_error(before, self.observed), relative_error(after, self.observed)
+
+    def _at_level(self, maps: FloatArray) -> FloatArray:
+        return maps if self.level_known else maps * best_level(maps, self.observed)
 
     def bootstrap(self, seed: int) -> FloatArray:
         """Return squared relative errors (before, after) of bootstrap draws, (DRAWS, 2).
@@ -133,6 +141,7 @@ def measure_held_out(
         part.relative_error(after),
         bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
+        level_known=sample.shared_errors is None,
     )
 
 
@@ -163,13 +172,14 @@ def gap_closed(before: float, after: float, floor: float) -> float:
     return (before - after) / gap if gap > LEAST_GAP else 0.0
 
 
-def blurred_errors(parts: Sequence[HeldOut]) -> tuple[float, float]:
-    """Return the errors of all recordings before and after, with the blur of the camera.
+def camera_errors(parts: Sequence[HeldOut]) -> tuple[float, float]:
+    """Return the errors of all recordings before and after, with blur and level of the camera.
 
-    Errors of sharp predictions can mislead. An effect that thins the fringe of a plume, such as a
-    nonlinear response, loses more at the blurred edge than it gains elsewhere.
+    Plain errors can mislead. An effect that thins the fringe of a plume, such as a nonlinear
+    response, loses more at the blurred edge than it gains elsewhere. And maps that are 7 % too pale
+    by their calibration fit a wrong model better than the true one if it is too pale as well.
     """
-    before, after = zip(*(part.blurred_errors() for part in parts), strict=True)
+    before, after = zip(*(part.camera_errors() for part in parts), strict=True)
     return root_mean_square(before), root_mean_square(after)
 
 

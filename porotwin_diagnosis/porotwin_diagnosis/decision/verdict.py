@@ -25,6 +25,7 @@ class Doubt(StrEnum):
     FEWER = 'fewer'
     ORDER = 'order'
     CONTRADICTED = 'contradicted'
+    PLACE = 'place'
     SCANT = 'scant'
 
 

@@ -22,7 +22,11 @@ from porotwin_diagnosis.search.ranking import (
     normalised_misfit,
     swallowed_misfit,
 )
-from porotwin_diagnosis.thresholds import CONTRADICTED_CONFIDENCE, SCANT_CONFIDENCE
+from porotwin_diagnosis.thresholds import (
+    CONTRADICTED_CONFIDENCE,
+    LOST_PLACE_CONFIDENCE,
+    SCANT_CONFIDENCE,
+)
 
 Names = tuple[str, ...]
 
@@ -33,7 +37,9 @@ def decide(evidence: Evidence) -> Verdict:
     1. The best model misses something: `unexplained`.
     2. The model without effects leaves no gap, and numerical diffusion makes none: `none`.
     3. The held-out maps contradict the best model: `unexplained`.
-    4. Otherwise the effects of the best model are named, and numerical diffusion with them.
+    4. A leak or a zone of the best model may lie almost anywhere: `unexplained`. It imitates
+       something that acts in the whole rig.
+    5. Otherwise the effects of the best model are named, and numerical diffusion with them.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -45,6 +51,8 @@ def decide(evidence: Evidence) -> Verdict:
         sure = confidence(missing_log_odds(explanation.lack_of_fit))
     elif members and evidence.contradicted:
         name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, CONTRADICTED_CONFIDENCE
+    elif members and evidence.has_lost_place:
+        name, doubt, sure = UNEXPLAINED, Doubt.PLACE, LOST_PLACE_CONFIDENCE
     else:
         name = members[0] if members else NONE
         log_odds, doubt = min(_statements(evidence, probabilities))

@@ -204,14 +204,14 @@ class Fitter:
         )
         return with_noise_share(fit, self.noise_share)
 
-    def blurred_error(self, fit: Fit) -> float:
-        """Return the relative L2 error [-] of the held-out maps, with the blur of the camera.
+    def camera_error(self, fit: Fit) -> float:
+        """Return the relative L2 error [-] of the held-out maps, with blur and level of the camera.
 
         Raises:
             InputError: the model cannot run with the fit.
         """
         maps = [
-            blurred(forward.maps(fit.effects), forward.point_spread_width)
+            forward.sample.at_level(blurred(forward.maps(fit.effects), forward.point_spread_width))
             for forward in self.forwards
         ]
         return self._relative_error(maps, held_out=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 from porotwin_diagnosis.advice.partial_cause import is_dipole
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
-from porotwin_diagnosis.decision.held_out import blurred_errors
-from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
+from porotwin_diagnosis.decision.held_out import camera_errors
+from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
@@ -18,6 +18,12 @@ from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_mis
 from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
+
+NO_PLACE = (
+    'But this recording leaves open where in the rig that is, so that it stands for something that '
+    'acts in the whole rig, such as a flow from outside'
+)
+"""Why a leak or a zone without a place explains nothing."""
 
 Summary = Mapping[str, Any]
 """The content of diagnosis.json."""
@@ -88,19 +94,19 @@ def _improvement(result: Diagnosis, summary: Summary) -> str:
 
 def _hidden_improvement(result: Diagnosis) -> str:
     """Say where the error falls, if the plain error of the held-out part does not."""
-    blurred_before, blurred_after = blurred_errors(result.held_out)
+    seen_before, seen_after = camera_errors(result.held_out)
     before = result.evidence.findings.null.fitted_error
     after = result.verdict.model.fitted_error
-    if blurred_after >= blurred_before / WORSENED:
+    if seen_after >= seen_before / WORSENED:
         return (
             f'The gap lies in the part before the held-out one: there the error is '
             f'{percent(after)} with the correction instead of {percent(before)}. In the held-out '
-            f'part it is {percent(blurred_after)} instead of {percent(blurred_before)}.'
+            f'part it is {percent(seen_after)} instead of {percent(seen_before)}.'
         )
+    level = '' if result.held_out[0].level_known else ' and the level of these maps'
     return (
-        'With the correction, and with fronts blurred as the camera blurs them, the error of the '
-        f'model in the held-out part is {percent(blurred_after)} instead of '
-        f'{percent(blurred_before)}.'
+        f'With the correction, and with the blur of the camera{level}, the error of the model in '
+        f'the held-out part is {percent(seen_after)} instead of {percent(seen_before)}.'
     )
 
 
@@ -108,6 +114,11 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     """Say which effects were tried, and the error that remains with the best of them."""
     findings, errors = result.evidence.findings, summary['error']
     beside = summary['remainder'] and summary['remainder']['beside']
+    if beside and result.verdict.doubt is Doubt.PLACE:
+        return (
+            f'The nearest explanation, that {_means(beside)}, closes '
+            f'{100 * _closed_share(beside):.0f} % of it. {NO_PLACE}'
+        )
     if beside:
         return (
             f'The nearest explanation, that {_means(beside)}, closes '
@@ -182,6 +193,8 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     beside = summary['remainder'] and summary['remainder']['beside']
     if not beside:
         return 0.0, ''
+    if result.verdict.doubt is Doubt.PLACE:
+        return _closed_share(beside), f'It looks as if {_means(beside)}. {NO_PLACE}.'
     together = ' together' if len(beside['effects']) > 1 else ''
     rest, place = [], beside['place']
     if place:
@@ -328,7 +341,7 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         )
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
-    if verdict.name == UNEXPLAINED and evidence.explanation.suffices:
+    if verdict.name == UNEXPLAINED and evidence.contradicted and evidence.explanation.suffices:
         best = ' and '.join(map(spoken, evidence.explanation.members)) or spoken(NUMERICAL)
         lines.append(
             f'The fronts speak for {best}, but with it the held-out maps are predicted worse.'

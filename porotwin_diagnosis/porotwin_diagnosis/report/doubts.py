@@ -24,6 +24,8 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.FEWER: 'whether fewer effects are enough',
         Doubt.ORDER: 'which effect is the strongest: they change the maps about equally much',
         Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
+        Doubt.PLACE: 'the best model has a leak or a zone that may lie almost anywhere, so that it '
+        'imitates something that acts in the whole rig',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 

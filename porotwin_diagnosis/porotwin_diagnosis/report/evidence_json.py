@@ -38,6 +38,7 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'held_out_errors': list(evidence.held_out_errors),
         'columns': evidence.columns,
         'fitted_frames': evidence.fitted_frames,
+        'place_uncertainty': evidence.place_uncertainty,
     }
     path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
 
@@ -57,6 +58,7 @@ def read_evidence(path: Path) -> Evidence:
         (before, after),
         columns=content['columns'],
         fitted_frames=content['fitted_frames'],
+        place_uncertainty=content.get('place_uncertainty', 0.0),
     )
 
 

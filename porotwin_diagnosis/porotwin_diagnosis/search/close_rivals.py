@@ -90,12 +90,12 @@ def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
 def contradicted_fits(levels: Levels, fits: Sequence[Fit], null: Fit) -> set[str]:
     """Return the labels of the `fits` that predict the held-out maps worse than the `null` model.
 
-    The predictions are blurred as the camera blurs them. An effect may fit the fronts, where the
-    misfit counts, and be wrong in the whole plume.
+    The predictions have the blur and the level of the camera. An effect may fit the fronts, where
+    the misfit counts, and be wrong in the whole plume.
     """
-    blurred_error = levels.judging.blurred_error
-    limit = WORSENED * blurred_error(null)
-    return {fit.label for fit in fits if blurred_error(fit) > limit}
+    camera_error = levels.judging.camera_error
+    limit = WORSENED * camera_error(null)
+    return {fit.label for fit in fits if camera_error(fit) > limit}
 
 
 def _groups(levels: Levels, rivals: Sequence[Fit]) -> list[list[Fit]]:
