@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError, write_error
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_recording.rates import LONGEST_S
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 
 Maps = NDArray[np.float32]
 
@@ -172,7 +172,7 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     grid = rig.grid(len(x), len(z))
     _check_coordinate(path, 'x', x, grid.x, f'width_m {rig.width_m:g}')
     _check_coordinate(path, 'z', z, grid.z, f'height_m {rig.height_m:g}')
-    if np.abs(times).max() > LONGEST_S:
+    if np.abs(times).max() > LONGEST_EXPERIMENT_S:
         worst = int(np.abs(times).argmax())
         raise InputError(
             f'{path}: time {times[worst]:.10g} s of frame {worst} is more than a year from the '

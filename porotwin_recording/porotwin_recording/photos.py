@@ -6,9 +6,9 @@ from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_core.whole_file import whole_file
 from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
-from porotwin_recording.rates import LONGEST_S
 
 IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
@@ -64,7 +64,7 @@ def _header(path: Path) -> tuple[str, ...]:
 def _photo(words: list[str], where: str, folder: Path) -> Photo:
     time_s, name, role, *rest = words
     time = parse_number(time_s, f'{where}: time_s')
-    if abs(time) > LONGEST_S:
+    if abs(time) > LONGEST_EXPERIMENT_S:
         raise InputError(
             f'{where}: time_s {time:g} is more than a year from the start; '
             'write seconds since the start of the experiment'

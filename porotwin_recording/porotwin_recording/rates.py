@@ -8,15 +8,12 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.plausibility import Remark, plausible_rate_ml_h, rate_remark
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
 
 PERCENT = 100.0
 """Largest concentration that was probably written in percent."""
-
-LONGEST_S = 366 * 86400.0
-"""Longest experiment [s]; larger times are mistakes."""
 
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
 
@@ -83,7 +80,7 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
     time = parse_number(words[0], f'{where}: time_s')
     if time < 0:
         raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
-    if time > LONGEST_S:
+    if time > LONGEST_EXPERIMENT_S:
         raise InputError(f'{where}: time_s {time:g} is more than a year; write seconds')
     well = words[1]
     if well not in wells:
