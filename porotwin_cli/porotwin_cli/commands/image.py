@@ -182,15 +182,9 @@ def command(
     for line in told(same):
         say(line)
     photos = [str(entry['photo']) for entry in imaged]
-    jump = _jump(output, rig, rates, photos) if used else ''
-    if jump:
-        say(jump)
-    excess = _excess(output, rig, rates) if used else ''
-    if excess:
-        say(excess)
-    pale = _pale_well(output, rig, rates) if used else ''
-    if pale:
-        say(pale)
+    masses = _remarks_about_masses(output, rig, rates if used else None, photos)
+    for line in filter(None, masses.values()):
+        say(line)
     if as_json:
         print_json(
             {
@@ -204,9 +198,7 @@ def command(
                 'refused': refused,
                 'covered_baseline': str(cover) if cover else None,
                 'same_files': [run.entry for run in same],
-                'out_of_course': jump or None,
-                'too_much_tracer': excess or None,
-                'pale_well': pale or None,
+                **masses,
             }
         )
         return
@@ -283,36 +275,30 @@ def _imaged_before(
     return found
 
 
-def _jump(output: Path, rig: 'Rig', rates: 'Schedule | None', photos: list[str]) -> str:
-    """Return which of the `photos` of the maps in `output` are out of the course of the tracer."""
-    from porotwin_imaging.mass_course import jump_remark
-    from porotwin_recording.concentration import open_maps
+def _remarks_about_masses(
+    output: Path, rig: 'Rig', rates: 'Schedule | None', photos: list[str]
+) -> dict[str, str | None]:
+    """Return remarks about the tracer in the maps of `output` beside the `rates`, by their keys.
 
-    maps = open_maps(output, rig)
-    return jump_remark(maps, maps.times.tolist(), photos, rig, rates) if rates else ''
-
-
-def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
-    """Return a remark if a map in `output` holds more tracer than was injected before it."""
+    - `out_of_course`: which of the `photos` are out of the course of the tracer.
+    - `too_much_tracer`: a map holds more tracer than was injected before it.
+    - `pale_well`: the maps show no tracer at a well that injects it.
+    """
     from porotwin_imaging.mass_check import excess_remark
-    from porotwin_recording.concentration import open_maps
-
-    if rates is None:
-        return ''
-    maps = open_maps(output, rig)
-    remarks = (
-        excess_remark(maps[index], float(time), rig, rates) for index, time in enumerate(maps.times)
-    )
-    return next(filter(None, remarks), '')
-
-
-def _pale_well(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
-    """Return a remark if the maps in `output` show no tracer at a well that injects it."""
+    from porotwin_imaging.mass_course import jump_remark
     from porotwin_imaging.well_check import pale_well_remark
     from porotwin_recording.concentration import open_maps
 
+    if rates is None:
+        return dict.fromkeys(('out_of_course', 'too_much_tracer', 'pale_well'))
     maps = open_maps(output, rig)
-    return pale_well_remark(maps, maps.times.tolist(), rig, rates) if rates else ''
+    times = maps.times.tolist()
+    excess = (excess_remark(maps[index], time, rig, rates) for index, time in enumerate(times))
+    return {
+        'out_of_course': jump_remark(maps, times, photos, rig, rates) or None,
+        'too_much_tracer': next(filter(None, excess), None),
+        'pale_well': pale_well_remark(maps, times, rig, rates) or None,
+    }
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
