@@ -188,9 +188,10 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         _run_loop(graph, folder, settings)
         for why in page.failed.values():
             say(f'the page did not run: {why}')
-    figures = _account(load_rig(rig_file), folder)
+    figures = _account(load_rig(rig_file), folder, settings.hidden)
     if settings.hidden is not None:
         figures |= mended_figures(load_rig(rig_file), folder, settings.hidden, settings.preset)
+    figures['costa'] = settings.costa
     return {**figures, 'duration_s': time.monotonic() - started}
 
 
@@ -322,9 +323,15 @@ def _check(processes: GraphProcesses, silence: float, patience: float, folder: P
         raise WorkFailed(f'no cycle for {patience:g} s; see {folder / "log"}')
 
 
-def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
-    """Return the tracer of the same virtual rig at `times` [s] without control, (nt, nz, nx)."""
-    asset = VirtualRig(rig, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
+def _free_run(
+    rig: Rig, times: FloatArray, grid: Grid, hidden: EffectDescription | None
+) -> FloatArray:
+    """Return the tracer of the same virtual rig at `times` [s] without control, (nt, nz, nx).
+
+    The rig has its `hidden` effect there as well.
+    """
+    effects = [] if hidden is None else [hidden]
+    asset = VirtualRig(rig, effects=effects, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
     asset.set_rates(Limits.of(rig).safe())
     maps = []
     for moment in times:
@@ -334,13 +341,13 @@ def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
     return np.array(maps)
 
 
-def _account(rig: Rig, folder: Path) -> dict[str, Any]:
-    """Draw the pictures of the run and return its figures."""
+def _account(rig: Rig, folder: Path, hidden: EffectDescription | None) -> dict[str, Any]:
+    """Draw the pictures of the run on a rig with a `hidden` effect, and return its figures."""
     account = read_account(folder / 'bag')
     maps = open_maps(folder / 'truth.nc', rig)
     controlled = TrueTracer(maps.times, maps.grid, maps)
     say('the same experiment without control ...')
-    free = TrueTracer(maps.times, maps.grid, _free_run(rig, maps.times, maps.grid))
+    free = TrueTracer(maps.times, maps.grid, _free_run(rig, maps.times, maps.grid, hidden))
     plume_picture(folder / 'plume.png', rig, controlled, free)
     course_picture(folder / 'course.png', rig, account, controlled, free)
     return summary(account, rig, controlled, free)
@@ -362,10 +369,12 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
         (
             'prediction of the next photograph, relative error',
             f'{figures["corrected_error"]:.4f}',
-            f'{figures["prediction_error"]:.4f} without COSTA',
+            f'{figures["prediction_error"]:.4f} without COSTA'
+            if figures['costa']
+            else 'COSTA is off',
         ),
         (
-            'the same error, as the deviations of maps and forecasts let expect',
+            'the error that the deviations of maps and forecasts predict',
             f'{figures["expected_error"]:.4f}',
             'within' if figures['corrected_error'] <= figures['expected_error'] else 'above',
         ),
@@ -373,7 +382,7 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
         (
             'state to setpoint, median [s]',
             f'{figures["cycle_median_s"]:.2f}',
-            f'{figures["cycle_longest_s"]:.2f} at most, of {PHOTO_INTERVAL_S:g}',
+            f'at most {figures["cycle_longest_s"]:.2f}; {PHOTO_INTERVAL_S:g} between photographs',
         ),
         ('photographs', figures['photographs'], f'{figures["remarks"]} remarks in the bag'),
     ]

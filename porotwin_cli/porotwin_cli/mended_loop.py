@@ -152,7 +152,12 @@ def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
         for name, error in figures['forecast_error'].items()
         if figures['found'] or name != 'mended'
     )
-    yield f'forecasts over {FORECAST_S / MINUTE_S:g} min err by {errors}'
+    yield f'forecasts over {FORECAST_S / MINUTE_S:g} min err by {errors} (medians)'
+    doses = [f'{figures["dose_ml_min"]:.0f} ml min with this twin']
+    doses.append(f'{figures["dose_ml_min_never_told"]:.0f} with one that never mends')
+    if not math.isnan(figures['dose_ml_min_knew']):
+        doses.append(f'{figures["dose_ml_min_knew"]:.0f} with one that knew the effect')
+    yield f'dose in the zone: {", ".join(doses)}'
 
 
 # --- the runs beside ------------------------------------------------------------------------------

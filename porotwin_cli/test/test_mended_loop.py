@@ -21,9 +21,13 @@ def test_the_demo_tells_what_was_hidden_found_and_gained(found, minute, told) ->
         'found': found,
         'found_in_words': 'the porosity is 9.8 % lower than nominal',
         'verdict_minute': minute,
+        'dose_ml_min': 271.0,
+        'dose_ml_min_never_told': 270.6,
+        'dose_ml_min_knew': 266.7,
         'forecast_error': {'as described': 0.058, 'mended': 0.0423, 'knew': 0.0424},
     }
-    hidden, line, *missing, gained = mending_lines(figures)
+    hidden, line, *missing, gained, dose = mending_lines(figures)
+    assert dose.startswith('dose in the zone: 271 ml min with this twin, 271 with one that never')
     assert hidden.endswith('the porosity is 10 % lower than nominal')
     assert line.startswith(told)
     mended = '4.2 % mended, ' if found else ''

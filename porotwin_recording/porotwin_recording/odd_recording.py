@@ -42,7 +42,7 @@ def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
     yield from (remark for remark in _limits(data) if remark.key not in named)
     yield from _end(data)
     yield from _photographs(data)
-    yield from _measured_beside_commanded(data)
+    yield from remarks_about_measured_rates(data)
     yield from remarks_about_times(data)
 
 
@@ -102,7 +102,7 @@ def _end(data: RecordedData) -> Iterator[Remark]:
         yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
 
 
-def _measured_beside_commanded(data: RecordedData) -> Iterator[Remark]:
+def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
     """Yield the remarks about measured rates that are incomplete or far from commanded ones."""
     if data.commanded is None or data.measured is None or not data.measured.rows:
         return
@@ -118,12 +118,33 @@ def _measured_beside_commanded(data: RecordedData) -> Iterator[Remark]:
     if later:
         why = f'it ends at {end:g} s, and rates.csv changes {later[0].well} at {later[0].time:g} s'
         yield Remark(name, '', why, 'add the later lines; until then the commanded rates count')
-    ratios = list(_ratios(data.commanded, data.measured))
+    stopped = data.commanded.rows[-1].time
+    if rows[0].time > max(stopped, 0.0):
+        why = f'it begins at {rows[0].time:g} s, after the last row of rates.csv at {stopped:g} s'
+        yield Remark(name, '', why, 'compare the dates and clocks of both')
+    turned = sorted(wells_with_turned_sign(data.commanded, data.measured))
+    if turned:
+        why = f'the rates of {" and ".join(turned)} have the other sign in rates.csv'
+        yield Remark(name, '', why, 'write produced water with a minus in both')
+    ratios = list(map(abs, _ratios(data.commanded, data.measured)))
     ratio = float(np.median(ratios)) if ratios else 1.0
     if not 1.0 / MOST_RATIO < ratio < MOST_RATIO:
         per_minute = SAME_END[0] < ratio * MINUTE_S < SAME_END[1]
         unit = 'were they in ml/min? write ml/h' if per_minute else 'compare both files'
         yield Remark(name, '', f'its rates are {ratio:.3g} times those of rates.csv', unit)
+
+
+def wells_with_turned_sign(commanded: Schedule, measured: Schedule) -> set[str]:
+    """Return the wells whose measured rates have the other sign than the commanded ones.
+
+    Half of the measured rows of a well or more must have it: one may belong to a reversed pump.
+    """
+    signs: dict[str, list[bool]] = {}
+    for row in measured.rows:
+        asked = commanded.at(row.time).get(row.well)
+        if asked is not None and asked.rate and row.rate.rate:
+            signs.setdefault(row.well, []).append(asked.rate * row.rate.rate < 0.0)
+    return {well for well, turned in signs.items() if 2 * sum(turned) >= len(turned)}
 
 
 def _ratios(commanded: Schedule, measured: Schedule) -> Iterator[float]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_core.units import LONGEST_EXPERIMENT_S
+from porotwin_core.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.clock_order import check_order, counters
 from porotwin_recording.csv_table import number_text, write_table
@@ -27,6 +27,7 @@ from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, ForeignTable, number_in, read_foreign_table
 from porotwin_recording.foreign_time import DateOrder, moments, names_zone
 from porotwin_recording.foreign_units import rate_factor, unit_in
+from porotwin_recording.odd_recording import wells_with_turned_sign
 from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
 from porotwin_recording.recorded_data import RecordedData
 
@@ -90,8 +91,8 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
             f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
         )
     there = [name for name in PROTOCOLS if (folder / name).is_file()]
-    if not there:
-        raise InputError(f'{folder}: has none of {", ".join(PROTOCOLS)}')
+    if not {IMAGING_PROTOCOL, INJECTION_PROTOCOL} & {*there}:
+        raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
     photographs = _photographs(folder, answers, told) if IMAGING_PROTOCOL in there else []
     commanded = measured = None
     if INJECTION_PROTOCOL in there:
@@ -102,17 +103,37 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     pumped = commanded or measured or []
     begin = min([row.start for row in pumped] or [moment for moment, _ in photographs])
     photos = _with_roles(photographs, begin, told)
-    write_folder(
-        target,
-        RecordedData(
-            rig,
-            commanded=_schedule(commanded, begin) if commanded else None,
-            measured=_schedule(_since(begin, measured, told), begin) if measured else None,
-        ),
-    )
+    asked = _schedule(commanded, begin) if commanded else None
+    delivered = _schedule(_since(begin, measured, told), begin) if measured else None
+    if asked is not None and delivered is not None:
+        _check_measured(folder / MEASURED_PROTOCOL, asked, delivered)
+    write_folder(target, RecordedData(rig, commanded=asked, measured=delivered))
     _place(target, photos)
+    for file in target.iterdir():  # the date of a recording is that of its oldest file
+        if file.is_file():
+            os.utime(file, (begin.timestamp(), begin.timestamp()))
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
     return told
+
+
+def _check_measured(path: Path, commanded: Schedule, measured: Schedule) -> None:
+    """Check that measured rates belong to the commanded ones.
+
+    Raises:
+        InputError: those of a well have the other sign, or they are of another time.
+    """
+    turned = sorted(wells_with_turned_sign(commanded, measured))
+    if turned:
+        raise InputError(
+            f'{path}: the rates of {" and ".join(turned)} have the other sign in '
+            f'{INJECTION_PROTOCOL}; write produced water with a minus in both'
+        )
+    first, last = measured.rows[0].time if measured.rows else 0.0, commanded.rows[-1].time
+    if not measured.rows or first > max(last, 0.0):
+        raise InputError(
+            f'{path}: has no rate in the time of {INJECTION_PROTOCOL}; compare their dates, and '
+            'the order of day and month'
+        )
 
 
 def _check_clocks(paths: list[Path], answers: ProtocolAnswers) -> None:
@@ -416,9 +437,14 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     densities = table.numbers(density) if density else [rig.density_kg_m3] * table.length
     told.append(f'{where}: in {unit}{" (--rate-unit)" if answers.rate_unit else ""}')
     return [
-        value * rate_factor(unit, where, density_kg_m3=own)
+        _without_rounding_errors(value * rate_factor(unit, where, density_kg_m3=own))
         for value, own in zip(table.numbers(title), densities, strict=True)
     ]
+
+
+def _without_rounding_errors(rate: float) -> float:
+    """Return a converted rate [m^3/s] that is a short number in ml/h, if it nearly is one."""
+    return from_ml_h(float(f'{to_ml_h(rate):.12g}'))
 
 
 def _concentrations(

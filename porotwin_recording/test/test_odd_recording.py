@@ -136,7 +136,11 @@ def measured(*rows: tuple[float, str, float]) -> RecordedData:
         ),
         ([(0.0, 'in', 520.0), (1200.0, 'out', -520.0)], r'it ends at 1200 s, and .* in at 1800 s'),
         ([(0.0, 'in', 8.7), (0.0, 'out', -8.7), (1801.0, 'in', 0.0)], 'were they in ml/min'),
-        ([(0.0, 'in', -523.2), (0.0, 'out', 523.2), (1801.0, 'in', 0.0)], 'are -1 times those'),
+        (
+            [(0.0, 'in', 523.2), (0.0, 'out', 523.2), (1801.0, 'in', 0.0)],
+            'the rates of out have the other sign in rates.csv; write produced water with a minus',
+        ),
+        ([(86400.0, 'in', 523.2), (86400.0, 'out', -523.2)], 'begins at 86400 s, after the last'),
     ],
 )
 def test_incomplete_or_far_measured_rates_are_named(rows, named: str) -> None:

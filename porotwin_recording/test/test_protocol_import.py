@@ -1,6 +1,7 @@
 """Tests of imported protocols: units, clocks, dates and decimal commas of other programs."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -250,3 +251,33 @@ def test_without_commands_the_measured_log_gives_the_rates(folder: Path) -> None
     assert recording.commanded is None
     assert recording.measured is not None
     assert recording.measured.rows[0].time == 0.0
+
+
+@pytest.mark.parametrize(
+    ('change', 'complaint'),
+    [
+        ((';-88', ';88'), 'rates of out have the other sign in injection_protocol.csv; write pro'),
+        (('31.05.', '01.06.'), 'has no rate in the time of injection_protocol.csv; compare their'),
+        (('31.05.', '30.05.'), None),
+    ],
+)
+def test_a_measured_log_of_another_sign_or_day_is_refused(folder: Path, change, complaint) -> None:
+    (folder / 'measured_protocol.csv').write_text(MEASURED.replace(*change))
+    if complaint is None:  # its last rows still hold
+        _, told = imported(folder, replace(PLAIN, date_order='day-first'))
+        assert '2 rates begin before the first of injection_protocol.csv' in '\n'.join(told)
+        return
+    with pytest.raises(InputError, match=complaint):
+        imported(folder, replace(PLAIN, date_order='day-first'))
+
+
+def test_an_imported_recording_has_the_date_of_its_protocols(folder: Path) -> None:
+    recording, _ = imported(folder)
+    dated = datetime.fromtimestamp((recording.source / 'rates.csv').stat().st_mtime, UTC)
+    assert dated == datetime(2024, 5, 31, 10, tzinfo=UTC)
+
+
+def test_converted_rates_have_no_rounding_errors(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(INJECTION.replace(',-1.5', ',-8.5'))
+    recording, _ = imported(folder)
+    assert ',out,-510,' in (recording.source / 'rates.csv').read_text()

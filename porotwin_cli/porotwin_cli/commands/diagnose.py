@@ -189,13 +189,15 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
 
 
 def _tell_what_is_read(recordings: 'Sequence[Recording]') -> None:
-    """Tell which maps are read, and the oddities of their tracer."""
+    """Tell which maps are read, and the oddities of their tracer and of measured rates."""
     from porotwin_cli.recorded_tracer import remarks_about_tracer
+    from porotwin_recording.odd_recording import remarks_about_measured_rates
 
     for recording in recordings:
         maps = recording.present_maps
         say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
-        for remark in remarks_about_tracer(recording):
+        odd = (*remarks_about_measured_rates(recording), *remarks_about_tracer(recording))
+        for remark in odd:
             say(f'{recording.source}: {remark}')
 
 

@@ -1,4 +1,4 @@
-"""./porotwin simulate: the physics-based model alone, from rig.yaml and rates.csv."""
+"""./porotwin simulate: the physics-based model alone, from the rig and its rates."""
 
 import math
 from dataclasses import asdict
@@ -79,9 +79,10 @@ def command(
 ) -> None:
     """Simulate an experiment from its rates.
 
-    The simulation reads the rig and the rates of the recording, but no maps. If the recording has
-    maps, the command prints the error over their last 30 % and the best blur. A picture of the maps
-    lies beside the output, with the same name and the suffix .png.
+    The simulation reads the rig and the rates of the recording, but no maps. Measured rates count
+    where there are any, commanded ones elsewhere, as in a diagnosis. If the recording has maps, the
+    command prints the error over their last 30 % and the best blur. A picture of the maps lies
+    beside the output, with the same name and the suffix .png.
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
@@ -105,7 +106,7 @@ def command(
         check_output(path, experiment, command='simulate')
     recording = open_recording(experiment)
     rig = recording.rig
-    schedule = recording.schedule
+    schedule = recording.delivered
     moments = _parse_times(times) if times else _recorded_times(recording)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
@@ -187,7 +188,7 @@ def _recorded_times(recording: 'Recording') -> list[float]:
     photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
     if photographs:
         return photographs
-    end = max((row.time for row in recording.schedule.rows), default=0.0)
+    end = max((row.time for row in recording.delivered.rows), default=0.0)
     if not end > 0.0:
         raise InputError(
             f'{recording.source}: its rates do not say when the experiment ends; add a row with '
