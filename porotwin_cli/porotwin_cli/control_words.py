@@ -29,8 +29,8 @@ def control_words(rig: Rig) -> list[str]:
     zones = ', '.join(f'{count} {kind}' for kind, count in counted.items()) or 'none'
     return [
         f'control: {", ".join(part for part in limits if part)}',
-        f'objective: {name}; zones: {zones}; an order must be worth '
-        f'{control.change_cost_ml_min:g} ml min',
+        f'objective: {name}; zones: {zones}; a new order must save '
+        f'{control.change_cost_ml_min:g} ml min of it',
     ]
 
 

@@ -59,7 +59,7 @@ def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path
     mended = past(tmp_path, 'tuesday', '2026-11-24', RIG.with_effects([PORE_EFFECT]))
     none = {**summary(1.0), 'verdict': 'none', 'combination': []}
     (line,) = mended.remember(none)
-    assert 'no earlier finding with this rig.yaml' in line
+    assert 'with this rig.yaml: this one is the first belief' in line
 
 
 def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from diagnosis_results import naming, twice
 from matplotlib.image import imsave
 
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.page import write_report
@@ -40,6 +41,14 @@ def test_a_rig_whose_name_says_rig_is_not_called_a_rig_rig(denser, tmp_path):
     named = replace(recording, rig=recording.rig.model_copy(update={'name': 'bench rig'}))
     text, _ = page(replace(denser, recordings=(named,)), tmp_path)
     assert '<h1>Sim-to-real gap: bench rig</h1>' in text
+
+
+def test_effects_that_the_model_has_already_are_told(denser, tmp_path):
+    recording = denser.recordings[0]
+    leak = EffectDescription(name='leak', parameters={'x': 0.3, 'z': 0.2, 'rate': -20.0})
+    known = replace(recording, rig=recording.rig.with_effects([leak]))
+    text, _ = page(replace(denser, recordings=(known,)), tmp_path)
+    assert 'The model as it is has the effects of rig.yaml: ' in text
 
 
 def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(denser, tmp_path):

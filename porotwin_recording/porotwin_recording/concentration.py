@@ -79,8 +79,9 @@ class MapOrigin:
 
     @property
     def in_words(self) -> str:
-        """Who made the maps, such as "made by PoroTwin 1.0, image"."""
-        return f'made by {self.program}' if self.program else 'of unknown origin'
+        """Who made the maps, such as "made by PoroTwin 1.0, image, without a calibration"."""
+        scale = ', without a calibration' if self.calibrated is False else ''
+        return (f'made by {self.program}' if self.program else 'of unknown origin') + scale
 
 
 UNKNOWN_ORIGIN = MapOrigin()

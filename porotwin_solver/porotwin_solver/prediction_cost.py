@@ -69,8 +69,8 @@ class PredictionCost:
         """Return the cost in words."""
         each = self.substeps / (self.steps * self.cells)
         return (
-            f'{self.cells:,} cells, time steps: {self.steps:,}, which each cell divides into '
-            f'substeps of its own, {each:.2g} on average; about {in_words(self.seconds)} for a '
+            f'{self.cells:,} cells, time steps: {self.steps:,}; a cell divides each step into '
+            f'{each:.2g} parts on average; about {in_words(self.seconds)} for a '
             f'prediction, after {in_words(self.preparation_seconds)} of preparation at the start'
         )
 

@@ -156,11 +156,15 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
             say(f'{output / "rig.yaml"} repeats the description: the verdict names no effect')
     elif not apply:
         say('the same call with --apply also writes a rig.yaml with it, for ./porotwin up --rig')
-    elif camera:
-        say(
-            f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
-            'expects it. The running twin does not correct its maps for it: correct the camera'
-        )
+    else:
+        say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
+        if verdict.not_separable:
+            say(f'it leaves out {" and ".join(verdict.not_separable)}, which look the same')
+        if camera:
+            say(
+                f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
+                'expects it. The running twin does not correct its maps for it: correct the camera'
+            )
 
 
 def _refuse_twice(recordings: 'Sequence[Recording]') -> None:

@@ -113,7 +113,7 @@ def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     """Return the kept model and the best other one; None if there is nothing to separate.
 
     Effects that are nearly as good come first: an experiment can separate them. Effects that look
-    the same follow.
+    the same follow, then the most probable other ones.
     """
     kept = verdict.model
     if not kept.members or verdict.stands_alone:
@@ -127,9 +127,9 @@ def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     close = {(name,) for name in verdict.close}
     same = {(name,) for name in verdict.inseparable} | set(verdict.alternatives)
 
-    def urgency(fit: Fit) -> tuple[bool, bool]:
+    def urgency(fit: Fit) -> tuple[bool, bool, bool]:
         names = tuple(member.effect for member in fit.members)
-        return names not in close, names not in same
+        return names not in close, names not in same, names != verdict.rival
 
     return kept, min(others, key=urgency)
 

@@ -22,7 +22,7 @@ LEAST_INTERVAL_S = HOUR_S
 def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     """Return lines that compare a `new` finding with the `earlier` ones, sorted by date."""
     if not earlier:
-        return ['no earlier finding with this rig.yaml: this one is the first belief']
+        return [f'no finding up to {new.day} with this rig.yaml: this one is the first belief']
     own = [course for course in courses([*earlier, new]) if course.found[-1][0] is new]
     named = [course for course in own if course.latest.effect in new.named]
     lines = [line for course in named for line in _of_course(course)]
@@ -84,8 +84,9 @@ def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
 
 
 def _fresh(named: Sequence[CauseCourse]) -> Iterator[str]:
-    for name in sorted({course.latest.effect for course in named if len(course.found) == 1}):
-        yield f'{spoken(name)}: new; no earlier recording showed it'
+    fresh = (course.latest for course in named if len(course.found) == 1)
+    for name in sorted({' '.join(filter(None, [spoken(c.effect), c.well])) for c in fresh}):
+        yield f'{name}: new; no earlier recording showed it'
 
 
 def _of(cause: FoundCause, parameter: str) -> str:

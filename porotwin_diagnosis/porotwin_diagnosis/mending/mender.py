@@ -132,7 +132,7 @@ class Mender:
         since = stamp - (self._began if self._asked is None else self._asked)
         reason = ''
         if since >= self._settings.every_s:
-            reason = f'{since / 60.0:.0f} min have passed'
+            reason = f'{since / 60.0:.0f} min since the last one, or since the start'
         elif left and (self._asked is None or since >= self._shortest):
             reason = 'the forecasts have left their band'
             self._shortest *= 2.0

@@ -19,6 +19,12 @@ from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSE
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
+UNSURE = 0.6
+"""A verdict with at most this confidence is nearly a coin toss."""
+
+MORE_THAN_NOISE = 1.3
+"""Error over the noise floor above which more than noise and blur is left."""
+
 NO_PLACE = (
     'But this recording leaves open where in the rig that is, so that it stands for something that '
     'acts in the whole rig, such as a flow from outside'
@@ -52,11 +58,7 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
     sure = f'confidence {100 * verdict.confidence:.0f} %'
     if verdict.name == NONE:
-        return (
-            f'<b>No gap.</b> The model as it is explains {these(result)} down to the noise: its '
-            f'error in the held-out part is {before}; noise and blur of the maps alone make '
-            f'{floor} ({sure}).'
-        )
+        return _no_gap(result, errors, sure)
     if verdict.name == UNEXPLAINED:
         return (
             f'<b>Unexplained.</b> There is a gap: the error of the model in the held-out part is '
@@ -64,6 +66,22 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
             f'{_nothing_explains(result, summary)} ({sure}).'
         )
     return f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}'
+
+
+def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:
+    """Say that there is no gap, and explain the remaining error."""
+    before, floor = percent(errors['before']), percent(errors['noise_floor'])
+    head = 'No gap.' if result.verdict.confidence > UNSURE else 'No gap, but this is unsure.'
+    words = (
+        f'<b>{head}</b> The model as it is explains {these(result)}: its error in the held-out '
+        f'part is {before}; noise and blur of the maps alone make {floor} ({sure}).'
+    )
+    if errors['before'] > MORE_THAN_NOISE * errors['noise_floor']:
+        words += (
+            ' The rest is no larger than the errors that a solver and a calibration leave, and '
+            'shows no effect.'
+        )
+    return words
 
 
 def _named(result: Diagnosis, summary: Summary) -> str:
@@ -217,7 +235,7 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
 
 
 def _means(beside: Mapping[str, Any]) -> str:
-    """Return what the effects `beside` an unexplained remainder mean, as HTML."""
+    """Return the meaning of the effects `beside` an unexplained remainder, as HTML."""
     return ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
 
 
@@ -361,11 +379,15 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         )
     swallowed = swallowed_misfit(verdict.model)
     if verdict.name != UNEXPLAINED and swallowed > NO_GAP_MISFIT:
+        reason = (
+            'The calibration of the maps allows'
+            if _is_calibrated(result)
+            else 'These maps are not calibrated, which allows'
+        )
         lines.append(
-            'The calibration of the maps allows errors that all maps share: scale, bend of the '
-            'response, place, blur. They take away a misfit of '
-            f'{swallowed:.1f}, as much as a gap. An effect may hide there; photographs of known '
-            'dilutions would show it.'
+            f'{reason} errors that all maps share: scale, bend of the response, place, blur. They '
+            f'take away a misfit of {swallowed:.1f}, as much as a gap. An effect may hide there; '
+            'photographs of known dilutions would show it.'
         )
     if verdict.not_separable:
         names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.not_separable)

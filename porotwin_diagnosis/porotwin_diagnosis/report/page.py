@@ -22,6 +22,7 @@ from porotwin_diagnosis.report.report_sections import (
 )
 from porotwin_diagnosis.report.wording import spoken
 from porotwin_diagnosis.search.ranking import overall_misfit
+from porotwin_solver.effects_in_force import in_words
 
 STYLE = """
 *{box-sizing:border-box}
@@ -124,6 +125,9 @@ def _recordings(result: Diagnosis) -> str:
             f'{len(recording.times)} maps of {grid.nx} × {grid.nz} cells of '
             f'{1e3 * grid.dx:.1f} mm, {html.escape(recording.present_maps.origin.in_words)}'
         )
+    effects = result.recordings[0].rig.effects
+    if effects:
+        lines.append(f'The model as it is has the effects of rig.yaml: {in_words(effects)}')
     return '<br>'.join(lines)
 
 
@@ -197,7 +201,7 @@ def _gap_caption(result: Diagnosis) -> str:
         return (
             'Left: the error if the model starts anew from every map and goes on to the next one. '
             'Right: the error of the model that runs from the start. There is no gap: both show '
-            'the noise.'
+            'noise, and small errors of solver and camera.'
         )
     wrong = 'here the model that runs from the start is wrong in the end.'
     if figures.arises_in_rig(result):
