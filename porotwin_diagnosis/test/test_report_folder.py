@@ -180,3 +180,10 @@ def rig_with_depth_map(path: Path) -> Rig:
 def on_rig(result: Diagnosis, rig: Rig) -> Diagnosis:
     """Return `result` as if its recording described `rig`."""
     return replace(result, recordings=(replace(result.recordings[0], rig=rig),))
+
+
+@pytest.mark.parametrize('name', ['rates.csv', 'concentration.nc', 'imaging.csv'])
+def test_the_folder_of_another_recording_is_refused(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=f'holds {name} of a recording; name another folder'):
+        checked_folder(tmp_path, [])

@@ -97,8 +97,12 @@ def _end(data: RecordedData) -> Iterator[Remark]:
     """Yield a remark if nothing says how long the experiment lasts."""
     if data.commanded is None or data.maps is not None or data.photos:
         return
-    if max((row.time for row in data.commanded.rows), default=0.0) <= 0.0:
-        why = 'all its rows are at the start, so that nothing says when the experiment ends'
+    last = max((row.time for row in data.commanded.rows), default=0.0)
+    pumping = sorted(well for well, rate in data.commanded.at(last).items() if rate.rate)
+    if last <= 0.0 or pumping:
+        why = f'at its last rows {" and ".join(pumping)} pump, and nothing says until when'
+        if last <= 0.0:
+            why = 'all its rows are at the start, so that nothing says when the experiment ends'
         yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
 
 

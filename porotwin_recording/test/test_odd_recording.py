@@ -59,6 +59,15 @@ def test_rates_without_an_end_are_odd() -> None:
     assert 'when the experiment ends' in str(list(remarks_about_recording(data))[-1])
 
 
+def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
+    rows = (
+        ScheduleRow(0.0, 'in', WellRate(from_ml_h(523.2), 1.0)),
+        ScheduleRow(600.0, 'out', WellRate(from_ml_h(-523.2))),
+    )
+    (found,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(rows)))
+    assert 'at its last rows in and out pump, and nothing says until when' in str(found)
+
+
 @pytest.mark.parametrize(
     ('change', 'named', 'refused'),
     [

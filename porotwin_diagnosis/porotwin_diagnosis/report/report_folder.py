@@ -24,7 +24,8 @@ from porotwin_diagnosis.report.held_out_fields import write_fields
 from porotwin_diagnosis.report.origin import mark_of
 from porotwin_diagnosis.report.page import write_report
 from porotwin_recording.bag_folder import METADATA, mcap_files
-from porotwin_recording.experiment_folder import RIG_FILE
+from porotwin_recording.experiment_folder import COMMANDED_FILE, MAPS_FILE, RIG_FILE
+from porotwin_recording.photos import IMAGING_FILE
 
 REPORT = 'report.html'
 """Name of the page; it is written last, so that a folder with a page is complete."""
@@ -46,7 +47,7 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
         recordings: recordings and rig.yaml files that the diagnosis reads.
 
     Raises:
-        InputError: it cannot be made or written, it holds one of the `recordings` or another bag,
+        InputError: it cannot be made or written, it holds one of the `recordings` or another one,
             or it holds a rig.yaml that no diagnosis wrote.
     """
     folder = Path(output)
@@ -61,6 +62,11 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
         raise InputError(f'{folder}: cannot be written; name another folder for the report')
     if (folder / METADATA).is_file() or mcap_files(folder):
         raise InputError(f'{folder}: holds a bag; name another folder for the report')
+    for name in (COMMANDED_FILE, MAPS_FILE, IMAGING_FILE):
+        if (folder / name).exists():
+            raise InputError(
+                f'{folder}: holds {name} of a recording; name another folder for the report'
+            )
     if os.path.lexists(folder / RIG_FILE) and not _is_own(folder / RIG_FILE):
         raise InputError(
             f'{folder}: holds a {RIG_FILE} that no diagnosis wrote, or that was edited since; name '
