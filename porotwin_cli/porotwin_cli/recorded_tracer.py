@@ -1,16 +1,24 @@
 """Oddities of the tracer in the maps of a recording, told before its diagnosis."""
 
+import hashlib
 from collections.abc import Iterator
 
 import numpy as np
 
 from porotwin_core.plausibility import Remark
 from porotwin_imaging.mass_check import excess_remark
+from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
 from porotwin_recording.recording import Recording
 
 LOOKED_AT = 8
 """Maps of a recording that are compared with the injected tracer."""
+
+MOST_OFFSET = 0.03
+"""Concentration [-] of clean sand that is odd; light and shake leave less."""
+
+TRACER_QUANTILE = 0.9
+"""Share of the first map that is clean at least: a plume begins small."""
 
 VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
@@ -24,6 +32,8 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     """
     yield from remarks_about_maps(recording)
     maps, rates = recording.present_maps, recording.known_rates
+    yield from _frozen(maps)
+    yield from _offset(maps)
     if rates is None:
         return
 
@@ -47,6 +57,33 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         yield _remark(
             f'{len(empty)} of {len(later)} maps that were looked at show no tracer, but stock is '
             f'injected from {stock[0]:g} s on; compare the clocks of camera and pumps'
+        )
+
+
+def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
+    """Yield a remark if maps repeat the one before to the last bit: their noise always differs."""
+    before, same = b'', []
+    for index, values in enumerate(maps):
+        now = hashlib.sha256(values.tobytes()).digest()
+        if now == before and values.any():
+            same.append(index)
+        before = now
+    if same:
+        first = maps.times[same[0] - 1]
+        yield _remark(
+            f'{len(same)} of {len(maps)} maps repeat the one before to the last bit, the first '
+            f'behind {first:g} s; did the camera or its program stand still? Leave them out'
+        )
+
+
+def _offset(maps: ConcentrationMaps) -> Iterator[Remark]:
+    """Yield a remark if water is not zero in the maps: half of the first one is the palest part."""
+    first = maps[0]
+    level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
+    if abs(level) > MOST_OFFSET and np.nanquantile(first, TRACER_QUANTILE) < VISIBLE_TRACER:
+        yield _remark(
+            f'the first map shows {level:.2g} nearly everywhere, where water is 0; subtract it, or '
+            'take a clean baseline'
         )
 
 

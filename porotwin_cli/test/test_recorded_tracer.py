@@ -1,9 +1,11 @@
 """Oddities of the tracer in recorded maps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from porotwin_cli.recorded_tracer import remarks_about_tracer
 from porotwin_core.rig import load_rig
@@ -23,12 +25,19 @@ def recording(*, level: float, from_s: float = 0.0, first: float = 0.0) -> Recor
     values = np.zeros((10, 30, 50), np.float32)
     values[:, :3] = level
     values[0, :3] = first
+    values[:, -1, -1] = 1e-3 * np.arange(10)  # no two photographs are the same
     maps = ConcentrationMaps(
         np.linspace(0.0, 3600.0, 10), RIG.grid(50, 30), lambda a, b: values[a:b]
     )
     rate = WellRate(from_ml_h(500.0), 1.0)
     commanded = Schedule((ScheduleRow(from_s, 'injector', rate),))
     return Recording(RIG, commanded=commanded, maps=maps, source=Path('run'))
+
+
+def with_maps(given: Recording, values: NDArray[np.float32]) -> Recording:
+    maps = given.present_maps
+    read = ConcentrationMaps(maps.times, maps.grid, lambda a, b: values[a:b])
+    return replace(given, maps=read)
 
 
 def test_tracer_that_the_pumps_injected_is_not_odd() -> None:
@@ -54,3 +63,15 @@ def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:
 
 def test_tracer_before_all_pumps_is_a_start_that_the_model_takes() -> None:
     assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=60.0)))
+
+
+def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:
+    given = recording(level=0.2)
+    values = np.array(given.present_maps[:])
+    values[6:] = values[6]
+    (still,) = remarks_about_tracer(with_maps(given, values))
+    assert still.why.startswith('3 of 10 maps repeat the one before to the last bit, the first')
+    values = np.array(given.present_maps[:]) + np.float32(0.06)
+    assert any(
+        'nearly everywhere' in one.why for one in remarks_about_tracer(with_maps(given, values))
+    )

@@ -59,6 +59,17 @@ def check_only_guard_calls(node: Any) -> None:
     refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
 
 
+def check_only_mend_offers(node: Any) -> None:
+    """Check that only the node `mend`, or a replay of its messages, publishes offers.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    player = full_name(node, 'player')
+    found = [sender for sender in publishers(node, 'mend/offer') if sender.node != player]
+    refuse_others(found, full_name(node, 'mend'), 'publishes mend/offer')
+
+
 def publishers(node: Any, topic: str) -> list[Sender]:
     """Return the publishers of `topic`, a name relative to `node` (rclpy.node.Node)."""
     return _named_senders(node, node.resolve_topic_name(topic), mangled=False)

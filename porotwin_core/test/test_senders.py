@@ -11,6 +11,7 @@ from porotwin_core.senders import (
     callers,
     check_only_guard_calls,
     check_only_guard_publishes,
+    check_only_mend_offers,
     only,
 )
 
@@ -40,7 +41,7 @@ class Graph:
 
     def get_publishers_info_by_topic(self, topic: str, *, no_mangle: bool) -> list[Any]:
         self.asked.append((topic, no_mangle))
-        names = self.writers['topic' if topic == '/porotwin/wells/setpoint' else 'service']
+        names = self.writers['topic' if topic.startswith('/porotwin') else 'service']
         return [Endpoint(name, [number]) for number, name in enumerate(names.split())]
 
 
@@ -60,6 +61,14 @@ def test_another_sender_is_named() -> None:
         check_only_guard_publishes(graph)
     with pytest.raises(InputError, match='/porotwin/hub calls asset/control too'):
         check_only_guard_calls(graph)
+
+
+def test_only_mend_and_a_replay_of_it_offer() -> None:
+    replayed: Any = Graph(topic='mend player')
+    check_only_mend_offers(replayed)
+    rogue: Any = Graph(topic='mend rogue')
+    with pytest.raises(InputError, match='/porotwin/rogue publishes mend/offer too, and only'):
+        check_only_mend_offers(rogue)
 
 
 def test_two_senders_of_one_name_are_refused() -> None:

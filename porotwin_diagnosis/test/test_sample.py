@@ -48,6 +48,8 @@ def test_the_model_starts_with_the_tracer_of_the_first_map(quiet):
     sample = read_sample(replace(with_frames(recording, times, resting_plume), commanded=rest))
     shown = Forward(sample).maps(())
     assert np.abs(shown - resting_plume[1]).mean() < 0.01
+    coarse = coarsened(sample, 2)
+    assert np.nanmean(np.abs(Forward(coarse).maps(()) - coarse.observed[1])) < 0.01
     assert read_sample(recording).initial is None
 
 

@@ -102,6 +102,11 @@ class OperatorNode(Node):
 
     def _on_offer(self, message: MendOffer) -> None:
         """Say what a diagnosis offers to the model, and what became of it."""
+        try:
+            senders.check_only_mend_offers(self)
+        except InputError as error:
+            self.get_logger().error(f'offer {message.sequence} not shown: {error}')
+            return
         asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
         text = f'offer {message.sequence}: {message.sentence}'
         if asks:

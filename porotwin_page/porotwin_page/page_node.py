@@ -185,7 +185,7 @@ class PageNode(Node):
         def checked(message: Any) -> None:
             try:
                 callback(message)
-            except ValueError as error:
+            except Exception as error:  # no message of a foreign node may end the page
                 line = ' '.join(str(error).split())
                 self.get_logger().error(f'{topic} is not shown: {line}')
 
@@ -279,6 +279,7 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_expectation, self._expectation(message))
 
     def _on_offer(self, message: MendOffer) -> None:
+        senders.check_only_mend_offers(self)  # `_checked` logs the reason
         offer = graph_snapshot.MendOffer(
             sequence=message.sequence,
             state=OFFER_STATES.get(message.state, 'unknown'),
@@ -295,13 +296,16 @@ class PageNode(Node):
         Raises:
             InputError: a map or a rate is wrong.
         """
+        plan = conversions.plan_from_msg(message.schedule)
+        if not plan:
+            raise InputError('its schedule is empty')
         observed = self._store.snapshot.observed
         now = observed.map if observed is not None else None
         last = self._map(message.mean[-1]) if message.mean else None
         time_s = conversions.time_from_msg(message.header.stamp)
         return Expectation(
             time=time_s,
-            rates=conversions.plan_from_msg(message.schedule)[0].rates,
+            rates=plan[0].rates,
             times=np.array(message.times),
             zone_tracer=np.array(
                 [message.zone_tracer_low, message.zone_tracer, message.zone_tracer_high]

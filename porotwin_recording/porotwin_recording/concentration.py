@@ -34,9 +34,9 @@ PACKED_NAN = 255
 LARGEST_DIMENSION = 10_000_000
 """Largest size of a dimension: photographs of ten years at one per half minute."""
 
-LARGEST_CONCENTRATION = 1e6
-"""Size of a concentration [-] above which it is no measured value in any unit, but a code for
-none, such as 1e20."""
+LEAST_CONCENTRATION, LARGEST_CONCENTRATION = -1.0, 1e6
+"""Concentrations [-] beyond these are no measured values in any unit, but codes for none, such as
+-1, -9999 or 1e20. Noise goes down to -0.3."""
 
 DEVIATIONS = {
     'deviation': 'standard deviation of the concentration',
@@ -197,11 +197,13 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
         with _damage_named(path), _dataset(path) as opened:
             values = opened.variables[name][start:stop]
             maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
-        impossible = np.abs(maps) > LARGEST_CONCENTRATION
+        impossible = (maps > LARGEST_CONCENTRATION) | (maps <= LEAST_CONCENTRATION)
         if name == 'concentration' and impossible.any():
             LOG.warning(
-                '%s: infinite concentrations, or beyond %g, are read as unknown; write NaN there',
+                '%s: concentrations of %g or less, or above %g, are read as unknown; write NaN '
+                'there',
                 path,
+                LEAST_CONCENTRATION,
                 LARGEST_CONCENTRATION,
             )
             maps[impossible] = np.nan

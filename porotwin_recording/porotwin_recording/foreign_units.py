@@ -43,6 +43,23 @@ TIMES = {
 }
 """Times [s] by name."""
 
+DENSITIES = {
+    'kg/m3': 1.0,
+    'kg/m^3': 1.0,
+    'g/l': 1.0,
+    'g/cm3': 1e3,
+    'g/cm^3': 1e3,
+    'g/ml': 1e3,
+    'kg/l': 1e3,
+}
+"""Densities [kg/m^3] by name."""
+
+DENSITY_RANGE = (500.0, 3000.0)
+"""Densities of liquids [kg/m^3]."""
+
+SHARES = {'': 1.0, '1': 1.0, '-': 1.0, '%': 1e-2, 'percent': 1e-2}
+"""Shares of the tracer stock [-] by name."""
+
 LENGTHS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
 """Lengths [m] by name."""
 
@@ -91,3 +108,42 @@ def time_factor(unit: str, where: str) -> float:
         said = f"'{unit}' is no unit of time" if unit else 'has no unit'
         raise InputError(f'{where}: {said}; give --time-unit s, min or h')
     return TIMES[unit.lower()]
+
+
+def density_factor(unit: str, where: str) -> float:
+    """Return the density [kg/m^3] of one `unit`; without a unit kg/m3.
+
+    Raises:
+        InputError: it is no unit of a density.
+    """
+    if unit and unit.lower().replace(' ', '') not in DENSITIES:
+        raise InputError(f"{where}: '{unit}' is no unit of a density; write kg/m3 or g/cm3")
+    return DENSITIES.get(unit.lower().replace(' ', ''), 1.0)
+
+
+def check_density(density: float, where: str) -> float:
+    """Return `density` [kg/m^3].
+
+    Raises:
+        InputError: no liquid has it.
+    """
+    low, high = DENSITY_RANGE
+    if not low <= density <= high:
+        raise InputError(
+            f'{where}: {density:g} kg/m3 is no density of a liquid; write its unit into the title, '
+            'such as density [g/cm3]'
+        )
+    return density
+
+
+def share_factor(unit: str, where: str) -> float:
+    """Return the share of the tracer stock [-] of one `unit`.
+
+    Raises:
+        InputError: it is no unit of a share.
+    """
+    if unit.lower() not in SHARES:
+        raise InputError(
+            f"{where}: '{unit}' is no share of the tracer stock; write shares from 0 to 1, or %"
+        )
+    return SHARES[unit.lower()]

@@ -27,6 +27,9 @@ counts as regular."""
 LONG_STEP = 10.0
 """Interval over the usual one above which the camera stood, or its clock was set."""
 
+FEW_CELLS = 1e-3
+"""Share of the cells of maps that are single ones."""
+
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
 
@@ -67,6 +70,8 @@ def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
     largest = float(np.nanmax(values))
     if largest > MOST_STOCK:
         remedy = 'was this in percent? 1 is the tracer stock' if largest > 10 else 'scale the maps'
+        if np.nanmean(values > MOST_STOCK) < FEW_CELLS:
+            remedy = 'single cells, such as a glare: write NaN there'
         yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)
 
 

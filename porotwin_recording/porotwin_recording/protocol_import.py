@@ -6,10 +6,12 @@ Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the inj
 `measured_protocol.csv`, has the columns of the injection.
 """
 
+import bisect
 import itertools
 import os
 import re
 import shutil
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -26,7 +28,13 @@ from porotwin_recording.csv_table import number_text, write_table
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, ForeignTable, number_in, read_foreign_table
 from porotwin_recording.foreign_time import DateOrder, moments, names_zone
-from porotwin_recording.foreign_units import rate_factor, unit_in
+from porotwin_recording.foreign_units import (
+    check_density,
+    density_factor,
+    rate_factor,
+    share_factor,
+    unit_in,
+)
 from porotwin_recording.odd_recording import wells_with_turned_sign
 from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
 from porotwin_recording.recorded_data import RecordedData
@@ -106,7 +114,8 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     asked = _schedule(commanded, begin) if commanded else None
     delivered = _schedule(_since(begin, measured, told), begin) if measured else None
     if asked is not None and delivered is not None:
-        _check_measured(folder / MEASURED_PROTOCOL, asked, delivered)
+        last = max(row.end or row.start for row in measured or ())
+        _check_measured(folder / MEASURED_PROTOCOL, asked, delivered, is_over=last <= begin)
     write_folder(target, RecordedData(rig, commanded=asked, measured=delivered))
     _place(target, photos)
     for file in target.iterdir():  # the date of a recording is that of its oldest file
@@ -116,8 +125,14 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     return told
 
 
-def _check_measured(path: Path, commanded: Schedule, measured: Schedule) -> None:
+def _check_measured(path: Path, commanded: Schedule, measured: Schedule, *, is_over: bool) -> None:
     """Check that measured rates belong to the commanded ones.
+
+    Args:
+        path: the log, for messages.
+        commanded: commanded rates.
+        measured: measured rates from time zero on.
+        is_over: whether the log ends before time zero.
 
     Raises:
         InputError: those of a well have the other sign, or they are of another time.
@@ -129,7 +144,7 @@ def _check_measured(path: Path, commanded: Schedule, measured: Schedule) -> None
             f'{INJECTION_PROTOCOL}; write produced water with a minus in both'
         )
     first, last = measured.rows[0].time if measured.rows else 0.0, commanded.rows[-1].time
-    if not measured.rows or first > max(last, 0.0):
+    if is_over or first > max(last, 0.0):
         raise InputError(
             f'{path}: has no rate in the time of {INJECTION_PROTOCOL}; compare their dates, and '
             'the order of day and month'
@@ -172,12 +187,15 @@ def _photographs(
     by_name = title == table.find('path', 'file', 'filename')
     found, missing = [], []
     for moment, word in zip(times, table.columns[title], strict=True):
-        file = _named(files, word) if by_name else _numbered(files, word, table)
+        file = _named(files, word, table) if by_name else _numbered(files, word, table)
         if file is None:
             missing.append(word)
         else:
             found.append((moment, file))
     _check_order(table, column, title, times, by_name=by_name, told=told)
+    twice = next((file for file, count in Counter(f for _, f in found).items() if count > 1), None)
+    if twice is not None:
+        raise InputError(f'{table.path}: two rows mean {twice}; correct one, or remove it')
     if not found:
         raise InputError(f"{table.path}: none of its photographs is there, such as '{missing[0]}'")
     if missing:
@@ -227,13 +245,22 @@ def _moments(
     return found
 
 
-def _named(files: list[Path], word: str) -> Path | None:
-    """Return the file that a path means, whatever folder it was in."""
+def _named(files: list[Path], word: str, table: ForeignTable) -> Path | None:
+    """Return the file that a path means, whatever folder it was in.
+
+    Raises:
+        InputError: several files may be meant.
+    """
     parts = Path(word.replace('\\', '/')).parts
     for count in range(len(parts), 0, -1):
-        for file in files:
-            if file.parts[-count:] == parts[-count:]:
-                return file
+        found = [file for file in files if file.parts[-count:] == parts[-count:]]
+        if len(found) > 1:
+            raise InputError(
+                f"{table.path}: '{word}' may be {found[0]} or {found[1]}; write the folder into "
+                'the path, or remove one'
+            )
+        if found:
+            return found[0]
     return None
 
 
@@ -334,7 +361,26 @@ def _pumped(
         rows.append(_Pumped(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
     rows.sort(key=lambda row: row.start)
     _check_overlap(path, rows)
+    if path.name == MEASURED_PROTOCOL:
+        told += _gaps(path, rows)
     return rows
+
+
+def _gaps(path: Path, rows: list[_Pumped]) -> list[str]:
+    """Return a line if a log has gaps between the rates of a well, which count as a rest."""
+    gaps = [
+        (earlier.end, well)
+        for well in dict.fromkeys(row.well for row in rows)
+        for earlier, later in itertools.pairwise(row for row in rows if row.well == well)
+        if earlier.end is not None and earlier.end < later.start and earlier.rate.rate
+    ]
+    if not gaps:
+        return []
+    first, well = min(gaps)
+    return [
+        f'{path}: {len(gaps)} gaps between rates count as a stopped pump, the first at '
+        f'{first:%Y-%m-%d %H:%M:%S} (well {well}); add rows if the pump ran'
+    ]
 
 
 def _ends(
@@ -347,12 +393,23 @@ def _ends(
     """Return when each rate ends: at the next row of its well if no column says it."""
     title = table.find('end', 'stop')
     if title is not None:
+        start = table.needed('start', 'datetime', 'time')
+        zoned = [names_zone(table.columns[each]) for each in (start, title)]
+        if zoned[0] != zoned[1] and not answers.time_zone:
+            raise InputError(
+                f'{table.path}: only one of {start} and {title} names a time zone; give '
+                '--time-zone, such as Europe/Oslo, the zone of the times that name none'
+            )
         return _moments(table, title, answers, told)
     told.append(f'{table.path}: no column end: every rate holds until the next row of its well')
+    of_well: dict[str, list[datetime]] = defaultdict(list)
+    for begin, well in sorted(zip(starts, wells, strict=True)):
+        of_well[well].append(begin)
     ends: list[datetime | None] = []
-    for start, well in zip(starts, wells, strict=True):
-        later = (time for time, other in zip(starts, wells, strict=True) if other == well)
-        ends.append(min((time for time in later if time > start), default=None))
+    for begin, well in zip(starts, wells, strict=True):
+        own = of_well[well]
+        following = bisect.bisect_right(own, begin)
+        ends.append(own[following] if following < len(own) else None)
     return ends
 
 
@@ -433,12 +490,23 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     unit = answers.rate_unit or unit_in(title)
     if 'sccm' in unit:
         raise InputError(f'{where}: is of a gas at standard conditions; write the rate of a liquid')
-    density = table.find('density', 'density_kg/m3')
-    densities = table.numbers(density) if density else [rig.density_kg_m3] * table.length
+    densities = _densities(table, rig)
     told.append(f'{where}: in {unit}{" (--rate-unit)" if answers.rate_unit else ""}')
     return [
         _without_rounding_errors(value * rate_factor(unit, where, density_kg_m3=own))
         for value, own in zip(table.numbers(title), densities, strict=True)
+    ]
+
+
+def _densities(table: ForeignTable, rig: Rig) -> list[float]:
+    """Return the density [kg/m^3] of the fluid in every row; without a column that of the rig."""
+    title = table.find('density', 'density_kg/m3', 'density_kg_m3')
+    if title is None:
+        return [rig.density_kg_m3] * table.length
+    factor = density_factor(unit_in(title), f'{table.path}: {title}')
+    return [
+        check_density(factor * value, f'{table.path}:{row}: {title}')
+        for row, value in enumerate(table.numbers(title), 2)
     ]
 
 
@@ -453,7 +521,15 @@ def _concentrations(
     """Return the concentrations; a row that does not inject needs none."""
     title = table.find('concentration')
     if title is not None:
-        return table.numbers(title, [rate > 0 for rate in rates])
+        factor = share_factor(unit_in(title), f'{table.path}: {title}')
+        found = [factor * value for value in table.numbers(title, [rate > 0 for rate in rates])]
+        for row, share in enumerate(found, 2):
+            if not 0.0 <= share <= 1.0:
+                raise InputError(
+                    f'{table.path}:{row}: {title} is {share / factor:g}; write a share of the '
+                    'tracer stock from 0 (water) to 1, or percent with % in the title'
+                )
+        return found
     if answers.concentration is None:
         told.append(
             f'{table.path}: no column concentration: every injection is taken as tracer stock; '

@@ -142,7 +142,7 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
         ConcentrationWriter(tmp_path / 'absent' / 'maps.nc', bench_rig().grid(2, 2))
 
 
-@pytest.mark.parametrize('value', [np.inf, 1e30, -1e20])
+@pytest.mark.parametrize('value', [np.inf, 1e30, -1e20, -9999.0, -1.0])
 def test_impossible_concentrations_are_read_as_unknown_and_told(
     path: Path, caplog, value: float
 ) -> None:
@@ -152,4 +152,4 @@ def test_impossible_concentrations_are_read_as_unknown_and_told(
         found = read(path)[:]
     assert np.isnan(found[1, 2, 3])
     assert np.nanmax(np.abs(found)) < 10.0
-    assert 'beyond 1e+06, are read as unknown; write NaN there' in caplog.text
+    assert 'or above 1e+06, are read as unknown; write NaN there' in caplog.text

@@ -1,5 +1,6 @@
 """Tests of imported protocols: units, clocks, dates and decimal commas of other programs."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -258,15 +259,12 @@ def test_without_commands_the_measured_log_gives_the_rates(folder: Path) -> None
     [
         ((';-88', ';88'), 'rates of out have the other sign in injection_protocol.csv; write pro'),
         (('31.05.', '01.06.'), 'has no rate in the time of injection_protocol.csv; compare their'),
-        (('31.05.', '30.05.'), None),
+        (('31.05.', '30.05.'), 'has no rate in the time of injection_protocol.csv'),
+        (('31.05.2024', '31.05.2023'), 'has no rate in the time of injection_protocol.csv'),
     ],
 )
 def test_a_measured_log_of_another_sign_or_day_is_refused(folder: Path, change, complaint) -> None:
     (folder / 'measured_protocol.csv').write_text(MEASURED.replace(*change))
-    if complaint is None:  # its last rows still hold
-        _, told = imported(folder, replace(PLAIN, date_order='day-first'))
-        assert '2 rates begin before the first of injection_protocol.csv' in '\n'.join(told)
-        return
     with pytest.raises(InputError, match=complaint):
         imported(folder, replace(PLAIN, date_order='day-first'))
 
@@ -281,3 +279,79 @@ def test_converted_rates_have_no_rounding_errors(folder: Path) -> None:
     (folder / 'injection_protocol.csv').write_text(INJECTION.replace(',-1.5', ',-8.5'))
     recording, _ = imported(folder)
     assert ',out,-510,' in (recording.source / 'rates.csv').read_text()
+
+
+@pytest.mark.parametrize(
+    ('change', 'rate_ml_h', 'complaint'),
+    [
+        (('rate_ml/min', 'rate [g/min],density [g/cm3]'), 120.0 / 0.8, ''),
+        (('rate_ml/min', 'rate [g/min],density'), None, ':2: density: 0.8 kg/m3 is no density'),
+        (('rate_ml/min', 'rate [g/min],density [lb]'), None, "'lb' is no unit of a density"),
+    ],
+)
+def test_densities_have_units(folder: Path, change, rate_ml_h, complaint: str) -> None:
+    text = INJECTION.replace(*change).replace(':00,2\n', ':00,2,0.8\n').replace('-1.5', '-1.5,0.8')
+    (folder / 'injection_protocol.csv').write_text(text)
+    if complaint:
+        with pytest.raises(InputError, match=complaint):
+            imported(folder)
+    else:
+        recording, _ = imported(folder)
+        assert to_ml_h(recording.schedule.at(10.0)['in'].rate) == pytest.approx(rate_ml_h)
+
+
+@pytest.mark.parametrize(
+    ('title', 'value', 'share', 'complaint'),
+    [
+        ('concentration [%]', '50', 0.5, ''),
+        ('concentration', '100', None, 'concentration is 100; write a share of the tracer stock'),
+        ('concentration [g/l]', '1', None, "'g/l' is no share of the tracer stock; write shares"),
+    ],
+)
+def test_concentrations_have_units(folder: Path, title, value, share, complaint: str) -> None:
+    text = INJECTION.replace('rate_ml/min', f'rate_ml/min,{title}')
+    text = text.replace(':00,2\n', f':00,2,{value}\n').replace('-1.5', '-1.5,')
+    (folder / 'injection_protocol.csv').write_text(text)
+    if complaint:
+        with pytest.raises(InputError, match=re.escape(complaint)):
+            imported(folder)
+    else:
+        assert imported(folder)[0].schedule.at(10.0)['in'].concentration == share
+
+
+def test_a_photograph_that_may_be_one_of_two_files_is_refused(folder: Path) -> None:
+    (folder / 'imaging_protocol.csv').write_text(
+        'path,datetime\nday3/DSC_00007.JPG,2024-05-31 09:59:00\nDSC_00008.JPG,2024-05-31 10:00:30\n'
+    )
+    for day in ('day1', 'day2'):
+        (folder / day).mkdir()
+        (folder / day / 'DSC_00007.JPG').write_bytes(b'\xff\xd8\x07')
+    (folder / 'images' / 'DSC_00007.JPG').unlink()
+    with pytest.raises(InputError, match=r"'day3/DSC_00007.JPG' may be .*day1.* or .*day2"):
+        imported(folder)
+
+
+def test_two_rows_for_one_photograph_are_refused(folder: Path) -> None:
+    (folder / 'imaging_protocol.csv').write_text(IMAGING.replace('\n9,', '\n8,'))
+    with pytest.raises(InputError, match=r'two rows mean .*DSC_00008\.JPG'):
+        imported(folder)
+
+
+def test_a_zone_in_one_of_two_columns_is_asked_for(folder: Path) -> None:
+    (folder / 'imaging_protocol.csv').unlink()
+    text = INJECTION.replace('2024-05-31 10:02:00', '2024-05-31 10:02:00-05:00')
+    (folder / 'injection_protocol.csv').write_text(text)
+    with pytest.raises(InputError, match='only one of start and end names a time zone'):
+        imported(folder)
+
+
+def test_gaps_of_a_measured_log_are_told(folder: Path) -> None:
+    (folder / 'measured_protocol.csv').write_text(
+        'well,start,end,rate_ml/min\n'
+        'in,2024-05-31 10:00:00,2024-05-31 10:00:30,2\n'
+        'in,2024-05-31 10:01:00,2024-05-31 10:02:00,2\n'
+    )
+    _, told = imported(folder)
+    assert '1 gaps between rates count as a stopped pump, the first at 2024-05-31 10:00:30' in (
+        '\n'.join(told)
+    )

@@ -115,7 +115,7 @@ class FreeRuns:
 
     def _initial(self, model: Model) -> FloatArray:
         """Return the map (nz, nx) [-] from which `model` starts."""
-        known = self.sample.initial
+        known = self.sample.initial_on(self.sample.grid)
         return model.initial_condition() if known is None else known
 
     def _switched(self, usual: Model, changed: Model, window: Window) -> FloatArray:

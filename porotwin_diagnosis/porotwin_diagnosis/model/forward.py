@@ -158,7 +158,7 @@ class Forward:
             grid=sample.grid,
             preset=self.preset,
             effects=physics,
-            initial=sample.initial,
+            initial=sample.initial_on(sample.grid),
             start=sample.model_start,
             refinement=self.refinement,
         )

@@ -59,8 +59,13 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
 
     Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
     residuals. An effect with a place is fitted from the most promising places.
+
+    Raises:
+        InputError: the model cannot run with any of them.
     """
     fits = coarsely_fitted_singles(levels, space)
+    if not fits:
+        raise InputError('the model cannot run with any effect of the library on this recording')
     limit = UNPROMISING * min(map(score, fits))
 
     def fitted(number: int) -> Fit:
