@@ -54,6 +54,9 @@ def test_a_finding_that_another_call_has_added_stays(tmp_path):
         ({'probabilities': {'rate': -0.1}}, '0.probabilities.rate'),
         ({'probabilities': {'rate': 'high'}}, '0.probabilities.rate'),
         ({'date': 'yesterday'}, '0'),
+        ({'date': '0001-01-01'}, '0'),
+        ({'recordings': []}, '0.recordings'),
+        ({'causes': [{'effect': 'foo', 'values': {}}]}, '0.causes.0 .*there is no effect foo'),
         ({'rig': None}, '0.rig'),
         ({'surprise': 1}, '0.surprise'),
     ],
@@ -66,7 +69,8 @@ def test_a_damaged_finding_is_refused_with_its_place(tmp_path, change, place):
 
 
 @pytest.mark.parametrize(
-    'broken', [{'value': '1.1'}, {'low': None}, {'low': 2.0}, {'value': float('nan')}]
+    'broken',
+    [{'value': '1.1'}, {'low': None}, {'low': 2.0}, {'value': float('nan')}, {'low': -1e308}],
 )
 def test_a_damaged_value_is_refused(tmp_path, broken):
     row = pump(0.7).model_dump(mode='json')

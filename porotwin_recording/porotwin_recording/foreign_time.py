@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -145,20 +145,13 @@ def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> dat
     hour, minute, second = _clock(parts['time'], parts['half'])
     whole = int(second)
     try:
-        moment = datetime(
-            year,
-            int(month),
-            int(day),
-            hour,
-            minute,
-            whole,
-            round(1e6 * (second - whole)),
-        )
+        moment = datetime(year, int(month), int(day), hour, minute, whole)
+        moment += timedelta(microseconds=round(1e6 * (second - whole)))
+        if parts['zone']:
+            written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
+            return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
     except ValueError as error:
         raise InputError(f"{where}: '{match[0]}' is no date ({error})") from None
-    if parts['zone']:
-        written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
-        return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
     if not zone:
         return moment.replace(tzinfo=UTC)
     return _in_zone(moment, zone, where)

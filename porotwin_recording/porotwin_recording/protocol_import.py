@@ -46,6 +46,9 @@ PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
 
 IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
+MOST_DIGITS = 18
+"""Most digits of an image_id; a camera counts to a few thousand."""
+
 NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""
 
@@ -228,7 +231,11 @@ def _check_order(
         return
     ids = table.find('image_id') if by_name else title
     numbers = counters([Path(name.replace('\\', '/')).stem for name in names]) if by_name else None
-    if numbers is None and ids and all(word.isdecimal() for word in table.columns[ids]):
+    if (
+        numbers is None
+        and ids
+        and all(word.isdecimal() and len(word) <= MOST_DIGITS for word in table.columns[ids])
+    ):
         numbers = [int(word) for word in table.columns[ids]]
     remark = check_order(times, words, f'{table.path}: {column}', numbers)
     told += [remark] if remark else []
@@ -270,7 +277,7 @@ def _numbered(files: list[Path], word: str, table: ForeignTable) -> Path | None:
     Raises:
         InputError: several files end with it.
     """
-    if not word.isdecimal():
+    if not word.isdecimal() or len(word) > MOST_DIGITS:
         raise InputError(f"{table.path}: image_id is '{word}'; write a number, or a column path")
     ends = ((file, re.search(r'(\d+)$', file.stem)) for file in files)
     found = [file for file, end in ends if end and int(end[1]) == int(word)]
@@ -357,7 +364,7 @@ def _pumped(
     for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
         start, end, well, rate, share = values
         if end is not None and end <= start:
-            raise InputError(f'{path}:{number}: ends before it starts; correct start or end')
+            raise InputError(f'{path}:{number}: does not end after its start; correct one of both')
         rows.append(_Pumped(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
     rows.sort(key=lambda row: row.start)
     _check_overlap(path, rows)

@@ -42,3 +42,14 @@ def test_a_date_without_a_time_of_day_beside_others_is_refused() -> None:
         moments(words, 'p.csv: when')
     (first, second), _ = moments(['24.11.2026', '25.11.2026'], 'p.csv: when')
     assert (second - first).total_seconds() == 86400.0
+
+
+@pytest.mark.parametrize('word', ['2024-05-31 10:00:00+25:00', '2024-05-31 10:00:00+24:60'])
+def test_an_offset_of_more_than_a_day_is_refused(word: str) -> None:
+    with pytest.raises(InputError, match='is no date'):
+        moments([word], 'p.csv: datetime')
+
+
+def test_a_fraction_that_rounds_up_to_a_second_is_a_time() -> None:
+    (moment,), _ = moments(['2024-05-31 10:00:00.9999999'], 'p.csv: datetime')
+    assert (moment.minute, moment.second, moment.microsecond) == (0, 1, 0)

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.errors import InputError, check_writable, writing
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.whole_file import write_whole
+from porotwin_diagnosis.history.recording_date import parse_date
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.one_writer import only_writer
@@ -20,6 +21,9 @@ from porotwin_solver.effects import EFFECTS
 
 FILE = 'belief.json'
 """File of a folder of findings."""
+
+LARGEST_DEVIATION = 1e100
+"""Largest standard deviation of a value, in its unit; its square must be finite."""
 
 INTERVAL_DEVIATIONS = 3.29
 """Width of an interval of 90 % of a normal distribution, in standard deviations."""
@@ -42,6 +46,8 @@ class Value(_Record):
     def _ordered(self) -> Self:
         if self.low > self.high:
             raise ValueError('low is above high')
+        if not self.deviation < LARGEST_DEVIATION:
+            raise ValueError('low and high are too far apart')
         return self
 
     @property
@@ -62,6 +68,15 @@ class FoundCause(_Record):
     effect: str
     well: str = ''
     values: dict[str, Value]
+
+    @model_validator(mode='after')
+    def _known(self) -> Self:
+        if self.effect not in EFFECTS:
+            raise ValueError(f'there is no effect {self.effect}')
+        unknown = sorted(set(self.values) - set(EFFECTS[self.effect].parameters))
+        if unknown:
+            raise ValueError(f'{self.effect} has no parameter {unknown[0]}')
+        return self
 
     def distance(self, other: 'FoundCause') -> float:
         """Return the distance [m] to `other`: 0 if the effect has no place."""
@@ -85,7 +100,7 @@ class PastFinding(_Record):
     """
 
     date: str
-    recordings: tuple[str, ...]
+    recordings: Annotated[tuple[str, ...], Field(min_length=1)]
     rig: str
     effects: tuple[dict[str, Any], ...] = ()
     verdict: str
@@ -96,7 +111,7 @@ class PastFinding(_Record):
 
     @model_validator(mode='after')
     def _dated(self) -> Self:
-        datetime.fromisoformat(self.date)
+        parse_date(self.date)  # its error is a ValueError
         return self
 
     @property

@@ -16,9 +16,11 @@ def parse_date(text: str) -> datetime:
         InputError: it is none.
     """
     try:
-        return datetime.fromisoformat(text).astimezone()
-    except ValueError:
+        date = datetime.fromisoformat(text).astimezone()
+        date.timestamp()  # the years 1 and 9999 may have none
+    except (ValueError, OverflowError):
         raise InputError(f'{text!r} is no date; write 2026-11-23 or 2026-11-23T14:30') from None
+    return date
 
 
 def date_of_files(source: Path) -> datetime:
