@@ -23,7 +23,7 @@ def run_folder(output: Path | None, command: str) -> Path:
     """Make and return a folder for a run: `output`, or runs/COMMAND-DATE-TIME.
 
     Raises:
-        InputError: `output` exists and is not empty.
+        InputError: `output` exists and is not empty, or cannot be made.
     """
     folder = output
     if folder is None:
@@ -31,7 +31,10 @@ def run_folder(output: Path | None, command: str) -> Path:
         folder = Path('runs') / f'{command}-{now:%Y%m%d-%H%M%S}'
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f'{folder} exists already; name another --output or remove it')
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f'{folder}: {error.strerror}; name another --output') from None
     return folder.resolve()
 
 

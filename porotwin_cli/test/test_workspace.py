@@ -23,3 +23,9 @@ def test_a_folder_with_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'file').write_text('precious')
     with pytest.raises(InputError, match='exists already; name another --output or remove it'):
         run_folder(tmp_path, 'demo')
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('precious')
+    with pytest.raises(InputError, match='name another --output'):
+        run_folder(tmp_path / 'file' / 'mine', 'demo')

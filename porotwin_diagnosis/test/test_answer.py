@@ -7,7 +7,7 @@ import pytest
 from diagnosis_results import naming
 
 from porotwin_diagnosis.advice.partial_cause import PartialCause
-from porotwin_diagnosis.advice.remainder_form import RemainderForm
+from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Doubt, Verdict
 from porotwin_diagnosis.report.answer import answer, sentence
@@ -122,6 +122,16 @@ def test_leaks_that_may_lie_almost_anywhere_are_said_to_stand_for_something_else
     result = replace(denser, verdict=verdict, partial=part, remainder=RemainderForm((), 0.0))
     assert 'closes 97 % of it. But this recording leaves open where in the rig' in said(result)
     assert 'It looks as if the porosity' in rows(result)['Cause']
+
+
+def test_a_form_that_closes_more_than_known_effects_is_said(denser):
+    pair = denser.evidence.findings.pairs[0]
+    verdict = Verdict('unexplained', 0.9, pair, (), (), {'porosity': 0.1})
+    term = Term('level', 'camera', -0.1, '-', 'the plume is 10 % paler throughout', 'dilute it')
+    part = PartialCause(pair, 0.77, RemainderForm((), 0.0), None)
+    form = RemainderForm((term,), 0.86)
+    result = replace(denser, verdict=verdict, partial=part, remainder=form)
+    assert 'the plume is 10 % paler throughout, which closes 86 % of it' in said(result)
 
 
 def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser):

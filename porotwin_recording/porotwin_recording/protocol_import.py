@@ -185,7 +185,8 @@ def _photographs(
     table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
     column = table.needed('datetime', 'time', 'date')
     times = _moments(table, column, answers, told)
-    files = sorted(path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
+    found_names = (path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
+    files = sorted(path for path in found_names if path.is_file())
     title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
     by_name = title == table.find('path', 'file', 'filename')
     found, missing = [], []

@@ -137,6 +137,13 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
             f'The nearest explanation, that {_means(beside)}, closes '
             f'{100 * _closed_share(beside):.0f} % of it. {NO_PLACE}'
         )
+    form = result.remainder
+    if beside and form is not None and form.terms and form.closed > _closed_share(beside):
+        said = ', and '.join(term.words for term in form.terms)
+        return (
+            f'It looks as if {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
+            'and is no effect of the library'
+        )
     if beside:
         return (
             f'The nearest explanation, that {_means(beside)}, closes '
