@@ -10,7 +10,8 @@ from recording_examples import bench_rig
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import to_ml_h
-from porotwin_recording.protocol_import import ProtocolAnswers, import_protocols
+from porotwin_recording.protocol_answers import ProtocolAnswers
+from porotwin_recording.protocol_import import import_protocols
 from porotwin_recording.recording import open_recording
 
 PLAIN = ProtocolAnswers()

@@ -65,11 +65,8 @@ def command(
     from porotwin_recording.bag_conversion import import_experiment
     from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
     from porotwin_recording.one_writer import one_writer
-    from porotwin_recording.protocol_import import (
-        ProtocolAnswers,
-        has_protocols,
-        import_protocols,
-    )
+    from porotwin_recording.protocol_answers import ProtocolAnswers
+    from porotwin_recording.protocol_import import has_protocols, import_protocols
 
     if not (source.is_dir() and has_protocols(source)) and source.suffix not in SUFFIXES:
         convert(import_experiment, source, target, as_json=as_json)

@@ -1,0 +1,162 @@
+"""The photographs of `imaging_protocol.csv`: their files, times and roles."""
+
+import os
+import re
+import shutil
+from collections import Counter
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+from porotwin_recording.clock_order import check_order, counters
+from porotwin_recording.csv_table import number_text, write_table
+from porotwin_recording.foreign_table import ForeignTable, read_foreign_table
+from porotwin_recording.foreign_time import names_zone
+from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
+from porotwin_recording.protocol_answers import (
+    IMAGING_PROTOCOL,
+    ProtocolAnswers,
+    protocol_moments,
+)
+
+IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
+
+MOST_DIGITS = 18
+"""Most digits of an image_id; a camera counts to a few thousand."""
+
+
+def protocol_photographs(
+    folder: Path, answers: ProtocolAnswers, told: list[str]
+) -> list[tuple[datetime, Path]]:
+    """Return times and files of the photographs, the oldest first."""
+    table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
+    column = table.needed('datetime', 'time', 'date')
+    times = protocol_moments(table, column, answers, told)
+    found_names = (path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
+    files = sorted(path for path in found_names if path.is_file())
+    title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
+    by_name = title == table.find('path', 'file', 'filename')
+    found, missing = [], []
+    for moment, word in zip(times, table.columns[title], strict=True):
+        file = _named(files, word, table) if by_name else _numbered(files, word, table)
+        if file is None:
+            missing.append(word)
+        else:
+            found.append((moment, file))
+    _check_order(table, column, title, times, by_name=by_name, told=told)
+    twice = next((file for file, count in Counter(f for _, f in found).items() if count > 1), None)
+    if twice is not None:
+        raise InputError(f'{table.path}: two rows mean {twice}; correct one, or remove it')
+    if not found:
+        raise InputError(f"{table.path}: none of its photographs is there, such as '{missing[0]}'")
+    if missing:
+        told.append(
+            f'{table.path}: {len(missing)} of {table.length} photographs are not there and left '
+            f"out, the first is '{missing[0]}'"
+        )
+    if answers.camera_ahead_s:
+        told.append(f"{table.path}: the camera's clock is {answers.camera_ahead_s:g} s ahead")
+    ahead = timedelta(seconds=answers.camera_ahead_s)
+    return sorted((moment - ahead, file) for moment, file in found)
+
+
+def _check_order(
+    table: ForeignTable,
+    column: str,
+    title: str,
+    times: list[datetime],
+    *,
+    by_name: bool,
+    told: list[str],
+) -> None:
+    """Check that times which name no zone rise from photograph to photograph.
+
+    Raises:
+        InputError: a clock was set back, as far as ids, names or rows show.
+    """
+    words, names = table.columns[column], table.columns[title]
+    if names_zone(words):
+        return
+    ids = table.find('image_id') if by_name else title
+    numbers = counters([Path(name.replace('\\', '/')).stem for name in names]) if by_name else None
+    if (
+        numbers is None
+        and ids
+        and all(word.isdecimal() and len(word) <= MOST_DIGITS for word in table.columns[ids])
+    ):
+        numbers = [int(word) for word in table.columns[ids]]
+    remark = check_order(times, words, f'{table.path}: {column}', numbers)
+    told += [remark] if remark else []
+
+
+def _named(files: list[Path], word: str, table: ForeignTable) -> Path | None:
+    """Return the file that a path means, whatever folder it was in.
+
+    Raises:
+        InputError: several files may be meant.
+    """
+    parts = Path(word.replace('\\', '/')).parts
+    for count in range(len(parts), 0, -1):
+        found = [file for file in files if file.parts[-count:] == parts[-count:]]
+        if len(found) > 1:
+            raise InputError(
+                f"{table.path}: '{word}' may be {found[0]} or {found[1]}; write the folder into "
+                'the path, or remove one'
+            )
+        if found:
+            return found[0]
+    return None
+
+
+def _numbered(files: list[Path], word: str, table: ForeignTable) -> Path | None:
+    """Return the file whose name ends with a number.
+
+    Raises:
+        InputError: several files end with it.
+    """
+    if not word.isdecimal() or len(word) > MOST_DIGITS:
+        raise InputError(f"{table.path}: image_id is '{word}'; write a number, or a column path")
+    ends = ((file, re.search(r'(\d+)$', file.stem)) for file in files)
+    found = [file for file, end in ends if end and int(end[1]) == int(word)]
+    if len(found) > 1:
+        raise InputError(
+            f'{table.path}: {found[0].name} and {found[1].name} both end in {word}; add a column '
+            'path'
+        )
+    return found[0] if found else None
+
+
+def with_roles(
+    photographs: list[tuple[datetime, Path]], begin: datetime, told: list[str]
+) -> list[Photo]:
+    """Return the photographs with times and roles; those before `begin` are baselines."""
+    if photographs and photographs[0][0] >= begin:
+        told.append(
+            f'no photograph is older than the first injection: {photographs[0][1].name} is taken '
+            'as the baseline'
+        )
+    return [
+        Photo(
+            (moment - begin).total_seconds(),
+            'baseline' if moment < begin or number == 0 else 'state',
+            f'photos/{number:05d}_{file.name}',
+            file.read_bytes,
+            file,
+        )
+        for number, (moment, file) in enumerate(photographs)
+    ]
+
+
+def place_photographs(target: Path, photos: list[Photo]) -> None:
+    """Link or copy the files of photographs, and write imaging.csv."""
+    if not photos:
+        return
+    (target / 'photos').mkdir()
+    for photo in photos:
+        assert photo.path is not None
+        try:
+            os.link(photo.path, target / photo.name)
+        except OSError:  # another disk, or a file system without links
+            shutil.copyfile(photo.path, target / photo.name)
+    rows = ((number_text(photo.time), photo.name, photo.role) for photo in photos)
+    write_table(target / IMAGING_FILE, HEADER, rows)
