@@ -1,9 +1,11 @@
 """CSV tables of other programs: separators, decimal commas and encodings as Excel writes them."""
 
+import codecs
 import csv
 import math
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -146,7 +148,9 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
         InputError: the file is missing or no table, or its numbers can be read in two ways.
     """
     text = _text(path)
-    first = text.split('\n', 1)[0]
+    first, _, rest = text.partition('\n')
+    if first.strip().lower().startswith('sep='):  # a hint for Excel
+        text, first = rest, rest.split('\n', 1)[0]
     separator = next((mark for mark in SEPARATORS if mark in first), ',')
     try:
         lines = [line for line in csv.reader(text.splitlines(), delimiter=separator) if any(line)]
@@ -182,6 +186,9 @@ def _text(path: Path) -> str:
         raise InputError(f'{path}: no such file') from None
     except OSError as error:
         raise InputError(f'{path}: cannot be read ({error.strerror})') from None
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # Excel's "Unicode text"
+        with suppress(UnicodeDecodeError):
+            return data.decode('utf-16')
     for encoding in ('utf-8-sig', 'cp1252'):  # Excel writes the second unless asked otherwise
         try:
             return data.decode(encoding)

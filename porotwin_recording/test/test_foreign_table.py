@@ -59,3 +59,17 @@ def test_two_columns_for_one_quantity_are_refused(tmp_path: Path) -> None:
     path.write_text('start [utc],start [local],,\n1,2,3,4\n')
     with pytest.raises(InputError, match=r"which column is meant, 'start \[utc\]' or 'start"):
         read_foreign_table(path).needed('start')
+
+
+@pytest.mark.parametrize(
+    ('text', 'encoding'),
+    [('well\trate\nin\t2,5\n', 'utf-16'), ('sep=;\r\nwell;rate\r\nin;2,5\r\n', 'utf-8')],
+)
+def test_unicode_text_and_separator_hints_of_excel_are_read(
+    tmp_path: Path, text: str, encoding: str
+) -> None:
+    path = tmp_path / 'p.csv'
+    path.write_bytes(text.encode(encoding))
+    table = read_foreign_table(path)
+    assert table.columns['well'] == ['in']
+    assert table.numbers('rate') == [2.5]
