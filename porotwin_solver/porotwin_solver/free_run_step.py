@@ -7,7 +7,7 @@ import numpy as np
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
 from porotwin_solver.engine import LONGEST_STEP
-from porotwin_solver.physics import Physics
+from porotwin_solver.physics import Physics, in_and_out
 
 EXCHANGED_SHARE = 1.0 / 1200.0
 """Share of the moving water that may be exchanged in a step. It gives `LONGEST_STEP` at the rates
@@ -38,12 +38,8 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
 
 def _pumped(physics: Physics, rates: WellRates) -> float:
     """Return the larger one of the injected and the withdrawn rate [m^3/s]."""
-    each = [
-        well.rate * physics.rate_factors.get(physics.well(name), 1.0)
-        for name, well in rates.items()
-    ]
-    each += [leak.rate for leak in physics.leaks]
-    return max(sum(rate for rate in each if rate > 0), -sum(rate for rate in each if rate < 0))
+    leaks = (leak.rate for leak in physics.leaks)
+    return max(in_and_out([*physics.delivered(rates).values(), *leaks]))
 
 
 def _driven(physics: Physics) -> float:

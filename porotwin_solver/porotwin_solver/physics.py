@@ -1,6 +1,7 @@
 """The coefficients of flow and transport, in SI on the cells of one grid; effects change them."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig
 from porotwin_core.units import MOLECULAR_DIFFUSION
+from porotwin_core.wells import WellRates
 
 MOST_CONTRAST = 1e12
 """Largest over least permeability [-]. From 1e13 on the round-off of the flow shows: more than the
@@ -111,6 +113,37 @@ class Physics:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether no side is open, so that as much water leaves as enters."""
+        return 'open' not in self.boundaries.model_dump().values()
+
+    def delivered(self, rates: WellRates) -> dict[str, float]:
+        """Return the rate [m^3/s] of every well: the commanded one times its rate factor.
+
+        In a closed rig with rate factors the sinks follow: sand and water are incompressible, so
+        that the pressure at the sinks changes until the rates balance. All sinks are multiplied by
+
+            (injected / withdrawn with factors) / (injected / withdrawn as commanded),
+
+        which is 1 without factors, and leaves commands that do not balance unbalanced.
+
+        Raises:
+            InputError: a rate for a well that the rig does not have.
+        """
+        found = {
+            name: well.rate * self.rate_factors.get(self.well(name), 1.0)
+            for name, well in rates.items()
+        }
+        if not self.rate_factors or not self.is_closed:
+            return found
+        put_in, taken = in_and_out(found.values())
+        asked_in, asked_out = in_and_out(well.rate for well in rates.values())
+        if taken == 0.0 or asked_in == 0.0:
+            return found
+        follow = put_in * asked_out / (taken * asked_in)
+        return {name: rate if rate > 0.0 else follow * rate for name, rate in found.items()}
+
     def well(self, name: str) -> str:
         """Return `name` if it is a well.
 
@@ -182,3 +215,10 @@ def check(physics: Physics) -> None:
                 f'{name} at ({well.x:.6g}, {well.z:.6g}) m lies outside the rig of '
                 f'{physics.grid.width} x {physics.grid.height} m; correct its position'
             )
+
+
+def in_and_out(rates: Iterable[float]) -> tuple[float, float]:
+    """Return the sum of all positive `rates` [m^3/s], and that of all negative ones, positive."""
+    each = list(rates)
+    put_in = math.fsum(rate for rate in each if rate > 0.0)
+    return put_in, -math.fsum(rate for rate in each if rate < 0.0)

@@ -33,17 +33,17 @@ class SourcesAndSinks:
     def active(self, rates: WellRates) -> list[ActiveSource]:
         """Return the sources and sinks whose rate is not zero.
 
-        The rate of a well is the commanded rate times its rate factor. Leaks are included.
+        The rates of wells are those of `Physics.delivered`. Leaks are included.
 
         Raises:
             InputError: a rate for a well that the rig does not have.
         """
         physics = self.physics
-        active = []
-        for name, well in rates.items():
-            rate = well.rate * physics.rate_factors.get(physics.well(name), 1.0)
-            if rate != 0.0:
-                active.append(ActiveSource(physics.wells[name], rate, well.concentration))
+        active = [
+            ActiveSource(physics.wells[name], rate, rates[name].concentration)
+            for name, rate in physics.delivered(rates).items()
+            if rate != 0.0
+        ]
         active.extend(
             ActiveSource(leak.source_sink, leak.rate, 0.0)
             for leak in physics.leaks

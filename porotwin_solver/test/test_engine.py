@@ -17,7 +17,7 @@ from porotwin_solver.presets import PRESETS
 from porotwin_solver.refinement import refine
 from porotwin_solver.scheme import Scheme
 
-UNBALANCED = {('closed', 'rate'), ('closed', 'leak')}
+UNBALANCED = {('closed', 'leak')}
 """Sides and effects that the model refuses: the rates do not balance."""
 
 

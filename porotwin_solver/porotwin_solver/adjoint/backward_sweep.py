@@ -1,6 +1,6 @@
 """The backward sweep: the adjoint of a simulation, from its last map to its first step."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from porotwin_solver.adjoint.step_adjoint import (
 )
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.model import Model
+from porotwin_solver.physics import Physics
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,33 @@ def well_derivatives(
             by_rate += by_inflow + commanded.concentration * by_tracer
         else:
             by_rate -= at.disc_mean(source_sink, sources_bar.outflow)
-        found_rate[name] = factor * by_rate
+        found_rate[name] = by_rate
         found_concentration[name] = factor * max(commanded.rate, 0.0) * by_tracer
-    return found_rate, found_concentration
+    return by_commands(engine.physics, rates, found_rate), found_concentration
+
+
+def by_commands(
+    physics: Physics, rates: WellRates, by_delivered: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the derivatives with respect to commanded rates, from those for delivered rates.
+
+    They differ by the rate factor f of a well. In a closed rig the sinks follow
+    (`Physics.delivered`): with the derivatives g for delivered rates, the shares w of the sinks and
+    the ratio k of injected and withdrawn water with factors,
+
+        dJ/dr = f (g - sum of w g) for a source, k f (g - sum of w g) for a sink.
+
+    This holds for changes of commands that keep them balanced.
+    """
+    factors = {name: physics.rate_factors.get(name, 1.0) for name in by_delivered}
+    found = {name: factors[name] * value for name, value in by_delivered.items()}
+    sinks = {name: -well.rate * factors[name] for name, well in rates.items() if well.rate < 0.0}
+    taken = sum(sinks.values())
+    if not physics.rate_factors or not physics.is_closed or taken == 0.0:
+        return found
+    put_in = sum(well.rate * factors[name] for name, well in rates.items() if well.rate > 0.0)
+    followed = sum(share / taken * by_delivered[name] for name, share in sinks.items())
+    return {
+        name: (put_in / taken if name in sinks else 1.0) * factors[name] * (value - followed)
+        for name, value in by_delivered.items()
+    }

@@ -1,4 +1,4 @@
-"""One pump delivers factor times the commanded rate, all the time."""
+"""One pump delivers factor times the commanded rate, all the time; in a closed rig sinks follow."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,9 +23,7 @@ def misdeliver(physics: Physics, values: Values) -> Physics:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the factor of a pumping well; a rig closed on all sides cannot have the effect."""
-    if context.rig.closed:
-        return []
+    """Fit the factor of a pumping well; in a closed rig the sinks follow."""
     factor = FitParameter('factor', '-', 1.0, 0.02, 0.0, 5.0)
     return [Candidate('rate', (factor,), {'well': context.well})]
 
