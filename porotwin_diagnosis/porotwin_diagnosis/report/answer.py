@@ -60,11 +60,16 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == NONE:
         return _no_gap(result, errors, sure)
     if verdict.name == UNEXPLAINED:
-        return (
-            f'<b>Unexplained.</b> There is a gap: the error of the model in the held-out part is '
-            f'{before}, but noise and blur of the maps alone make only {floor}. '
-            f'{_nothing_explains(result, summary)} ({sure}).'
+        gap = (
+            'There is a gap: the error of the model in the held-out part is '
+            f'{before}, but noise and blur of the maps alone make only {floor}'
         )
+        if errors['before'] <= errors['noise_floor']:
+            gap = (
+                'There is a gap at fronts or in single places. In the whole held-out part the '
+                f'error is {before}, and noise and blur of the maps may make {floor}'
+            )
+        return f'<b>Unexplained.</b> {gap}. {_nothing_explains(result, summary)} ({sure}).'
     return f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}'
 
 
