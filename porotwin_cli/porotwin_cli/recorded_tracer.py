@@ -77,7 +77,7 @@ def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
 
 
 def _offset(maps: ConcentrationMaps) -> Iterator[Remark]:
-    """Yield a remark if water is not zero in the maps: half of the first one is the palest part."""
+    """Yield a remark if the first map, clean in most places, is not zero there."""
     first = maps[0]
     level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
     if abs(level) > MOST_OFFSET and np.nanquantile(first, TRACER_QUANTILE) < VISIBLE_TRACER:

@@ -1,7 +1,7 @@
 """Looks for oddities in a recording: rates, times and photographs that do not fit together."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -131,11 +131,12 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
     if rows[0].time > max(stopped, 0.0):
         why = f'it begins at {rows[0].time:g} s, after the last row of rates.csv at {stopped:g} s'
         yield Remark(name, '', why, 'compare the dates and clocks of both')
-    turned = sorted(wells_with_turned_sign(data.commanded, data.measured))
+    ratios_of_wells = list(_ratios(data.commanded, data.measured))
+    turned = _turned(ratios_of_wells)
     if turned:
         why = f'the rates of {" and ".join(turned)} have the other sign in rates.csv'
         yield Remark(name, '', why, 'write produced water with a minus in both')
-    ratios = list(map(abs, _ratios(data.commanded, data.measured)))
+    ratios = [abs(ratio) for _, ratio in ratios_of_wells]
     ratio = float(np.median(ratios)) if ratios else 1.0
     if not 1.0 / MOST_RATIO < ratio < MOST_RATIO:
         per_minute = SAME_END[0] < ratio * MINUTE_S < SAME_END[1]
@@ -143,25 +144,27 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
         yield Remark(name, '', f'its rates are {ratio:.3g} times those of rates.csv', unit)
 
 
-def wells_with_turned_sign(commanded: Schedule, measured: Schedule) -> set[str]:
-    """Return the wells whose measured rates have the other sign than the commanded ones.
+def wells_with_turned_sign(commanded: Schedule, measured: Schedule) -> list[str]:
+    """Return the wells, sorted, whose measured rates have the other sign than the commanded ones.
 
     Half of the measured rows of a well or more must have it: one may belong to a reversed pump.
     """
+    return _turned(_ratios(commanded, measured))
+
+
+def _turned(ratios: Iterable[tuple[str, float]]) -> list[str]:
     signs: dict[str, list[bool]] = {}
+    for well, ratio in ratios:
+        signs.setdefault(well, []).append(ratio < 0.0)
+    return sorted(well for well, turned in signs.items() if 2 * sum(turned) >= len(turned))
+
+
+def _ratios(commanded: Schedule, measured: Schedule) -> Iterator[tuple[str, float]]:
+    """Yield wells with measured over commanded rates, at the rows of wells that shall pump."""
     for row in measured.rows:
         asked = commanded.at(row.time).get(row.well)
         if asked is not None and asked.rate and row.rate.rate:
-            signs.setdefault(row.well, []).append(asked.rate * row.rate.rate < 0.0)
-    return {well for well, turned in signs.items() if 2 * sum(turned) >= len(turned)}
-
-
-def _ratios(commanded: Schedule, measured: Schedule) -> Iterator[float]:
-    """Yield measured over commanded rates, at the measured rows of wells that shall pump."""
-    for row in measured.rows:
-        asked = commanded.at(row.time).get(row.well)
-        if asked is not None and asked.rate and row.rate.rate:
-            yield row.rate.rate / asked.rate
+            yield row.well, row.rate.rate / asked.rate
 
 
 def _odd_interval(data: RecordedData) -> Iterator[Remark]:

@@ -4,7 +4,7 @@ import bisect
 import itertools
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -85,8 +85,7 @@ def _gaps(path: Path, rows: list[PumpedRate]) -> list[str]:
     """Return a line if a log has gaps between the rates of a well, which count as a rest."""
     gaps = [
         (earlier.end, well)
-        for well in dict.fromkeys(row.well for row in rows)
-        for earlier, later in itertools.pairwise(row for row in rows if row.well == well)
+        for well, earlier, later in _successors(rows)
         if earlier.end is not None and earlier.end < later.start and earlier.rate.rate
     ]
     if not gaps:
@@ -142,14 +141,19 @@ def _check_overlap(path: Path, rows: list[PumpedRate]) -> None:
     Raises:
         InputError: two do.
     """
+    for well, earlier, later in _successors(rows):
+        if later.start == earlier.start or (earlier.end and later.start < earlier.end):
+            raise InputError(
+                f'{path}: two rates of well {well} overlap at '
+                f'{later.start:%Y-%m-%d %H:%M:%S}; correct start or end'
+            )
+
+
+def _successors(rows: list[PumpedRate]) -> Iterator[tuple[str, PumpedRate, PumpedRate]]:
+    """Yield every well with each two of its `rows`, sorted by start, that follow each other."""
     for well in dict.fromkeys(row.well for row in rows):
-        own = [row for row in rows if row.well == well]
-        for earlier, later in itertools.pairwise(own):
-            if later.start == earlier.start or (earlier.end and later.start < earlier.end):
-                raise InputError(
-                    f'{path}: two rates of well {well} overlap at '
-                    f'{later.start:%Y-%m-%d %H:%M:%S}; correct start or end'
-                )
+        for earlier, later in itertools.pairwise(row for row in rows if row.well == well):
+            yield well, earlier, later
 
 
 def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
@@ -290,7 +294,7 @@ def check_measured(path: Path, commanded: Schedule, measured: Schedule, *, is_ov
     Raises:
         InputError: a well has the other sign, or the log belongs to another time.
     """
-    turned = sorted(wells_with_turned_sign(commanded, measured))
+    turned = wells_with_turned_sign(commanded, measured)
     if turned:
         raise InputError(
             f'{path}: the rates of {" and ".join(turned)} have the other sign in '

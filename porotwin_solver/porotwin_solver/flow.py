@@ -100,7 +100,7 @@ class Flow:
         """Prepare the pressures of `mobility_thickness` = d k / mu [m^3/(Pa s)], (nz, nx)."""
         self.grid = grid
         self.transmissibility = transmissibilities(grid, mobility_thickness, boundaries)
-        self.closed = 'open' not in boundaries.model_dump().values()
+        self.closed = boundaries.all_closed
         trans = self.transmissibility
         # any transmissibility will do; one column has none along x, one cell none at all
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0

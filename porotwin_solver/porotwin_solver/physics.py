@@ -113,11 +113,6 @@ class Physics:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether no side is open, so that as much water leaves as enters."""
-        return 'open' not in self.boundaries.model_dump().values()
-
     def delivered(self, rates: WellRates) -> dict[str, float]:
         """Return the rate [m^3/s] of every well: the commanded one times its rate factor.
 
@@ -135,7 +130,7 @@ class Physics:
             name: well.rate * self.rate_factors.get(self.well(name), 1.0)
             for name, well in rates.items()
         }
-        if not self.rate_factors or not self.is_closed:
+        if not self.rate_factors or not self.boundaries.all_closed:
             return found
         put_in, taken = in_and_out(found.values())
         asked_in, asked_out = in_and_out(well.rate for well in rates.values())

@@ -220,8 +220,7 @@ class Rig(Section):
     @property
     def closed(self) -> bool:
         """Whether every side is closed, so that the wells must balance."""
-        sides = self.boundaries
-        return 'open' not in (sides.top, sides.bottom, sides.left, sides.right)
+        return self.boundaries.all_closed
 
     def __eq__(self, other: object) -> bool:
         return (

@@ -85,6 +85,11 @@ class Boundaries(Section):
     left: Side = Field('closed', description='condition on the left side')
     right: Side = Field('closed', description='condition on the right side')
 
+    @property
+    def all_closed(self) -> bool:
+        """Whether no side is open, so that the wells must balance."""
+        return 'open' not in (self.top, self.bottom, self.left, self.right)
+
 
 class Well(Section):
     """A well: a disc of radius `radius_m` around (`x_m`, `z_m`)."""

@@ -18,7 +18,7 @@ from porotwin_solver.adjoint.step_adjoint import (
 )
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.model import Model
-from porotwin_solver.physics import Physics
+from porotwin_solver.physics import Physics, in_and_out
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,13 @@ def by_commands(
     """
     factors = {name: physics.rate_factors.get(name, 1.0) for name in by_delivered}
     found = {name: factors[name] * value for name, value in by_delivered.items()}
-    sinks = {name: -well.rate * factors[name] for name, well in rates.items() if well.rate < 0.0}
-    taken = sum(sinks.values())
-    if not physics.rate_factors or not physics.is_closed or taken == 0.0:
+    if not physics.rate_factors or not physics.boundaries.all_closed:
         return found
-    put_in = sum(well.rate * factors[name] for name, well in rates.items() if well.rate > 0.0)
+    with_factors = {name: well.rate * factors[name] for name, well in rates.items()}
+    put_in, taken = in_and_out(with_factors.values())
+    if taken == 0.0:
+        return found
+    sinks = {name: -rate for name, rate in with_factors.items() if rates[name].rate < 0.0}
     followed = sum(share / taken * by_delivered[name] for name, share in sinks.items())
     return {
         name: (put_in / taken if name in sinks else 1.0) * factors[name] * (value - followed)
