@@ -19,7 +19,7 @@ from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
 from porotwin_cli.hidden_effect import as_text
-from porotwin_cli.rig_drawing import DPI, draw_map
+from porotwin_cli.rig_drawing import DPI, draw_map, percent_scale
 from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
 from porotwin_core.errors import writing
@@ -278,10 +278,11 @@ def _picture(
 ) -> None:
     """Draw the error of the forecasts, and the tracer in the zone beside the other twins."""
     account = read_account(folder / 'bag')
-    figure, axes = plt.subplots(2, 1, figsize=(9, 7), sharex=True, layout='constrained')
+    figure, axes = plt.subplots(2, 1, figsize=(10, 7), sharex=True, layout='constrained')
     minutes = np.array(account.times) / MINUTE_S
-    axes[0].semilogy(minutes, account.prediction_error, color='#333333')
-    axes[0].set_ylabel('relative error of the\nforecast for this photograph')
+    axes[0].plot(minutes, 100.0 * np.array(account.prediction_error), color='#333333')
+    percent_scale(axes[0])
+    axes[0].set_ylabel('error of the forecast\nfor this photograph [%]')
     twin = 'this twin, mended' if mending.last else 'this twin, not mended'
     axes[1].plot(truth.times / MINUTE_S, truth.disallowed(rig) * ML, color='#12502f', label=twin)
     for (name, run), colour in zip(beside.items(), ('#b03a2e', '#2e6db0'), strict=False):
@@ -290,7 +291,7 @@ def _picture(
         axes[1].plot(times, run.course_ml, color=colour, linestyle='--', label=name)
     axes[1].set_ylabel('tracer in the zone [ml]')
     axes[1].set_xlabel('time since the start of the injection [min]')
-    axes[1].legend(fontsize=8)
+    axes[1].legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.0, 1.0), frameon=False)
     for axis in axes:
         axis.grid(alpha=0.3)
         for time, effects in mending.changes:

@@ -1,11 +1,15 @@
 """Oddities of the tracer in the maps of a recording, told before its diagnosis."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.plausibility import Remark
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
@@ -24,6 +28,21 @@ VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 
 
+PURE = 0.5
+"""Concentration [-] of injected fluid from which on its well is surely seen in the maps."""
+
+EMPTY_LEVEL, FULL_LEVEL = 0.25, 0.5
+"""Mean concentrations [-] around a well without tracer at most, and with tracer at least."""
+
+TURNS: dict[str, Callable[[NDArray[np.bool_]], NDArray[np.bool_]]] = {
+    '': lambda cells: cells,
+    'upside down': lambda cells: cells[::-1],
+    'swapped left and right': lambda cells: cells[:, ::-1],
+    'turned by 180 degrees': lambda cells: cells[::-1, ::-1],
+}
+"""Ways to turn a map (nz, nx), by their names."""
+
+
 def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     """Yield the remarks about the tracer in the maps of `recording`.
 
@@ -34,6 +53,8 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     maps, rates = recording.present_maps, recording.known_rates
     yield from _frozen(maps)
     yield from _offset(maps)
+    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
+    yield from _false(recording.rig, maps, chosen)
     if rates is None:
         return
 
@@ -42,14 +63,16 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
 
     if told := excess(0):
         pumped = any(row.rate.rate and row.time <= maps.times[0] for row in rates.rows)
+        if np.nanmedian(maps[0]) > FULL_LEVEL:
+            told += '. If 1 is water in these maps, write 1 minus their values'
         if pumped:  # otherwise the model starts with this tracer
             yield _remark(
                 f'{told}. If tracer of an earlier run was left, begin the recording before the '
                 'pumps run; a late clock looks the same'
             )
         return
-    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
+    yield from _turned(recording.rig, maps, rates, chosen)
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
     later = [index for index in chosen if stock and maps.times[index] > stock[0]]
     empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
@@ -73,6 +96,47 @@ def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
         yield _remark(
             f'{len(same)} of {len(maps)} maps repeat the one before to the last bit, the first '
             f'behind {first:g} s; did the camera or its program stand still? Leave them out'
+        )
+
+
+def _false(rig: Rig, maps: ConcentrationMaps, chosen: Sequence[int]) -> Iterator[Remark]:
+    """Yield a remark if single cells of the `chosen` maps are far off all others."""
+    wells = cells_near(rig.wells.values(), maps.grid)
+    found = np.concatenate([np.argwhere(false_cells(maps[index], wells)) for index in chosen])
+    if len(found):
+        row, column = found[0]
+        yield _remark(
+            f'{len(found)} cells in {len(chosen)} maps that were looked at are far above stock, or '
+            f'unlike all their neighbours, the first at x = {maps.grid.x[column]:.3g} m, '
+            f'z = {maps.grid.z[row]:.3g} m; look for a glare or a dead pixel. They count as unseen'
+        )
+
+
+def _turned(
+    rig: Rig, maps: ConcentrationMaps, rates: Schedule, chosen: Sequence[int]
+) -> Iterator[Remark]:
+    """Yield a remark if tracer lies at mirror images of the wells that inject it, not at the wells.
+
+    A file of rows from the top down is upside down, since z points up.
+    """
+    levels: dict[str, list[float]] = {how: [] for how in TURNS}
+    for index in chosen:
+        before = rates.at(float(maps.times[max(index - 1, 0)]))
+        for name, rate in rates.at(float(maps.times[index])).items():
+            if rate.rate > 0 and rate.concentration > PURE and before.get(name) == rate:
+                cells = cells_near([rig.wells[name]], maps.grid)
+                for how, turn in TURNS.items():
+                    seen = maps[index][turn(cells)]
+                    levels[how].extend(seen[np.isfinite(seen)])
+    if not all(levels.values()):  # no well injected stock where the maps show it
+        return
+    means = {how: float(np.mean(found)) for how, found in levels.items()}
+    turned = max(means, key=means.__getitem__)
+    if means[turned] > FULL_LEVEL and means[''] < EMPTY_LEVEL:
+        yield _remark(
+            f'the maps seem to be {turned}: where wells inject stock they show {means[""]:.2g} in '
+            f'the mean, and {means[turned]:.2g} at their mirror images; turn the maps, whose rows '
+            'go from the bottom up and whose columns from left to right'
         )
 
 

@@ -15,6 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from porotwin_cli.output_files import maker
 from porotwin_core.control_zones import ZoneKind, control_zones
@@ -109,6 +110,14 @@ def draw_interfaces(axis: Axes, rig: Rig) -> None:
         axis.contour(
             x, z, permeability, levels=steps, colors=INTERFACE, linestyles='-', linewidths=0.8
         )
+
+
+def percent_scale(axis: Axes) -> None:
+    """Give the errors [%] on the vertical `axis` a logarithmic scale with plain numbers."""
+    axis.set_yscale('log')
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0)))
+    axis.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
+    axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def picture_beside(output: pathlib.Path) -> pathlib.Path:

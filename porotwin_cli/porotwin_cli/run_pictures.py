@@ -9,7 +9,7 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 
-from porotwin_cli.rig_drawing import DPI, draw_map
+from porotwin_cli.rig_drawing import DPI, draw_map, percent_scale
 from porotwin_cli.run_account import RunAccount, TrueTracer
 from porotwin_core.errors import writing
 from porotwin_core.rig import Rig
@@ -48,7 +48,7 @@ def course_picture(
     path: Path, rig: Rig, account: RunAccount, controlled: TrueTracer, free: TrueTracer
 ) -> None:
     """Draw setpoints, tracer in the zone, prediction errors and cycle times over a run."""
-    figure, axes = plt.subplots(4, 1, figsize=(9, 11), sharex=True, layout='constrained')
+    figure, axes = plt.subplots(4, 1, figsize=(10, 11), sharex=True, layout='constrained')
     for number, (well, rates) in enumerate(account.rates_ml_h.items()):
         style = DASHES[number % len(DASHES)]  # equal rates of two wells must both be seen
         minutes = np.array(account.setpoint_times) / 60
@@ -61,20 +61,21 @@ def course_picture(
         axes[1].plot(truth.times / 60, truth.disallowed(rig) * ML, color=colour, label=label)
     axes[1].set_ylabel('tracer in the zone [ml]')
     minutes = np.array(account.times) / 60
-    axes[2].semilogy(minutes, account.prediction_error, label='physics-based model')
+    errors = [('physics-based model', account.prediction_error, '-')]
     if any(account.corrected):
-        axes[2].semilogy(minutes, account.corrected_error, label='with COSTA')
-    axes[2].semilogy(
-        minutes, account.expected_error, ':', color='grey', label='expected by the deviations'
-    )
-    axes[2].set_ylabel('relative error of the\nprediction for this photo')
+        errors.append(('with COSTA', account.corrected_error, '-'))
+    errors.append(('expected by the\ndeviations', account.expected_error, ':'))
+    for label, error, line in errors:
+        axes[2].plot(minutes, 100.0 * np.array(error), line, label=label)
+    percent_scale(axes[2])
+    axes[2].set_ylabel('error of the prediction\nfor this photograph [%]')
     axes[3].plot(minutes, account.cycle_s, label='state to setpoint')
     axes[3].set_ylabel('wall-clock time [s]')
     axes[3].set_ylim(bottom=0.0)
     axes[3].set_xlabel('time since the start of the injection [min]')
     for axis in axes:
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8, loc='best')
+        axis.legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.0, 1.0), frameon=False)
     with writing(path):
         figure.savefig(path, dpi=DPI)
     plt.close(figure)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,3 +76,32 @@ def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:
     assert any(
         'nearly everywhere' in one.why for one in remarks_about_tracer(with_maps(given, values))
     )
+
+
+def test_single_cells_that_no_neighbour_is_like_are_told() -> None:
+    given = recording(level=0.2)
+    values = np.array(given.present_maps[:])
+    values[:, 20, 9] = 1.0
+    (remark,) = remarks_about_tracer(with_maps(given, values))
+    assert remark.why.startswith('8 cells in 8 maps')
+    assert 'x = 0.177 m' in remark.why
+
+
+@pytest.mark.parametrize(
+    ('turned', 'named'),
+    [
+        (np.s_[:, ::-1], 'upside down'),
+        (np.s_[:, :, ::-1], 'swapped left and right'),
+        (np.s_[:, ::-1, ::-1], 'turned by 180 degrees'),
+        (np.s_[:], ''),
+    ],
+)
+def test_turned_maps_are_told(turned: Any, named: str) -> None:
+    well = RIG.wells['injector'].model_copy(update={'x_m': 0.1, 'z_m': 0.1})
+    rig = RIG.model_copy(update={'wells': {'injector': well}})
+    given = replace(recording(level=0.2), rig=rig)
+    values = np.array(given.present_maps[:])
+    values[1:, :13, :11] = 1.0
+    told = [one.why for one in remarks_about_tracer(with_maps(given, values[turned]))]
+    seems = [why for why in told if 'seem to be' in why]
+    assert [why.split(':')[0] for why in seems] == [f'the maps seem to be {named}'] * bool(named)

@@ -15,6 +15,7 @@ from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
 from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
+from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
@@ -64,6 +65,7 @@ def examine(
     _check_same_rig(recordings)
     progress = forward_only(progress)
     progress('reading the recording', 0.0)
+    recordings = [without_false_cells(recording) for recording in recordings]
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
     findings, levels = search_effects(

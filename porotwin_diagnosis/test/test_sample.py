@@ -10,7 +10,6 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.misfit import misfit
-from porotwin_diagnosis.data.observed_maps import without_hot_cells
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STATED_SHARE, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.concentration import MapSeries
@@ -146,14 +145,3 @@ def test_fitted_frames_share_errors_of_their_own(quiet):
     assert sample.whitened(shown).shape[0] == len(sample.times)
     coarse = coarsened(sample, 2)
     assert np.isfinite(coarse.whitened(0.9 * coarse.observed_or_zero)).all()
-
-
-def test_a_glaring_cell_is_not_seen_and_another_scale_stays(quiet):
-    recording = open_recording(quiet)
-    maps = np.array(recording.concentration)
-    maps[:, 20, 30] = 900.0
-    sample = read_sample(with_frames(recording, np.array(recording.times), maps))
-    assert np.isnan(sample.observed[:, 20, 30]).all()
-    assert np.nanmax(sample.observed) < 2.0
-    percent = 100.0 * np.array(recording.concentration)
-    assert (without_hot_cells(percent[-1]) == percent[-1]).all()

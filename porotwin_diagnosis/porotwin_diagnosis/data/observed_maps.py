@@ -14,9 +14,6 @@ TRACER_LEVEL = 0.3
 FILLED_SHARE = 0.02
 """Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
 
-HOT_CELL, HOT_SHARE = 2.0, 0.01
-"""Concentration [-] that no tracer has, and the largest share of single cells with more."""
-
 HOLE_FILL_WIDTH = 3.0
 """Width [cells] of the Gaussian mean that fills unseen cells from their neighbours."""
 
@@ -31,15 +28,6 @@ differ by their noise only."""
 def tracer_share(concentration: FloatArray) -> float:
     """Return the share [-] of cells (nz, nx) with tracer; compare it with `FILLED_SHARE`."""
     return float(np.mean(concentration > TRACER_LEVEL))
-
-
-def without_hot_cells(maps: FloatArray) -> FloatArray:
-    """Return `maps` (..., nz, nx) [-] with NaN in single cells far above stock, such as a glare.
-
-    If they are more than a few, the whole scale is another one, and the maps stay as they are.
-    """
-    hot = maps > HOT_CELL
-    return np.where(hot, np.nan, maps) if 0.0 < hot.mean() <= HOT_SHARE else maps
 
 
 def filled_map(frame: FloatArray, grid: Grid) -> FloatArray:
@@ -86,7 +74,7 @@ def observed_maps(
         )
     seen = _without_bursts(seen, recording.times)
     frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
-    observed = [without_hot_cells(stored[int(frame)]) for frame in frames]
+    observed = [stored[int(frame)] for frame in frames]
     maps = [filled_map(frame, grid) for frame in observed]
     shares = [conservative_resample(np.isfinite(f).astype(float), grid.shape) for f in observed]
     return recording.times[frames], maps, shares

@@ -35,7 +35,6 @@ from porotwin_diagnosis.data.observed_maps import (
     evenly_spread,
     filled_map,
     tracer_share,
-    without_hot_cells,
 )
 from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
@@ -372,9 +371,7 @@ def read_sample(recording: Recording) -> Sample:
         schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
-        observed=_without_rim(
-            np.stack([without_hot_cells(maps[int(index)]) for index in chosen]).astype(float)
-        ),
+        observed=_without_rim(np.stack([maps[int(index)] for index in chosen]).astype(float)),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
         noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
@@ -424,7 +421,7 @@ def _noise(recording: Recording, step: int) -> Noise:
     """Return the noise of every `step`-th map, and what the recording says about its errors."""
     stored = recording.maps
     assert stored is not None
-    maps = without_hot_cells(stored[::step])
+    maps = stored[::step]
     noise = measure_noise(maps)
     if stored.deviation is None or stored.systematic is None:
         return noise

@@ -12,7 +12,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
-from porotwin_diagnosis.data.observed_maps import evenly_spread, without_hot_cells
+from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.data.shared_errors import best_level
 from porotwin_diagnosis.decision.numerics import Numerics, before_and_after
@@ -128,8 +128,7 @@ def measure_held_out(
     late = np.flatnonzero(recording.times >= sample.held_out_start)
     chosen = evenly_spread(late, MOST_MAPS)
     assert recording.maps is not None
-    frames = [without_hot_cells(recording.maps[int(index)]) for index in chosen]
-    observed = np.stack(frames).astype(float)
+    observed = np.stack([recording.maps[int(index)] for index in chosen]).astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
     before, after = before_and_after(part, model, numerics)
     width = measure_point_spread_width(observed, after, sample.noise)
