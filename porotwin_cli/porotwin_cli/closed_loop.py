@@ -166,33 +166,46 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         WorkFailed: a node cannot run, or the loop stalls.
     """
     started = time.monotonic()
-    rig_file = _prepare_rig(folder, settings)
-    graph = GraphSettings(
+    with claim_domain():  # before anything is written
+        rig_file = _prepare_rig(folder, settings)
+        _run_graph(_graph(rig_file, folder, settings), folder, settings)
+    figures = _account(load_rig(rig_file), folder, settings.hidden)
+    if settings.hidden is not None:
+        figures |= mended_figures(load_rig(rig_file), folder, settings.hidden, settings.preset)
+    figures['costa'] = settings.costa
+    return {**figures, 'duration_s': time.monotonic() - started}
+
+
+def _graph(rig_file: Path, folder: Path, settings: DemoSettings) -> GraphSettings:
+    """Return the settings of the graph, without a calibration and a COSTA model."""
+    hidden = settings.hidden is not None
+    return GraphSettings(
         rig=rig_file,
         preset=settings.preset,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
         page=settled(settings.page) if settings.page else '',
         page_token=folder / 'page_token' if settings.page else None,
-        siblings=bool(settings.page) and settings.hidden is None,
-        grid=MENDED_GRID if settings.hidden is not None else '',
-        diagnoses=folder / 'diagnoses' if settings.hidden is not None else None,
-        mend='ask' if settings.hidden is not None else 'off',
+        siblings=bool(settings.page) and not hidden,
+        grid=MENDED_GRID if hidden else '',
+        diagnoses=folder / 'diagnoses' if hidden else None,
+        mend='ask' if hidden else 'off',
         use_sim_time=True,
     )
-    page_nodes = _page_from_the_start(graph)
-    with claim_domain(), GraphProcesses(page_nodes, folder, say=say) as page:
+
+
+def _run_graph(graph: GraphSettings, folder: Path, settings: DemoSettings) -> None:
+    """Prepare camera and model behind the page, then run the loop.
+
+    Raises:
+        WorkFailed: a node cannot run, or the loop stalls.
+    """
+    with GraphProcesses(_page_from_the_start(graph), folder, say=say) as page:
         tell_page(graph.page, graph.page_token)
-        calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
-        graph = replace(graph, calibration=calibration, model=model)
-        _run_loop(graph, folder, settings)
+        calibration, model = _prepare_camera_and_model(graph.rig, folder, settings)
+        _run_loop(replace(graph, calibration=calibration, model=model), folder, settings)
         for why in page.failed.values():
             say(f'the page did not run: {why}')
-    figures = _account(load_rig(rig_file), folder, settings.hidden)
-    if settings.hidden is not None:
-        figures |= mended_figures(load_rig(rig_file), folder, settings.hidden, settings.preset)
-    figures['costa'] = settings.costa
-    return {**figures, 'duration_s': time.monotonic() - started}
 
 
 def _page_from_the_start(graph: GraphSettings) -> list[NodeDescription]:

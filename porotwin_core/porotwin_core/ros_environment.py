@@ -31,6 +31,10 @@ Their ports lie below those that Linux gives to programs (docs.ros.org). People 
 hand, and the tests of this project use those up to 80.
 """
 
+CONSOLE_FORMAT = 'RCUTILS_CONSOLE_OUTPUT_FORMAT'
+READABLE_LINES = '[{severity}] {date_time_with_ms} {name}: {message}'
+"""The lines of a node: a date instead of seconds since 1970 (docs.ros.org, about logging)."""
+
 DOMAIN_PORTS = 250
 """Ports of one domain (RTPS 2.2, section 9.6.1)."""
 
@@ -42,7 +46,9 @@ RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
 
 
 def prepare_environment() -> None:
-    """Check the variables of ROS 2; without a discovery range, set it to this machine.
+    """Check the variables of ROS 2, and set two that are not set.
+
+    Nodes find those of this machine only, and their lines have a readable date.
 
     Raises:
         InputError: one line with the variable and its allowed values.
@@ -50,6 +56,7 @@ def prepare_environment() -> None:
     check_environment(os.environ)
     if not os.environ.get(RANGE):
         os.environ[RANGE] = 'LOCALHOST'
+    os.environ.setdefault(CONSOLE_FORMAT, READABLE_LINES)
 
 
 def check_environment(environ: Mapping[str, str]) -> None:

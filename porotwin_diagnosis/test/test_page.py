@@ -1,6 +1,7 @@
 """The report page: its sections and pictures for every kind of verdict."""
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +50,13 @@ def test_effects_that_the_model_has_already_are_told(denser, tmp_path):
     known = replace(recording, rig=recording.rig.with_effects([leak]))
     text, _ = page(replace(denser, recordings=(known,)), tmp_path)
     assert 'The model as it is has the effects of rig.yaml: ' in text
+
+
+def test_effects_without_a_row_are_named(denser, tmp_path):
+    text, _ = page(replace(denser, excluded=('clock',)), tmp_path)
+    (named,) = re.findall(r'Not in the table, [^.]*', text)
+    assert 'leak' in named
+    assert 'clock' not in named
 
 
 def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(denser, tmp_path):

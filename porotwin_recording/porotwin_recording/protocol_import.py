@@ -40,9 +40,9 @@ def has_protocols(folder: Path) -> bool:
 def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnswers) -> list[str]:
     """Write an experiment folder from protocols and photographs; return the assumptions made.
 
-    Time zero is the first commanded injection, else the first measured one, else the first
-    photograph. Photographs before time zero are baselines. Photographs are linked where the file
-    system allows it.
+    Time zero is the first commanded rate above or below zero, else the first measured one, else
+    the first photograph. Photographs before time zero are baselines. Photographs are linked where
+    the file system allows it.
 
     Args:
         folder: the folder with the protocols.
@@ -70,9 +70,10 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
         measured = pumped_rates(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
     _check_clocks([folder / name for name in there], answers)
     pumped = commanded or measured or []
-    begin = min([row.start for row in pumped] or [moment for moment, _ in photographs])
+    running = [row.start for row in pumped if row.rate.rate] or [row.start for row in pumped]
+    begin = min(running or [moment for moment, _ in photographs])
     photos = with_roles(photographs, begin, told)
-    asked = schedule_of(commanded, begin) if commanded else None
+    asked = schedule_of(since(begin, commanded, told), begin) if commanded else None
     delivered = schedule_of(since(begin, measured, told), begin) if measured else None
     if asked is not None and delivered is not None:
         last = max(row.end or row.start for row in measured or ())

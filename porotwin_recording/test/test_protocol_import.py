@@ -66,6 +66,15 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
         assert words in text, words
 
 
+def test_a_pump_at_rest_does_not_start_the_clock(folder: Path) -> None:
+    rest = '0,0.105,0.1,2024-05-31 09:00:00,2024-05-31 09:50:00,0\n'
+    title, rows = INJECTION.split('\n', 1)
+    (folder / 'injection_protocol.csv').write_text(f'{title}\n{rest}{rows}')
+    recording, told = imported(folder)
+    assert any('time zero is 2024-05-31 10:00:00' in line for line in told)
+    assert recording.schedule.rows[0].time == 0.0
+
+
 def test_the_same_protocols_as_excel_writes_them_in_europe(folder: Path) -> None:
     plain, _ = imported(folder)
     (folder / 'imaging_protocol.csv').write_bytes(

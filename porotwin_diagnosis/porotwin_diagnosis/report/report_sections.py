@@ -62,9 +62,21 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         'a smaller error may be less probable. All members '
         'of a combination have its probability. The remainder to 100 % is for no '
         'effect at all, for causes that the library lacks, and for all that this recording is too '
-        'coarse to tell. “≤”: at or below the noise.</p>'
+        f'coarse to tell. “≤”: at or below the noise.{_left_out(result, summary)}</p>'
     )
     return note + table(head, rows, {4, 5})
+
+
+def _left_out(result: Diagnosis, summary: Summary) -> str:
+    """Return a sentence about the effects of the library that have no row, empty if all have."""
+    rows = {row['name'] for row in summary['effects']}
+    names = [spoken(name) for name in EFFECTS if name not in {*rows, *result.excluded}]
+    if not names:
+        return ''
+    return (
+        ' Not in the table, because they cannot act in this recording or nothing in it speaks for '
+        f'them: {", ".join(names)}.'
+    )
 
 
 def _meaning(row: Mapping[str, Any], *, named: bool) -> str:
