@@ -201,7 +201,7 @@ class _MendedRun:
         result = examine([open_recording(recording)], preset=self._settings.preset)
         finding = finding_of(diagnosis_json(result))
         self.lines.append(f'{self._now / 60.0:.0f} min: {finding.verdict} {finding.confidence:.2f}')
-        self.mender.found(finding, seen=self._now, now=self._now)
+        self.mender.found(finding, seen=self._now, now=self._now, given=self.mender.in_force)
 
 
 def run_mended(scenario: LoopScenario, settings: LoopSettings) -> MendFigures:

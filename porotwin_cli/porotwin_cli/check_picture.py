@@ -22,7 +22,7 @@ from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_imaging.geometry import Geometry
 
 DPI = 120
@@ -72,6 +72,7 @@ def check_picture(path: Path, checked: CheckedRig, words: Sequence[str] = ()) ->
     figure.set_layout_engine('constrained')
     axes = figure.subplots(len(heights) + 1, 1, squeeze=False, height_ratios=[*heights, text])[:, 0]
     _draw_rig(axes[0], checked.rig)
+    _draw_effects(axes[0], checked.effects)
     if checked.photograph is not None:
         _draw_photograph(axes[1], checked)
     axes[-1].axis('off')
@@ -106,7 +107,6 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
         axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
         axis.plot(well.x_m, well.z_m, 'o', mfc='none', mec=ROLES[role], ms=11)
         axis.annotate(name, (well.x_m, well.z_m), (8, 6), textcoords='offset points', fontsize=8)
-    _draw_effects(axis, rig)
     axis.set(xlabel='x [m]', ylabel='z [m]')
     axis.set_title(f'{rig.name}: {rig.width_m:g} m x {rig.height_m:g} m, {_depth_words(rig)}')
     margin = 0.02 * rig.width_m
@@ -118,9 +118,9 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     )  # fmt: skip
 
 
-def _draw_effects(axis: Axes, rig: Rig) -> None:
+def _draw_effects(axis: Axes, effects: Sequence[EffectDescription]) -> None:
     """Mark the effects that have a place, such as a leak."""
-    for effect in rig.effects:
+    for effect in effects:
         if {'x', 'z'} <= effect.parameters.keys():
             place = float(effect.parameters['x']), float(effect.parameters['z'])
             axis.plot(*place, 'x', color='black', ms=9, mew=2)

@@ -3,7 +3,7 @@
 import io
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
@@ -20,7 +20,7 @@ from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
-from porotwin_core.rig import Rig, read_rig
+from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import ML, to_ml_h
@@ -73,6 +73,10 @@ class PhotoInterval(NamedTuple):
     origin: str = ''
 
 
+EFFECTS_KEY = 'effects'
+"""Key of a remark about effects that the model refuses."""
+
+
 @dataclass(frozen=True)
 class CheckedRig:
     """The result of a check.
@@ -101,6 +105,12 @@ class CheckedRig:
     def runs(self) -> bool:
         """Whether work with it makes sense."""
         return not any(remark.refused for remark in self.remarks)
+
+    @property
+    def effects(self) -> Sequence[EffectDescription]:
+        """The effects of the description; none if the model refuses them."""
+        refused = any(remark.refused and remark.key == EFFECTS_KEY for remark in self.remarks)
+        return () if refused else self.rig.effects
 
 
 def check(
@@ -189,7 +199,7 @@ def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
 def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
     """Yield the refusals of those who use the rig: controller, model, imaging."""
     uses: dict[str, Callable[[], object]] = {
-        'effects': lambda: apply_effects(
+        EFFECTS_KEY: lambda: apply_effects(
             nominal_physics(rig, grid), ObservationOperator(), rig.effects
         )
     }
@@ -244,7 +254,7 @@ def pumped_in(data: RecordedData) -> Pumped:
 
 def in_words(checked: CheckedRig) -> list[str]:
     """Return the lines of a check beside its remarks."""
-    lines = effects_in_words(checked.rig)
+    lines = effects_in_words(checked.effects)
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
@@ -265,11 +275,11 @@ def in_words(checked: CheckedRig) -> list[str]:
     return lines
 
 
-def effects_in_words(rig: Rig) -> list[str]:
-    """Return one line with the effects that the description of `rig` holds; empty without any."""
+def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
+    """Return one line with the `effects` of a description; empty without any."""
     told = [
         f'{effect.name}: {plain(EFFECTS[effect.name].phrase(effect.parameters))}'
-        for effect in rig.effects
+        for effect in effects
         if effect.name in EFFECTS
     ]
     return [f'the model has these effects: {"; ".join(told)}'] if told else []

@@ -90,6 +90,7 @@ def test_the_small_rig_is_not_odd() -> None:
         ),
         ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm, (0.235, 0.235) m?'),
         ({'wells.list': [0.2, 0.3]}, 'write a section'),
+        ({'wells.comma': {'x_m': 0, '39': None, 'z_m': 0.2}}, 'a decimal comma'),
         ({'name': 5}, 'put numbers and dates in quotes'),
         ({'control.wells': 'injector'}, 'write a list'),
         ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),

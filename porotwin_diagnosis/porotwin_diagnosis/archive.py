@@ -16,7 +16,13 @@ from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.examine import examine
-from porotwin_diagnosis.report.origin import files_mark, own_rig, place_of, rig_mark
+from porotwin_diagnosis.report.origin import (
+    check_unchanged,
+    files_mark,
+    own_rig,
+    place_of,
+    rig_mark,
+)
 from porotwin_diagnosis.report.report_folder import (
     REPORT,
     SUMMARY,
@@ -98,15 +104,11 @@ class ArchiveTask:
         Raises:
             InputError: as `examine`, or the recording changed meanwhile.
         """
-        before = files_mark(self.recording)
+        marks = {self.recording: files_mark(self.recording)}
         opened = open_recording(self.recording, rig=self.rig)
         folder = checked_folder(self.folder, [self.recording])
         result = examine([opened], preset=self.preset)
-        if files_mark(self.recording) != before:
-            raise InputError(
-                f'{self.recording}: changed during its diagnosis; repeat the call when it is '
-                'complete'
-            )
+        check_unchanged(marks)
         write_diagnosis(result, folder)
 
 

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionClient
@@ -43,6 +43,7 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_msgs.srv import AnswerMend, SetEffects
+from porotwin_solver.effects_in_force import checked_effects
 from porotwin_solver.presets import PRESETS
 
 NICENESS = 5
@@ -61,6 +62,21 @@ ten."""
 MINUTE_S = 60.0
 
 
+class _Asked(NamedTuple):
+    """A diagnosis that is under way.
+
+    run: number of the experiment that it looks at.
+    seen: time of the newest photograph when it began [s].
+    began: when it began, by `time.monotonic` [s].
+    given: the effects that were in force.
+    """
+
+    run: int
+    seen: float
+    began: float
+    given: tuple[EffectDescription, ...]
+
+
 class MendNode(Node):
     """Offers sure verdicts of the diagnosis; lets an accepted effect act in the model."""
 
@@ -71,7 +87,7 @@ class MendNode(Node):
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('mend', **kwargs)
-        rig = declare_rig(self)
+        self._rig = rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
         preset = declare(
             self, 'preset', 'fast', 'preset of the solver, for shadow forecasts', choices=PRESETS
@@ -104,7 +120,7 @@ class MendNode(Node):
         self._newest: float | None = None
         self._run = 0
         self._wanted = ''
-        self._asked: tuple[int, float, float] | None = None
+        self._asked: _Asked | None = None
         self._goal: Any = None
         self._overdue = False
         self._held: list[Header] = []
@@ -233,10 +249,11 @@ class MendNode(Node):
     def _on_effects(self, message: ModelEffects) -> None:
         try:
             effects = conversions.effects_from_msg(message.effects)
+            checked_effects(self._rig, effects)
         except InputError as error:
             self.get_logger().error(f'model/effects ignored: {error}')
             return
-        is_new = message.sequence == 0 and self._known_sequence > 0
+        is_new = message.sequence == 0  # a solver begins with it
         self._known_sequence = message.sequence
         # behind whatever has set them, so that the mender knows its own
         self._work.put(lambda: self._solver_tells(message.sequence, effects, is_new=is_new))
@@ -281,10 +298,15 @@ class MendNode(Node):
         if not self._diagnosis.server_is_ready():
             self._give_up('no diagnosis: its node does not run; it is asked again later')
             return
-        assert self._newest is not None
+        if self._newest is None:
+            self._give_up(
+                'no diagnosis: the hub works, but no map has been taken here; is the parameter '
+                f'grid, {self._grid}, that of the maps?'
+            )
+            return
         self.get_logger().info(f'diagnosing the run so far: {reason}')
         self._diagnostics.report(DiagnosticStatus.OK, f'diagnosing: {reason}')
-        self._asked = (self._run, self._newest, time.monotonic())
+        self._asked = _Asked(self._run, self._newest, time.monotonic(), self._mender.in_force)
         self._overdue = False
         sent = self._diagnosis.send_goal_async(Diagnose.Goal())
         sent.add_done_callback(self._on_goal)
@@ -297,7 +319,7 @@ class MendNode(Node):
         assert self._asked is not None
         if not self._diagnosis.server_is_ready():
             self._give_up('no verdict: the diagnosis node has ended; it is asked again later')
-        elif time.monotonic() - self._asked[2] > self._longest_s and not self._overdue:
+        elif time.monotonic() - self._asked.began > self._longest_s and not self._overdue:
             self._overdue = True
             if self._goal is not None:
                 self._goal.cancel_goal_async()
@@ -311,12 +333,12 @@ class MendNode(Node):
     def _on_result(self, future: Any) -> None:
         if self._asked is None:
             return  # given up before
-        (run_number, seen, began), self._asked, self._goal = self._asked, None, None
+        asked, self._asked, self._goal = self._asked, None, None
         result = future.result().result
         if result.outcome.code != Outcome.OK:
             self._give_up(f'no verdict: {result.outcome.message}')
             return
-        if run_number != self._run:
+        if asked.run != self._run:
             self._give_up(f'the verdict {result.verdict} came after its run; it is not offered')
             return
         try:
@@ -326,9 +348,11 @@ class MendNode(Node):
             return
         words = f'{result.verdict}, confidence {result.confidence:.2f}'
         self._diagnostics.report(DiagnosticStatus.OK, words)
-        self.get_logger().info(f'{words}, after {time.monotonic() - began:.0f} s: {result.report}')
+        took = time.monotonic() - asked.began
+        self.get_logger().info(f'{words}, after {took:.0f} s: {result.report}')
         with self._lock:
-            self._mender.found(finding, seen=seen, now=self._newest or seen)
+            now = self._newest or asked.seen
+            self._mender.found(finding, seen=asked.seen, now=now, given=asked.given)
 
     # --- the operator -------------------------------------------------------------------------
 

@@ -130,9 +130,9 @@ PART_OF_A_TRIPLE = 0.2
 looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
 3."""
 
-TRIPLE_BASES, TRIPLE_COUPLES = 3, 10
-"""Number of single effects that get two more effects at once, and of couples that are fitted beside
-each; they bound the time. The linear responses rank couples only roughly."""
+TRIPLE_BASES, GROUPS_AT_ONCE = 3, 10
+"""Number of single effects that get two more effects at once, and of groups of effects that are
+fitted together from the start; they bound the time. Linear responses rank groups only roughly."""
 
 TRIPLE_PAIRS = 3
 """Number of pairs that get a third effect. The best one may be an imitation."""
@@ -146,8 +146,16 @@ MOST_REFITS, LEAST_REFIT_GAIN = 3, 0.95
 which it is fitted no more. Nine parameters need more iterations than two: they took a true triple
 from 1.54 to 1.41 of its limit."""
 
+TRIPLES_TAKEN_APART = 3
+"""Number of kept triples whose pairs are fitted alone, each in a refined and a judged fit."""
+
 REFINED_TRIPLES = 4
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
+
+HOPEFUL_TRIPLE = 0.95
+"""Ratio of the misfits of a refined triple and of the best pair on the same cells above which the
+triple is not judged. It would have to fall to `COMBINATION_GAIN`: a true one left 0.36, the others
+of unexplained gaps 0.98."""
 
 # Decision ---------------------------------------------------------------------------------------
 

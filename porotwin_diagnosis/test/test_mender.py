@@ -44,7 +44,7 @@ class Desk:
     def accepted(self):
         """Let an offer of a weak pump be accepted after twenty minutes."""
         self.photographs(41)
-        self.mender.found(finding(), seen=1200.0, now=1230.0)
+        self.mender.found(finding(), seen=1200.0, now=1230.0, given=())
         self.mender.answer(self.offers[-1].sequence, accept=True)
 
 
@@ -98,7 +98,7 @@ def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
 
 def test_effects_that_the_solver_refuses_are_refused(desk):
     desk.photographs(41)
-    desk.mender.found(finding(), seen=1200.0, now=1230.0)
+    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
     desk.fault = TimeoutError('silent')
     with pytest.raises(TimeoutError):
         desk.mender.answer(1, accept=True)
@@ -112,9 +112,9 @@ def test_effects_that_the_solver_refuses_are_refused(desk):
 
 def test_an_outdated_verdict_is_not_offered(desk):
     desk.photographs(41)
-    desk.mender.found(finding(), seen=1200.0, now=4800.0)
+    desk.mender.found(finding(), seen=1200.0, now=4800.0, given=())
     desk.mender.begin_anew()
-    desk.mender.found(finding(), seen=1200.0, now=1230.0)
+    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
     assert not desk.offers
     assert all('outdated' in line for line in desk.lines)
 
@@ -127,6 +127,27 @@ def test_a_solver_that_was_started_again_gets_its_effects_again(desk):
     desk.mender.solver_tells((), is_new=False)
     assert desk.mender.in_force == ()
     assert not desk.mender.watches
+
+
+def test_effects_that_a_solver_has_lost_are_set_with_the_next_photographs(desk):
+    desk.accepted()
+    desk.fault = TimeoutError('the solver does not run')
+    for _ in range(2):  # it restarts once more
+        desk.mender.solver_tells((), is_new=True)
+    desk.mender.see(np.zeros(GRID.shape), [])
+    assert desk.mender.in_force == (weak_pump(),)
+    desk.fault = None
+    for _ in range(2):
+        desk.mender.see(np.zeros(GRID.shape), [])
+    assert desk.set == [(weak_pump(),)] * 2
+    assert desk.lines[-1] == 'the solver was started again; its effects are set again'
+
+
+def test_a_verdict_on_a_model_that_has_changed_since_is_not_offered(desk):
+    desk.accepted()
+    desk.mender.found(finding(), seen=1200.0, now=1260.0, given=())
+    assert len(desk.offers) == 2  # offered, accepted
+    assert 'has changed since' in desk.lines[-1]
 
 
 def test_a_wrong_photograph_stops_nothing(desk):

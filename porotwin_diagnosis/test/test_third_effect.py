@@ -10,7 +10,12 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.joint_scan import may_act
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.search.third_effect import bases_of_triples, distinct, judged_triples
+from porotwin_diagnosis.search.third_effect import (
+    bases_of_triples,
+    distinct,
+    hopeful,
+    judged_triples,
+)
 from porotwin_diagnosis.thresholds import (
     EXCHANGE_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
@@ -75,3 +80,9 @@ def test_an_effect_joins_another_one_or_itself_at_another_well(quiet):
     assert may_act(other, [rate, porosity])
     assert not may_act(rate, [porosity, rate])
     assert not may_act(porosity, [porosity])
+
+
+def test_a_triple_that_leaves_as_much_as_the_pair_is_not_judged():
+    pair = fit_of('rate', 'clock', misfit=1.3)
+    triples = [fit_of('rate', 'clock', 'decay', misfit=misfit) for misfit in (0.5, 1.28)]
+    assert hopeful(triples, pair) == triples[:1]

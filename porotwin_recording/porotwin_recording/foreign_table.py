@@ -79,8 +79,8 @@ class ForeignTable:
         found = self.find(*names)
         if found is None:
             raise InputError(
-                f"{self.path}: has no column '{names[0]}'; its columns are "
-                f'{", ".join(self.columns)}'
+                f"{self.path}: has no column '{names[0]}'; rename the one that holds it. Its "
+                f'columns are {", ".join(self.columns)}'
             )
         return found
 
@@ -112,7 +112,7 @@ class ForeignTable:
                 f"{where}: {title} is '{word}', no number with a decimal {self.decimal}; "
                 f'write it with one, or give --decimal {other} for {otherwise:g}'
             )
-        raise InputError(f"{where}: {title} is '{word}'; write a number")
+        raise InputError(f"{where}: {title} is '{word}'; write a number, its unit in the title")
 
 
 def bare_title(title: str) -> str:

@@ -36,6 +36,12 @@ NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""
 
 
+START = ('start', 'begin', 'start_time', 'datetime', 'date_time', 'timestamp', 'time')
+END = ('end', 'stop', 'end_time', 'stop_time')
+PLACE_X = ('location_x', 'x')
+"""Titles of columns, the surest first."""
+
+
 @dataclass(frozen=True)
 class PumpedRate:
     """A rate [m^3/s] of a well from `start` to `end`; None: until the end of the recording."""
@@ -58,7 +64,7 @@ def pumped_rates(
     Without a column of concentrations, the `commanded` rates of the same well tell them.
     """
     table = read_foreign_table(path, answers.decimal)
-    starts = protocol_moments(table, table.needed('start', 'datetime', 'time'), answers, told)
+    starts = protocol_moments(table, table.needed(*START), answers, told)
     wells = _wells(table, rig, told)
     ends = _ends(table, starts, wells, answers, told)
     rates = _rates(table, rig, answers, told)
@@ -67,7 +73,7 @@ def pumped_rates(
         places = zip(wells, starts, strict=True)
         shares = [_commanded_share(commanded, well, start) for well, start in places]
     else:
-        shares = _concentrations(table, rates, answers, told)
+        shares = _concentrations(table, wells, rates, answers, told)
     rows = []
     for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
         start, end, well, rate, share = values
@@ -105,9 +111,9 @@ def _ends(
     told: list[str],
 ) -> Sequence[datetime | None]:
     """Return when each rate ends: at the next row of its well if no column says it."""
-    title = table.find('end', 'stop')
+    title = table.find(*END)
     if title is not None:
-        start = table.needed('start', 'datetime', 'time')
+        start = table.needed(*START)
         zoned = [names_zone(table.columns[each]) for each in (start, title)]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
@@ -158,7 +164,7 @@ def _successors(rows: list[PumpedRate]) -> Iterator[tuple[str, PumpedRate, Pumpe
 
 def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
     """Return the well of every injection, by its name or by its place."""
-    named = table.find('well', 'location')
+    named = table.find('well', 'location', 'pump', 'port')
     if named is not None and not any('(' in word for word in table.columns[named]):
         unknown = [word for word in table.columns[named] if word not in rig.wells]
         if unknown:
@@ -176,7 +182,12 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
         if not np.isfinite(places).all():
             raise InputError(f'{table.path}: {named} needs two numbers, such as (0.24, 0.23)')
     else:
-        x, z = table.needed('location_x', 'x'), table.needed('location_y', 'location_z', 'y', 'z')
+        if table.find(*PLACE_X) is None:
+            raise InputError(
+                f'{table.path}: has no column of wells; rename one to well (names of rig.yaml), or '
+                f'two to location_x and location_y [m]. Its columns are {", ".join(table.columns)}'
+            )
+        x, z = table.needed(*PLACE_X), table.needed('location_y', 'location_z', 'y', 'z')
         places = list(zip(table.numbers(x), table.numbers(z), strict=True))
     return [_nearest(place, table, rig, told) for place in places]
 
@@ -235,9 +246,17 @@ def _without_rounding_errors(rate: float) -> float:
 
 
 def _concentrations(
-    table: ForeignTable, rates: list[float], answers: ProtocolAnswers, told: list[str]
+    table: ForeignTable,
+    wells: list[str],
+    rates: list[float],
+    answers: ProtocolAnswers,
+    told: list[str],
 ) -> list[float]:
-    """Return the concentrations; a row that does not inject needs none."""
+    """Return the concentrations; a row that does not inject needs none.
+
+    Raises:
+        InputError: one is no share, or nothing tells which of several wells injects tracer.
+    """
     title = table.find('concentration')
     if title is not None:
         factor = share_factor(unit_in(title), f'{table.path}: {title}')
@@ -249,6 +268,12 @@ def _concentrations(
                     'tracer stock from 0 (water) to 1, or percent with % in the title'
                 )
         return found
+    inject = {well for well, rate in zip(wells, rates, strict=True) if rate > 0}
+    if answers.concentration is None and len(inject) > 1:
+        raise InputError(
+            f'{table.path}: no column concentration, and {" and ".join(sorted(inject))} inject; '
+            'add the column, 1 for tracer stock and 0 for water, or give --concentration for all'
+        )
     if answers.concentration is None:
         told.append(
             f'{table.path}: no column concentration: every injection is taken as tracer stock; '

@@ -66,6 +66,24 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
         assert words in text, words
 
 
+def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None:
+    protocol = folder / 'injection_protocol.csv'
+    protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
+    with pytest.raises(InputError, match='no column concentration, and in and out inject'):
+        imported(folder)
+    recording, _ = imported(folder, replace(PLAIN, concentration=1.0))
+    assert recording.schedule.at(70.0)['out'].concentration == 1.0
+
+
+def test_other_names_of_columns_are_known(folder: Path) -> None:
+    protocol = folder / 'injection_protocol.csv'
+    protocol.write_text(INJECTION.replace('start,end', 'Start Time,Stop'))
+    assert imported(folder)[0].schedule.rows[0].time == 0.0
+    protocol.write_text(INJECTION.replace('location_x,location_y', 'a,b'))
+    with pytest.raises(InputError, match='has no column of wells; rename one to well'):
+        imported(folder.rename(folder.with_name('again')))
+
+
 def test_a_pump_at_rest_does_not_start_the_clock(folder: Path) -> None:
     rest = '0,0.105,0.1,2024-05-31 09:00:00,2024-05-31 09:50:00,0\n'
     title, rows = INJECTION.split('\n', 1)

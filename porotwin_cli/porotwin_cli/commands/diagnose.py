@@ -82,6 +82,7 @@ def command(
     from porotwin_diagnosis.history.joint_belief import prior_from
     from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.answer import sentence
+    from porotwin_diagnosis.report.origin import check_unchanged, files_mark
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
@@ -107,6 +108,7 @@ def command(
             raise InputError('--apply and --history belong to one diagnosis; leave out --each')
         _each(recordings, output, own, preset, workers, scheduler, as_json=as_json)
         return
+    marks = {recording: files_mark(recording) for recording in recordings}
     opened = [open_recording(recording, rig=own) for recording in recordings]
     _refuse_twice(opened)
     past = RigPast(history, opened, date) if history is not None else None
@@ -131,6 +133,7 @@ def command(
             crew=simulations,
             progress=show,
         )
+        check_unchanged(marks)
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
         simulations.remove()
     told = past.remember(summary) if past else []
@@ -138,6 +141,7 @@ def command(
         print_json({'output': output, **summary, **({'history': told} if history else {})})
         return
     named = ' and '.join(summary['combination']) or summary['verdict']
+    named = ' or '.join([named, *summary['not_separable_from']])
     print(f'{named}, with confidence {100 * result.verdict.confidence:.0f} %')  # as on the page
     print(plain(sentence(result, summary)))
     for line in told:
@@ -159,7 +163,7 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
     else:
         say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
         if verdict.not_separable:
-            say(f'it leaves out {" and ".join(verdict.not_separable)}, which look the same')
+            say(f'it leaves out what looks the same: {" and ".join(verdict.not_separable)}')
         if camera:
             say(
                 f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '

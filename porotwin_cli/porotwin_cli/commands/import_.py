@@ -1,7 +1,7 @@
 """./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,6 +14,20 @@ from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
+
+MAP_OPTIONS = ('--rig', '--decimal', '--time-unit', '--first-row', '--stock')
+"""Options for a file of maps."""
+
+PROTOCOL_OPTIONS = (
+    '--rig',
+    '--date-order',
+    '--time-zone',
+    '--decimal',
+    '--rate-unit',
+    '--concentration',
+    '--camera-ahead',
+)
+"""Options for a folder with protocols."""
 
 
 def command(
@@ -68,12 +82,30 @@ def command(
     from porotwin_recording.protocol_answers import ProtocolAnswers
     from porotwin_recording.protocol_import import has_protocols, import_protocols
 
-    if not (source.is_dir() and has_protocols(source)) and source.suffix not in SUFFIXES:
+    given = {
+        '--rig': rig,
+        '--date-order': date_order,
+        '--time-zone': time_zone,
+        '--decimal': decimal,
+        '--rate-unit': rate_unit,
+        '--concentration': concentration,
+        '--camera-ahead': camera_ahead,
+        '--time-unit': time_unit,
+        '--first-row': first_row,
+        '--stock': stock,
+    }
+    has_maps = source.suffix in SUFFIXES
+    if has_maps:
+        _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
+    elif source.is_dir() and has_protocols(source):
+        _refuse_others(given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols')
+    else:
+        _refuse_others(given, (), f'{source}: an experiment folder')
         convert(import_experiment, source, target, as_json=as_json)
         return
     refuse_existing(target)
     with one_writer(target), _absent_after_error(target):
-        if source.suffix in SUFFIXES:
+        if has_maps:
             maps = MapAnswers(time_unit, first_row, stock, decimal)
             told = import_maps(source, target, _rig(source.parent, rig), maps)
         else:
@@ -84,6 +116,20 @@ def command(
         for line in told:
             say(line)
         _report(source, target, told, as_json=as_json)
+
+
+def _refuse_others(given: Mapping[str, object], used: Collection[str], source: str) -> None:
+    """Refuse options that were given and are not `used`, so that nobody believes that they act.
+
+    Raises:
+        InputError: there is one; the line begins with the words for the `source`.
+    """
+    unset = (None, '', 0.0)
+    others = [name for name, value in given.items() if value not in unset and name not in used]
+    if others:
+        raise InputError(
+            f'{source} takes no {" and no ".join(others)}; leave it out, or correct its data'
+        )
 
 
 @contextmanager

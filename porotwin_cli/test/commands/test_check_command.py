@@ -11,7 +11,7 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.check_picture import shading
+from porotwin_cli.check_picture import check_picture, shading
 from porotwin_cli.rig_check import (
     CheckedRig,
     check,
@@ -101,10 +101,26 @@ def test_an_effect_of_the_camera_is_odd_and_one_of_the_rig_is_not(tmp_path: Path
 def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
     leak = {'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -12.0}}
     checked = check(changed(tmp_path, effects=[leak]))
-    assert effects_in_words(checked.rig) == [
+    assert effects_in_words(checked.effects) == [
         'the model has these effects: leak: water is lost at x = 0.400 m, z = 0.200 m: 12 ml/h'
     ]
-    assert effects_in_words(check(small_rig()).rig) == []
+    assert effects_in_words(check(small_rig()).effects) == []
+
+
+@pytest.mark.parametrize(
+    ('effect', 'complaint'),
+    [
+        ({'name': 'porosity', 'parameters': {'facter': 1.1}}, "unknown parameter 'facter'"),
+        ({'name': 'porosity'}, 'factor'),
+        ({'name': 'leak', 'parameters': {'x': 'here', 'z': 0.2, 'rate': 'twenty'}}, 'x'),
+    ],
+)
+def test_a_wrong_effect_is_named(tmp_path: Path, effect: dict, complaint: str) -> None:
+    checked = check(changed(tmp_path, effects=[effect]))
+    assert not checked.runs
+    assert complaint in str(checked.remarks[0])
+    assert in_words(checked)
+    check_picture(tmp_path / 'check.png', checked)
 
 
 def test_an_impossible_grid_is_named() -> None:

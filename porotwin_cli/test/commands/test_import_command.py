@@ -87,3 +87,12 @@ def test_a_refused_import_leaves_nothing_and_names_its_source(tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ['lab']
     protocol.write_text(rows.replace('UNIT', 'ml/min'))
     assert porotwin(*words).returncode == 0
+
+
+def test_options_that_would_do_nothing_are_refused(experiment: Path, tmp_path: Path) -> None:
+    maps = experiment / 'concentration.nc'
+    for source, option in ((experiment, '--stock=100'), (maps, '--camera-ahead=600')):
+        result = porotwin('import', source, tmp_path / 'made', option)
+        assert result.returncode == 2
+        assert f'takes no {option.split("=")[0]}' in result.stderr
+        assert not (tmp_path / 'made').exists()

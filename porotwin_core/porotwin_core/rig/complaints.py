@@ -49,6 +49,8 @@ def one_line(
     if first['type'] == 'extra_forbidden':
         near = difflib.get_close_matches(parts[-1], KNOWN_KEYS, n=1)
         guess = f"; did you mean '{near[0]}'?" if near else ''
+        if parts[-1].isdigit():
+            guess = '; a number with a decimal comma? Write a point, as in 0.39'
         return f"{source}: unknown key '{where}'; correct or remove it{guess}{more}"
     if first['type'] == 'missing' and not parts[-1].isdigit():
         return f"{source}: '{where}' is missing: {KNOWN_KEYS.get(parts[-1], 'needed')}{more}"

@@ -218,7 +218,8 @@ def write_rig(
         data['control']['zone'] = {'file': name}
         write_map(path.parent / name, 'zone', rig.zone.shares, rig.zone.raster)
     path.write_text(
-        yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding='utf-8'
+        yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True),
+        encoding='utf-8',
     )
 
 

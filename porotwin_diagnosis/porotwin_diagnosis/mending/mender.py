@@ -80,6 +80,7 @@ class Mender:
         self._asked: float | None = None
         self._maps = 0
         self._shortest = SHORTEST_S
+        self._lost = False
 
     @property
     def in_force(self) -> Effects:
@@ -143,14 +144,22 @@ class Mender:
 
     # --- findings and answers -----------------------------------------------------------------
 
-    def found(self, finding: Finding, *, seen: float, now: float) -> None:
+    def found(self, finding: Finding, *, seen: float, now: float, given: Effects) -> None:
         """Offer a finding, or report the reason against an offer.
 
         Args:
             finding: the verdict.
             seen: time of the last photograph in the diagnosis [s].
             now: time of the newest photograph [s].
+            given: the effects in force when the diagnosis began. If they have changed, the finding
+                would add to them what they contain already.
         """
+        if given != self._in_force:
+            self._say(
+                f'a verdict ({finding.verdict}) is about a model that has changed since; it is not '
+                'offered'
+            )
+            return
         length = seen - (self._began if self._began is not None else seen)
         if self._began is None or now < seen or now - seen > max(LEAST_AGE_S, MOST_AGE * length):
             self._say(
@@ -200,6 +209,8 @@ class Mender:
             observed: its map (nz, nx) [-]; NaN where nothing was seen.
             periods: the rates since the last photograph; empty after an interruption.
         """
+        if self._lost:
+            self._restore()
         shadow = self._shadow
         if shadow is None:
             return
@@ -231,23 +242,33 @@ class Mender:
     def solver_tells(self, effects: Effects, *, is_new: bool) -> None:
         """Compare the effects that the solver reports with the accepted effects.
 
-        A restarted solver (`is_new`) has lost the effects and gets them again. Effects from another
-        program count as decided, and an effect under judgement is then judged no more.
+        A restarted solver (`is_new`) has lost the effects and gets them again, if need be with the
+        next photographs. Effects from another program count as decided, and an effect under
+        judgement is then judged no more.
         """
-        if effects == self._in_force:
+        self._lost = is_new and effects != self._in_force
+        if self._lost:
+            self._restore()
             return
-        if is_new and self._in_force:
-            try:
-                self._set_effects(self._in_force)
-            except (InputError, TimeoutError) as error:
-                self._say(f'the solver was started again and lacks its effects: {error}')
-            else:
-                self._say('the solver was started again; its effects are set again')
+        if effects == self._in_force:
             return
         self._in_force = effects
         self._shadow = None
         self._band.begin_anew()
         self._say(f'somebody else set: {in_words(effects)}')
+
+    def _restore(self) -> None:
+        """Give the solver the effects that it has lost."""
+        try:
+            self._set_effects(self._in_force)
+        except (InputError, TimeoutError) as error:
+            self._say(
+                'the solver was started again and lacks its effects; they are set with the next '
+                f'photograph: {error}'
+            )
+            return
+        self._lost = False
+        self._say('the solver was started again; its effects are set again')
 
 
 def model_maker(rig: Rig, grid: Grid, preset: str) -> Callable[[Effects], Model]:

@@ -25,6 +25,10 @@ UNSURE = 0.6
 MORE_THAN_NOISE = 1.3
 """Error over the noise floor above which more than noise and blur is left."""
 
+NEARLY_ALL = 0.8
+"""Share of an unexplained gap that effects of the library close from which on they are nearly an
+explanation."""
+
 NO_PLACE = (
     'But this recording leaves open where in the rig that is, so that it stands for something that '
     'acts in the whole rig, such as a flow from outside'
@@ -186,7 +190,11 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == UNEXPLAINED:
         share, part = _part(result, summary)
         form = [] if share > _closed_by_form(result) else [_form(result)]
-        return '<br>'.join(['Not in the library of effects.', *form, *filter(None, [part])])
+        nearly = verdict.doubt is Doubt.PLACE or share > NEARLY_ALL
+        head = 'Not sure: the library explains nearly all of it, but not all.'
+        if not nearly:
+            head = 'Not in the library of effects.'
+        return '<br>'.join([head, *form, *filter(None, [part])])
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,19 @@ def files_mark(recording: Path | str) -> str:
     """
     stats = [(file.name, file.stat()) for file in _files(place_of(recording))]
     return mark_of(json.dumps([[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats]))
+
+
+def check_unchanged(marks: Mapping[Path, str]) -> None:
+    """Refuse a result if a recording has another `files_mark` than before, in `marks`.
+
+    Raises:
+        InputError: one has changed or is gone.
+    """
+    for recording, mark in marks.items():
+        if files_mark(recording) != mark:
+            raise InputError(
+                f'{recording}: changed during its diagnosis; repeat the call when it is complete'
+            )
 
 
 def own_rig(recording: Path | str) -> Rig:

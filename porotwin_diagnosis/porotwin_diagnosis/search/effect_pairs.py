@@ -133,7 +133,7 @@ def exchanged_pairs(
         return found
     best = min(pairs.values(), key=score)
     for _ in range(MOST_EXCHANGES):
-        for _left_out, base in _each_left_out(levels, best):
+        for _left_out, base in each_left_out(levels, best):
             levels.progress(f'another effect beside {base.label}', 0.65)
             partners = best_partners(levels, space, base, screened)
             found |= combined_fits(levels, base, partners, pairs.keys() | found.keys())
@@ -193,7 +193,7 @@ def relocated(
     found: Combinations = {}
     local = [fit for fit in combinations.values() if any(has_place(m.effect) for m in fit.members)]
     for fit in sorted(local, key=score)[:most]:
-        for moved, base in _each_left_out(levels, fit):
+        for moved, base in each_left_out(levels, fit):
             if not has_place(moved.effect):
                 continue
             levels.progress(f'another place of {moved.label}', 0.65)
@@ -205,7 +205,7 @@ def relocated(
     return found
 
 
-def _each_left_out(levels: Levels, fit: Fit) -> Iterator[tuple[Candidate, Fit]]:
+def each_left_out(levels: Levels, fit: Fit) -> Iterator[tuple[Candidate, Fit]]:
     """Yield each member of `fit`, the last one first, and the fit of the others as they are."""
     parts = fit.member_parameters
     for number in reversed(range(len(parts))):

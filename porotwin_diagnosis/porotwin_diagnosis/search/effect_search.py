@@ -29,6 +29,7 @@ from porotwin_diagnosis.search.effect_pairs import (
     judged_pairs,
     pairs_worth_exchanging,
 )
+from porotwin_diagnosis.search.effects_at_once import judged_couples
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
 from porotwin_diagnosis.search.noise_bound import (
@@ -52,7 +53,11 @@ from porotwin_diagnosis.search.single_effects import (
     screened_singles,
     search_space,
 )
-from porotwin_diagnosis.search.third_effect import judged_triples
+from porotwin_diagnosis.search.third_effect import (
+    judged_pairs_inside,
+    judged_triples,
+    worth_keeping,
+)
 from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
     REFINED_FITS,
@@ -161,7 +166,12 @@ def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -
     if one_effect_is_enough(findings.singles[0], pairs, findings.null):
         return SearchStep(levels, findings)
     levels, triples = judged_triples(levels, space, findings)
-    return _with_members(levels, replace(findings, triples=triples), triples)
+    if not triples:
+        return SearchStep(levels, findings)
+    levels, inside = judged_pairs_inside(levels, triples, findings.null)
+    pairs = levels.ranked([*findings.pairs, *inside])
+    triples = worth_keeping(triples, pairs[0], findings.null)
+    return _with_members(levels, replace(findings, pairs=pairs, triples=triples), triples or pairs)
 
 
 def _with_members(levels: Levels, findings: Findings, judged: Sequence[Fit]) -> SearchStep:
@@ -181,8 +191,9 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     """Return the judged pairs.
 
     If the first pairs do not explain the gap, single effects are fitted again on coarse cells that
-    are corrected at the best one, and more pairs are made; at last members are exchanged. Nothing
-    more is tried if one effect suffices and no pair is clearly better.
+    are corrected at the best one, and more pairs are made. Then pairs without a base are tried, and
+    at last members are exchanged. Nothing more is tried if one effect suffices and no pair is
+    clearly better.
     """
     best, null, screened = findings.singles[0], findings.null, findings.screened
     levels, pairs = judged_pairs(levels, space, screened, best, null)
@@ -193,6 +204,9 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
         levels = levels.with_corrected_coarse_cells(best.effects)
         again = refitted_singles(levels, best, screened)
         levels, more = judged_pairs(levels, space, again, best, null)
+        pairs = levels.ranked([*pairs, *more])
+    if not pairs or leaves_a_gap(pairs[0]):
+        levels, more = judged_couples(levels, space, findings)
         pairs = levels.ranked([*pairs, *more])
     for pair in pairs_worth_exchanging(pairs):
         if leaves_a_gap(pairs[0]):

@@ -1,39 +1,39 @@
 """Three effects, where the best pair leaves more than a true one may.
 
 A third effect is looked for beside the best pairs, two at once beside the best single effects, and
-three at once beside none: the best single effect may be an imitation of all three.
+three at once beside none (`effects_at_once`): the best single effect may imitate all three.
 The best pair is often an imitation: without the third effect a leak lies at a wrong place, so that
 the true pair is never fitted. So pairs without a common effect get a third one too.
 
 The partners of the pair are found like those of a single effect: by the part of its residual that
-their linear response explains, and that its own parameters cannot imitate. Couples are found by
-`joint_scan`. The leak or the zone of the best triples is then looked for again, because a linear
-response gives its place only roughly, and a zone may stand for a leak. Other members are not
-exchanged: with so many parameters an exchange soon finds an imitation. A triple has up to ten
-parameters, and is fitted until its misfit falls no more. Only a triple that earns its place is
-returned.
+their linear response explains, and that its own parameters cannot imitate. The leak or the zone of
+the best triples is then looked for again, because a linear response gives its place only roughly,
+and a zone may stand for a leak. Other members are not exchanged: with so many parameters an
+exchange soon finds an imitation. A triple has up to ten parameters, and is fitted until its misfit
+falls no more.
+
+Only a triple that earns its place is kept. It is compared with the pairs inside it too, because the
+true pair may have been found only there.
 """
 
 from collections.abc import Sequence
-from itertools import product
 
-from porotwin_core.errors import InputError
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.effect_pairs import (
     Combinations,
     best_partners,
     combined_fits,
+    each_left_out,
     extended_fits,
     pair_bases,
     relocated,
 )
+from porotwin_diagnosis.search.effects_at_once import fitted_afresh, groups_beside
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_groups
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
-    effect_and_well,
     lack_of_fit,
     member_labels,
     normalised_misfit,
@@ -46,6 +46,7 @@ from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
     EXCHANGE_MISFIT,
     FAR_LESS,
+    HOPEFUL_TRIPLE,
     LEAST_REFIT_GAIN,
     MOST_REFITS,
     PAIR_PENALTY_PER_PARAMETER,
@@ -54,10 +55,9 @@ from porotwin_diagnosis.thresholds import (
     RELOCATED_TRIPLES,
     TIED_TRIPLE,
     TRIPLE_BASES,
-    TRIPLE_COUPLES,
     TRIPLE_PAIRS,
+    TRIPLES_TAKEN_APART,
 )
-from porotwin_solver.effects.definition.candidate import Candidate
 
 
 def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -79,11 +79,36 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     if score(pairs[0]) < CORRECTABLE_MISFIT:
         coarse = levels.with_corrected_coarse_cells(pairs[0].effects)
     best = distinct(_screened_triples(coarse, space, findings))[:REFINED_TRIPLES]
-    judged = coarse.judged(coarse.refined(best, 0.88), 0.89)
+    pair = coarse.refining.evaluate(pairs[0].members, pairs[0].scaled_parameters)
+    judged = coarse.judged(hopeful(coarse.refined(best, 0.88), pair), 0.89)
     again = coarse.judged_again([_converged(coarse, fit) for fit in judged], null, 0.9)
-    gain = FAR_LESS if lack_of_fit(pairs[0], null) <= 1.0 else COMBINATION_GAIN
-    kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0], gain)]
+    kept = worth_keeping(again.fits, pairs[0], null)
     return Judgement(again.levels if kept else levels, kept)
+
+
+def judged_pairs_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgement:
+    """Return the judged pairs that the best of the `triples` contain, each fitted alone.
+
+    Raises:
+        InputError: the model cannot run with one of the fits.
+    """
+    pairs: Combinations = {}
+    for triple in triples[:TRIPLES_TAKEN_APART]:
+        for _left_out, pair in each_left_out(levels, triple):
+            pairs.setdefault(member_labels(pair.members), pair)
+    judged = levels.judged(levels.refined(list(pairs.values()), 0.9), 0.9)
+    return levels.judged_again(judged, null, 0.9)
+
+
+def worth_keeping(triples: Sequence[Fit], pair: Fit, null: Fit) -> list[Fit]:
+    """Return the judged `triples` that explain clearly more than the best `pair`."""
+    gain = FAR_LESS if lack_of_fit(pair, null) <= 1.0 else COMBINATION_GAIN
+    return [triple for triple in triples if earns_its_place(triple, pair, gain)]
+
+
+def hopeful(refined: Sequence[Fit], pair: Fit) -> list[Fit]:
+    """Return the `refined` triples that leave less than the best `pair` on the same cells."""
+    return [fit for fit in refined if score(fit) < HOPEFUL_TRIPLE * score(pair)]
 
 
 def _converged(levels: Levels, fit: Fit) -> Fit:
@@ -149,61 +174,6 @@ def _penalised(fit: Fit) -> float:
     return score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
 
 
-def _groups(
-    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit], size: int
-) -> list[Group]:
-    """Return the most promising groups of `size` effects beside `base`.
-
-    There are none if no simulation can tell.
-    """
-    members = {fit.members[0].label: fit.members[0] for fit in reversed(screened)}
-    candidates = [
-        member
-        for member in members.values()
-        if may_act(member, base.members) and not has_place(member.effect)
-    ]
-    try:
-        return promising_groups(
-            levels.screening.forwards,
-            candidates,
-            space.local_effects,
-            size=size,
-            beside=base,
-            most=TRIPLE_COUPLES,
-            pool=levels.pool,
-        )
-    except InputError:
-        return []
-
-
-def _fitted_afresh(
-    levels: Levels, groups: Sequence[Group], screened: Sequence[Fit]
-) -> dict[frozenset[str], Fit]:
-    """Return the fits of `groups` on the screening cells, from the first starts of their effects.
-
-    Every variant of an effect is tried. The starts of the regression are those of small effects,
-    and a fit that begins there may stay in a local minimum.
-    """
-
-    def variants(member: Candidate) -> list[Candidate]:
-        if has_place(member.effect):
-            return [member]
-        same = (member.effect, member.fixed.get('well'))
-        return [fit.members[0] for fit in screened if effect_and_well(fit) == same]
-
-    chosen = {
-        member_labels(members): members
-        for group in groups
-        for members in product(*map(variants, group))
-    }
-    fits = levels.side_by_side(levels.screening.fit, list(chosen.values()))
-    return {
-        member_labels(fit.members): fit
-        for fit in fits
-        if fit.is_feasible and not levels.has_leak_at_well(fit)
-    }
-
-
 def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) -> list[Fit]:
     """Return fits of three effects on the screening cells."""
     known = findings.screened
@@ -216,11 +186,12 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
     singles, _ = pair_bases(findings.singles[0], known)
     for single in singles[:TRIPLE_BASES]:
         levels.progress(f'two more effects beside {single.label}', 0.88)
-        couples = _groups(levels, space, single, known, 2)
+        couples = groups_beside(levels, space, single, known, 2)
         triples |= extended_fits(levels, single, couples, triples.keys())
     levels.progress('three effects at once', 0.88)
-    at_once = _groups(levels, space, findings.screened_null, known, 3)
-    for key, fit in _fitted_afresh(levels, at_once, known).items():
+    at_once = groups_beside(levels, space, findings.screened_null, known, 3)
+    for fit in fitted_afresh(levels, at_once, known):
+        key = member_labels(fit.members)
         triples[key] = min(fit, triples.get(key, fit), key=score)
     local = [fit for fit in triples.values() if any(has_place(m.effect) for m in fit.members)]
     moved = {member_labels(fit.members): fit for fit in distinct(local)[:RELOCATED_TRIPLES]}
