@@ -50,7 +50,7 @@ NICENESS = 5
 """Increase of the process's nice value: a shadow forecast may be late, a setpoint may not."""
 
 THREADS = 4
-"""One thread listens, one takes answers of the operator, one those of other nodes, one is spare."""
+"""Threads for messages, for answers of the operator, for those of other nodes, and a spare one."""
 
 LOOK_S = 0.2
 """Time between two looks whether a diagnosis is wanted, done or overdue [s]."""
@@ -301,7 +301,7 @@ class MendNode(Node):
         if self._newest is None:
             self._give_up(
                 'no diagnosis: the hub works, but no map has been taken here; is the parameter '
-                f'grid, {self._grid}, that of the maps?'
+                f'grid, {self._grid}, right for the maps?'
             )
             return
         self.get_logger().info(f'diagnosing the run so far: {reason}')

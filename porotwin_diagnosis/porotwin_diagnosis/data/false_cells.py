@@ -20,7 +20,7 @@ LONE_STEP, SPREADS = 0.3, 2.0
 concentration [-] and this multiple of their range. Noise and fronts have a range of their own."""
 
 WELL_CELLS = 2.5
-"""Distance to a well [cells] within which a single cell may hold tracer."""
+"""A single cell may hold tracer up to this distance from a well [cells]."""
 
 
 def without_false_cells(recording: Recording) -> Recording:

@@ -151,8 +151,8 @@ class Mender:
             finding: the verdict.
             seen: time of the last photograph in the diagnosis [s].
             now: time of the newest photograph [s].
-            given: the effects in force when the diagnosis began. If they have changed, the finding
-                would add to them what they contain already.
+            given: the effects in force when the diagnosis began. If they have changed, they may
+                contain the finding already.
         """
         if given != self._in_force:
             self._say(

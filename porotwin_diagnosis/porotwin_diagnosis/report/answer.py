@@ -26,8 +26,7 @@ MORE_THAN_NOISE = 1.3
 """Error over the noise floor above which more than noise and blur is left."""
 
 NEARLY_ALL = 0.8
-"""Share of an unexplained gap that effects of the library close from which on they are nearly an
-explanation."""
+"""Least share of an unexplained gap that nearly explains it, if effects of the library close it."""
 
 NO_PLACE = (
     'But this recording leaves open where in the rig that is, so that it stands for something that '

@@ -70,8 +70,8 @@ def judged_pairs(
     Raises:
         InputError: the model cannot run with one of the fits.
     """
-    pairs = levels.judged(_refined(levels, space, screened, best), 0.78)
-    return levels.judged_again(pairs, null, 0.86)
+    pairs = levels.judged(_refined(levels, space, screened, best), 0.42)
+    return levels.judged_again(pairs, null, 0.46)
 
 
 def judged_exchanges(
@@ -86,8 +86,8 @@ def judged_exchanges(
         InputError: the model cannot run with one of the fits.
     """
     found = exchanged_pairs(levels, space, {member_labels(pair.members): pair}, screened)
-    refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.87)
-    return levels.judged_again(levels.judged(refined, 0.88), null, 0.9)
+    refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.52)
+    return levels.judged_again(levels.judged(refined, 0.53), null, 0.54)
 
 
 def pairs_worth_exchanging(pairs: Sequence[Fit]) -> list[Fit]:
@@ -134,7 +134,7 @@ def exchanged_pairs(
     best = min(pairs.values(), key=score)
     for _ in range(MOST_EXCHANGES):
         for _left_out, base in each_left_out(levels, best):
-            levels.progress(f'another effect beside {base.label}', 0.65)
+            levels.progress(f'another effect beside {base.label}', 0.34)
             partners = best_partners(levels, space, base, screened)
             found |= combined_fits(levels, base, partners, pairs.keys() | found.keys())
         last = min(found.values(), key=score, default=best)
@@ -151,9 +151,9 @@ def _refined(levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: 
     closes the gap, more pairs are therefore refined.
     """
     pairs = close_to_best(_screened_pairs(levels, space, screened, best))[:REFINED_FITS]
-    refined = levels.refined(pairs[:JUDGED_FITS], 0.66)
+    refined = levels.refined(pairs[:JUDGED_FITS], 0.36)
     if refined and normalised_misfit(refined[0]) < NEARLY_CLOSED_MISFIT:
-        refined += levels.refined(pairs[JUDGED_FITS:], 0.72)
+        refined += levels.refined(pairs[JUDGED_FITS:], 0.39)
     return sorted(refined, key=score)
 
 
@@ -164,7 +164,7 @@ def _screened_pairs(
     bases, with_all_partners = pair_bases(best, screened)
     pairs: Combinations = {}
     for index, base in enumerate(bases):
-        levels.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
+        levels.progress(f'pairs with {base.label}', 0.25 + 0.08 * index / len(bases))
         every = index < with_all_partners
         partners = best_partners(
             levels, space, base, screened, one_parameter=every, with_places=every
@@ -196,7 +196,7 @@ def relocated(
         for moved, base in each_left_out(levels, fit):
             if not has_place(moved.effect):
                 continue
-            levels.progress(f'another place of {moved.label}', 0.65)
+            levels.progress(f'another place of {moved.label}', 0.33)
             for effect in dict.fromkeys((moved.effect, *instead)):
                 for start in place_starts(levels, effect, beside=base)[:RELOCATED_PAIRS]:
                     for key, other in combined_fits(levels, base, [start], ()).items():

@@ -26,11 +26,11 @@ def judged_couples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     Raises:
         InputError: the model cannot run with one of the fits.
     """
-    levels.progress('two effects at once', 0.87)
+    levels.progress('two effects at once', 0.48)
     groups = groups_beside(levels, space, findings.screened_null, findings.screened, 2)
     fits = sorted(fitted_afresh(levels, groups, findings.screened), key=score)
-    judged = levels.judged(levels.refined(fits[:JUDGED_FITS], 0.87), 0.88)
-    return levels.judged_again(judged, findings.null, 0.88)
+    judged = levels.judged(levels.refined(fits[:JUDGED_FITS], 0.49), 0.5)
+    return levels.judged_again(judged, findings.null, 0.51)
 
 
 def groups_beside(
@@ -63,8 +63,8 @@ def groups_beside(
 def fitted_afresh(levels: Levels, groups: Sequence[Group], screened: Sequence[Fit]) -> list[Fit]:
     """Return the fits of `groups` on the screening cells, from the first starts of their effects.
 
-    Every variant of an effect is tried. The starts of the regression are those of small effects,
-    and a fit that begins there may stay in a local minimum.
+    Every variant of an effect is tried. The regression starts at small effects, and a fit that
+    begins there may stay in a local minimum.
     """
 
     def variants(member: Candidate) -> list[Candidate]:

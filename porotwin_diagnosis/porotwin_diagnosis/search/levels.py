@@ -77,7 +77,7 @@ ROUGH_SANDS = 2
 REFINING_ITERATIONS = 3
 """Iterations of a fit on the cells of the recording, which starts close to its optimum."""
 
-REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.06, 0.08, 0.05
+REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.03, 0.04, 0.02
 """Share of the progress that a stage takes."""
 
 

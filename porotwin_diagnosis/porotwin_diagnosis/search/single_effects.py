@@ -72,13 +72,13 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
         fit = fits[number]
         if score(fit) >= limit:
             return fit
-        levels.progress(f'fitting {fit.label}', 0.17 + 0.12 * number / len(fits))
+        levels.progress(f'fitting {fit.label}', 0.08 + 0.06 * number / len(fits))
         return _continued(levels, fit)
 
     fits = levels.side_by_side(fitted, range(len(fits)))
     placed = []
     for effect in space.local_effects:
-        levels.progress(f'looking for a place of {effect}', 0.29)
+        levels.progress(f'looking for a place of {effect}', 0.14)
         placed += _best_placed(levels, place_starts(levels, effect))
     exchanged = [
         fit for one in placed if score(one) < limit for fit in _exchanged(levels, space, one)
@@ -91,7 +91,7 @@ def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
 
     def tried(number: int) -> Fit:
         candidate, share = space.candidates[number], number / len(space.candidates)
-        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * share)
+        levels.progress(f'trying {candidate.label}', 0.01 + 0.07 * share)
         return _fit_from_best_start(levels, candidate)
 
     fits = levels.side_by_side(tried, range(len(space.candidates)))

@@ -80,8 +80,8 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         coarse = levels.with_corrected_coarse_cells(pairs[0].effects)
     best = distinct(_screened_triples(coarse, space, findings))[:REFINED_TRIPLES]
     pair = coarse.refining.evaluate(pairs[0].members, pairs[0].scaled_parameters)
-    judged = coarse.judged(hopeful(coarse.refined(best, 0.88), pair), 0.89)
-    again = coarse.judged_again([_converged(coarse, fit) for fit in judged], null, 0.9)
+    judged = coarse.judged(hopeful(coarse.refined(best, 0.78), pair), 0.81)
+    again = coarse.judged_again([_converged(coarse, fit) for fit in judged], null, 0.86)
     kept = worth_keeping(again.fits, pairs[0], null)
     return Judgement(again.levels if kept else levels, kept)
 
@@ -96,8 +96,8 @@ def judged_pairs_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Ju
     for triple in triples[:TRIPLES_TAKEN_APART]:
         for _left_out, pair in each_left_out(levels, triple):
             pairs.setdefault(member_labels(pair.members), pair)
-    judged = levels.judged(levels.refined(list(pairs.values()), 0.9), 0.9)
-    return levels.judged_again(judged, null, 0.9)
+    judged = levels.judged(levels.refined(list(pairs.values()), 0.88), 0.88)
+    return levels.judged_again(judged, null, 0.89)
 
 
 def worth_keeping(triples: Sequence[Fit], pair: Fit, null: Fit) -> list[Fit]:
@@ -122,7 +122,7 @@ def _converged(levels: Levels, fit: Fit) -> Fit:
     """
     for _ in range(MOST_REFITS):
         near = levels.with_corrected_coarse_cells(fit.effects)
-        again = near.judged(near.refined([fit], 0.89), 0.89)
+        again = near.judged(near.refined([fit], 0.84), 0.85)
         if not again or score(again[0]) > LEAST_REFIT_GAIN * score(fit):
             break
         fit = again[0]
@@ -178,17 +178,17 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
     """Return fits of three effects on the screening cells."""
     known = findings.screened
     triples: Combinations = {}
-    for pair in bases_of_triples(findings.pairs):
-        levels.progress(f'a third effect beside {pair.label}', 0.88)
+    for number, pair in enumerate(bases_of_triples(findings.pairs)):
+        levels.progress(f'a third effect beside {pair.label}', 0.55 + 0.03 * number)
         base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
         partners = best_partners(levels, space, base, known, with_places=True)
         triples |= combined_fits(levels, base, partners, triples.keys())
     singles, _ = pair_bases(findings.singles[0], known)
-    for single in singles[:TRIPLE_BASES]:
-        levels.progress(f'two more effects beside {single.label}', 0.88)
+    for number, single in enumerate(singles[:TRIPLE_BASES]):
+        levels.progress(f'two more effects beside {single.label}', 0.64 + 0.03 * number)
         couples = groups_beside(levels, space, single, known, 2)
         triples |= extended_fits(levels, single, couples, triples.keys())
-    levels.progress('three effects at once', 0.88)
+    levels.progress('three effects at once', 0.73)
     at_once = groups_beside(levels, space, findings.screened_null, known, 3)
     for fit in fitted_afresh(levels, at_once, known):
         key = member_labels(fit.members)
