@@ -259,6 +259,11 @@ LOST_PLACE = 0.25
 nowhere. True ones have 0.01. Two leaks of opposite sign that imitated a flow through the whole rig
 had 0.4 to 0.5."""
 
+PLACING_MISFIT = 0.6
+"""Misfit beyond the noise that the model without effects leaves in the fitted part, above which the
+place of a true leak or zone is known. A true leak at the limit of what can be seen had 0.41, the
+two leaks that imitated a flow 0.85."""
+
 LOST_PLACE_CONFIDENCE = 0.6
 """Confidence in `unexplained` where leaks or zones without a place would close the gap."""
 

@@ -57,3 +57,10 @@ def test_a_leak_that_may_lie_almost_anywhere_has_lost_its_place():
     assert replace(evidence(), place_uncertainty=half_width).has_lost_place
     assert not replace(evidence(), place_uncertainty=place_uncertainty(leaks(0.05))).has_lost_place
     assert place_uncertainty(fit_of('decay', misfit=0.4)) == 0.0
+
+
+def test_a_weak_gap_leaves_the_place_of_a_true_leak_open_too():
+    lost = replace(evidence(), place_uncertainty=1.0)
+    weak = replace(lost.findings, null=fit_of(misfit=0.5))
+    assert lost.has_lost_place
+    assert not replace(lost, findings=weak).has_lost_place

@@ -9,9 +9,11 @@ from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise
 from porotwin_diagnosis.thresholds import (
     INTERVAL_DEVIATIONS,
     LOST_PLACE,
+    PLACING_MISFIT,
     SCANT_COLUMNS,
     SCANT_FRAMES,
     WORSENED,
@@ -51,8 +53,12 @@ class Evidence:
 
     @property
     def has_lost_place(self) -> bool:
-        """Whether a leak or a zone of the kept model may lie almost anywhere."""
-        return self.place_uncertainty > LOST_PLACE
+        """Whether a leak or a zone of the kept model may lie almost anywhere.
+
+        A weak gap in the fitted part leaves the place of a true one open as well.
+        """
+        strong = misfit_beyond_noise(self.findings.null)[0] > PLACING_MISFIT
+        return strong and self.place_uncertainty > LOST_PLACE
 
     @property
     def scant(self) -> bool:
