@@ -22,18 +22,13 @@ from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
+from porotwin_core.rig.interfaces import interfaces
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
 
 INTERFACE = '#6b5b45'
 """Colour of the interfaces between sands."""
-
-INTERFACE_CELLS = (240, 160)
-"""Cells on which interfaces are looked for: finer than a picture shows."""
-
-SAME_SAND = 0.05
-"""Difference of log10 of the permeability below which two values count as one sand."""
 
 ZONE_STYLES: dict[ZoneKind, tuple[str, str | None]] = {
     'keep out': ('#b03a2e', '//'),
@@ -98,18 +93,12 @@ def draw_zones(axis: Axes, rig: Rig) -> None:
 
 def draw_interfaces(axis: Axes, rig: Rig) -> None:
     """Draw the interfaces between the sands of `rig`."""
-    if not rig.sands:
-        return
-    grid = rig.grid(*INTERFACE_CELLS)
-    permeability = np.log10(rig.field('permeability_m2', grid))
-    levels = np.unique(np.round(permeability, 3))
-    between = (levels[1:] + levels[:-1]) / 2.0
-    steps = between[np.diff(levels) > SAME_SAND]
-    if steps.size:
-        x, z = np.meshgrid(grid.x, grid.z)
+    found = interfaces(rig)
+    if found is not None:
         axis.contour(
-            x, z, permeability, levels=steps, colors=INTERFACE, linestyles='-', linewidths=0.8
-        )
+            found.grid.x, found.grid.z, found.logarithm, levels=found.levels, colors=INTERFACE,
+            linestyles='-', linewidths=0.8,
+        )  # fmt: skip
 
 
 def percent_scale(axis: Axes) -> None:

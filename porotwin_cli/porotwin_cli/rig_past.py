@@ -1,6 +1,6 @@
 """The earlier findings on a rig beside the diagnosis of a new recording of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +53,15 @@ class RigPast:
             if not own & set(found.recordings) and found.seconds <= self._date.timestamp()
         ]
 
-    def remember(self, summary: dict[str, Any]) -> list[str]:
-        """Add the finding in `summary`; return lines on how it fits to the earlier ones."""
+    def compare(self, summary: Mapping[str, Any]) -> list[str]:
+        """Return lines on how the finding in `summary` fits to the earlier ones."""
+        return compared(self._before(), finding_from(summary, self._recordings, self._date))
+
+    def remember(self, summary: Mapping[str, Any]) -> list[str]:
+        """Add the finding in `summary`; return a line if it replaces others."""
         new = finding_from(summary, self._recordings, self._date)
-        lines = compared(self._before(), new)
         replaced = add_finding(self._folder, new)
+        lines: list[str] = []
         lost = {name for found in replaced for name in found.recordings} - set(new.recordings)
         if lost:
             names = ', '.join(sorted(lost))

@@ -41,10 +41,11 @@ def summary(factor: float) -> dict[str, Any]:
 
 def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None:
     first = past(tmp_path, 'monday', '2026-11-23')
-    assert 'the first belief' in first.remember(summary(1.15))[0]
+    assert 'the first belief' in first.compare(summary(1.15))[0]
+    first.remember(summary(1.15))
     second = past(tmp_path, 'tuesday', '2026-11-24')
     assert len(second.before) == 1
-    (line,) = second.remember(summary(1.3))
+    (line,) = second.compare(summary(1.3))
     assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
 
 
@@ -58,7 +59,7 @@ def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path
     past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
     mended = past(tmp_path, 'tuesday', '2026-11-24', RIG.with_effects([PORE_EFFECT]))
     none = {**summary(1.0), 'verdict': 'none', 'combination': []}
-    (line,) = mended.remember(none)
+    (line,) = mended.compare(none)
     assert 'with this rig.yaml: this one is the first belief' in line
 
 

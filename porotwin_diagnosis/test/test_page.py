@@ -59,6 +59,15 @@ def test_effects_without_a_row_are_named(denser, tmp_path):
     assert 'clock' not in named
 
 
+def test_the_history_of_the_rig_stands_in_the_answer(denser, tmp_path):
+    summary = {**diagnosis_json(denser), 'belief': {'porosity': 0.495, 'retardation': 0.4949}}
+    summary['history'] = ['porosity factor drifts: 0.95 on 2026-11-23, 0.88 now']
+    write_report(tmp_path / 'report.html', denser, summary)
+    text = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    assert 'They spoke for <b>porosity or retardation</b> with 50 % each' in text
+    assert 'porosity factor drifts' in text
+
+
 def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(denser, tmp_path):
     verdict = replace(denser.verdict, probabilities={'porosity': 1.0, 'leak': 1e-5})
     text, _ = page(replace(denser, verdict=verdict, proposals=()), tmp_path)

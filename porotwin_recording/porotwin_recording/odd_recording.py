@@ -75,6 +75,10 @@ def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
         yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)
 
 
+SAME_RATE = 0.005
+"""Relative difference of a rate from the described one that rounding of units makes."""
+
+
 def _limits(data: RecordedData) -> Iterator[Remark]:
     """Yield a remark for each well whose commanded rate the control section does not allow."""
     control = data.rig.control
@@ -88,7 +92,8 @@ def _limits(data: RecordedData) -> Iterator[Remark]:
         where = f'rates.csv: well {row.well}'
         remedy = 'compare rates.csv with the control section of rig.yaml'
         fixed = control.fixed.get(row.well)
-        if fixed is not None and rate_ml_h and not math.isclose(rate_ml_h, fixed.rate_ml_h):
+        same = fixed is not None and math.isclose(rate_ml_h, fixed.rate_ml_h, rel_tol=SAME_RATE)
+        if fixed is not None and rate_ml_h and not same:
             why = f'control.fixed says {fixed.rate_ml_h:g} ml/h'
         elif row.well in control.wells and rate_ml_h > control.max_rate_ml_h:
             why = f'control.max_rate_ml_h is {control.max_rate_ml_h:g} ml/h'

@@ -134,9 +134,10 @@ def command(
             progress=show,
         )
         check_unchanged(marks)
-        summary = write_diagnosis(result, folder, apply=apply, progress=show)
+        compare = past.compare if past else lambda _: []
+        summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
         simulations.remove()
-    told = past.remember(summary) if past else []
+    told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
         print_json({'output': output, **summary, **({'history': told} if history else {})})
         return

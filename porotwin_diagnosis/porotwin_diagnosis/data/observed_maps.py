@@ -66,7 +66,7 @@ def observed_maps(
     """
     stored = recording.maps if len(recording.times) else None
     assert stored is not None  # `times` says so otherwise
-    seen = [index for index, frame in enumerate(stored) if np.isfinite(frame).mean() > LEAST_SEEN]
+    seen = [index for index, frame in enumerate(stored) if np.isfinite(frame).mean() >= LEAST_SEEN]
     if len(seen) < 2:
         raise InputError(
             f'{recording.source}: fewer than two maps show at least {LEAST_SEEN:.0%} of the rig; '

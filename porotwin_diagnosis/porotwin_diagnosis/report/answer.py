@@ -371,11 +371,14 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
     if verdict.doubt not in ALWAYS_SAID:
         lines.append(f'The least certain point: {doubt_words(result)}.')
     if summary['belief']:
-        name, share = max(summary['belief'].items(), key=lambda item: item[1])
+        share = max(summary['belief'].values())
+        believed = [spoken(name) for name, one in summary['belief'].items() if one > 0.99 * share]
+        each = ' each' if len(believed) > 1 else ''
         lines.append(
-            f'Earlier recordings of this rig count too. They spoke for <b>{spoken(name)}</b> with '
-            f'{100 * share:.0f} %.'
+            'Earlier recordings of this rig count too. They spoke for '
+            f'<b>{" or ".join(believed)}</b> with {100 * share:.0f} %{each}.'
         )
+    lines += [html.escape(line) for line in summary['history']]
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
     if verdict.name == UNEXPLAINED and evidence.contradicted and evidence.explanation.suffices:

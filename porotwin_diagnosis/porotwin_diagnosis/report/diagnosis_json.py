@@ -87,6 +87,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'next_experiment': [_proposal(proposal) for proposal in result.proposals],
         'remainder': _remainder(result),
         'belief': _belief(result),
+        'history': [],
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
         'made_with': {

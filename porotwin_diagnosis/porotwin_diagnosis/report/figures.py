@@ -10,6 +10,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.rig.interfaces import interfaces
 from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
@@ -233,10 +234,12 @@ def _map(axis: Axes, result: Diagnosis, values: FloatArray, **style: Any) -> Any
 
 def _sands(axis: Axes, result: Diagnosis) -> None:
     """Draw where the nominal permeability changes."""
-    rig, grid = result.recordings[0].rig, result.recordings[0].grid
-    sand = np.log10(rig.field('permeability_m2', grid))
-    if np.ptp(sand) > 0.01:
-        axis.contour(grid.x, grid.z, sand, 6, colors='0.6', linewidths=0.4, linestyles='-')
+    found = interfaces(result.recordings[0].rig)
+    if found is not None:
+        axis.contour(
+            found.grid.x, found.grid.z, found.logarithm, levels=found.levels, colors='0.6',
+            linewidths=0.6, linestyles='-',
+        )  # fmt: skip
 
 
 def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
@@ -295,10 +298,13 @@ def _spots(axis: Axes, result: Diagnosis) -> None:
         axis.add_patch(Circle((spot.x, spot.z), spot.radius, fill=False, ec='w', lw=1.0, ls=':'))
         axis.annotate(
             f'{spot.share:.0%}',
-            (spot.x + 0.7 * spot.radius, spot.z + 0.7 * spot.radius),
+            (spot.x, spot.z),
+            ha='center',
+            va='center',
             color='w',
             fontsize=8,
             annotation_clip=True,
+            path_effects=[withStroke(linewidth=2, foreground='k', alpha=0.5)],
         )
 
 

@@ -7,7 +7,7 @@ summary = write_diagnosis(examine(recordings), folder)
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +100,7 @@ def write_diagnosis(
     folder: Path,
     *,
     apply: bool = False,
+    compare: Callable[[Mapping[str, Any]], list[str]] = lambda _summary: [],
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """Write the report on `result` and all files beside it; return the content of diagnosis.json.
@@ -107,9 +108,11 @@ def write_diagnosis(
     Files: `diagnosis.json`, `fields.nc` (and `fields_2.nc`, ... of further recordings),
     `findings.json`, `report.html`. With `apply` also `rig.yaml`: the rig description with the
     effects that were found. The page, and the rig.yaml of an earlier diagnosis, are removed first.
+    `compare` returns lines on how the finding fits to earlier ones; they become `history`.
     """
     progress('writing the report', 0.98)
     summary = diagnosis_json(result)
+    summary['history'] = compare(summary)
     (folder / REPORT).unlink(missing_ok=True)
     _remove_own_rig(folder)
     (folder / SUMMARY).write_text(

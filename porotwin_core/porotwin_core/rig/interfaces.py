@@ -1,0 +1,43 @@
+"""Where the sands of a rig meet, for drawings."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig.description import Rig
+
+CELLS = (240, 160)
+"""Cells (columns, rows) on which interfaces are looked for: finer than a picture shows."""
+
+SAME_SAND = 0.05
+"""Difference of log10 of the permeability below which two values count as one sand."""
+
+MOST_SANDS, LEVELS_OF_A_MAP = 12, 6
+"""Most permeabilities that count as sands; more are a map of values, drawn by a few levels."""
+
+
+class Interfaces(NamedTuple):
+    """Contours that are the interfaces.
+
+    grid: where the logarithm is known.
+    logarithm: log10 of the permeability in m^2, (nz, nx).
+    levels: the values of the contours, ascending.
+    """
+
+    grid: Grid
+    logarithm: FloatArray
+    levels: FloatArray
+
+
+def interfaces(rig: Rig) -> Interfaces | None:
+    """Return the interfaces between the sands of `rig`; None if the whole rig is of one sand."""
+    grid = rig.grid(*CELLS)
+    logarithm = np.log10(rig.field('permeability_m2', grid))
+    known = np.unique(np.round(np.log10(np.asarray(rig.nominal_map('permeability_m2'))), 3))
+    if len(known) > MOST_SANDS:
+        return Interfaces(
+            grid, logarithm, np.linspace(known[0], known[-1], LEVELS_OF_A_MAP + 2)[1:-1]
+        )
+    levels = ((known[1:] + known[:-1]) / 2.0)[np.diff(known) > SAME_SAND]
+    return Interfaces(grid, logarithm, levels) if levels.size else None
