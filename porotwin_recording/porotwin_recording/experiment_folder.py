@@ -27,6 +27,9 @@ FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE)
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps and photographs, and their total."""
 
+HOW_TO_TRY = '; to try a rig.yaml on a recording, copy it there'
+"""Remedy for a folder that holds a rig alone, such as that of a diagnosis."""
+
 
 def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
     """Return the experiment in `folder`; a given `rig` replaces its rig.yaml.
@@ -61,7 +64,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         rename = f'; if {" or ".join(found)} holds its maps, name it {MAPS_FILE}' if found else ''
         raise InputError(
             f'{folder}: not an experiment folder; it has none of {COMMANDED_FILE}, {MAPS_FILE}, '
-            f'{IMAGING_FILE}{rename}'
+            f'{IMAGING_FILE}{rename or HOW_TO_TRY}'
         )
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')

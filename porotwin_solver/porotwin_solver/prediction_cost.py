@@ -69,9 +69,9 @@ class PredictionCost:
         """Return the cost in words."""
         each = self.substeps / (self.steps * self.cells)
         return (
-            f'{self.cells:,} cells, time steps: {self.steps:,}; a cell divides each step into '
-            f'{each:.2g} parts on average; about {in_words(self.seconds)} for a '
-            f'prediction, after {in_words(self.preparation_seconds)} of preparation at the start'
+            f'{self.cells:,} cells, {self.steps:,} time steps of some {each:.2g} parts each; about '
+            f'{in_words(self.seconds)} for a prediction, '
+            f'after {in_words(self.preparation_seconds)} of preparation at the start'
         )
 
 

@@ -20,11 +20,15 @@ TRIAL_STEP = 1.0
 
 
 class Strength(NamedTuple):
-    """The least deviation `value` [`unit`] of a `parameter` that would have been visible."""
+    """The least deviation `value` [`unit`] of a `parameter` that would have been visible.
+
+    `well` is the well where it shows best; empty if the effect belongs to none.
+    """
 
     parameter: str
     value: float
     unit: str
+    well: str = ''
 
 
 class _Trial(NamedTuple):
@@ -60,8 +64,9 @@ def smallest_strengths(fitter: Fitter) -> dict[str, Strength]:
         least = deviation * VISIBLE_CHANGE / math.sqrt(power / cells)
         known = found.get(candidate.effect)
         if known is None or (known.parameter == parameter.name and least < known.value):
+            well = str(candidate.fixed.get('well', ''))
             found[candidate.effect] = Strength(
-                parameter.name, float(f'{least:.3g}'), parameter.unit
+                parameter.name, float(f'{least:.3g}'), parameter.unit, well
             )
     return found
 

@@ -96,7 +96,7 @@ def _first_screen(result: Diagnosis, summary: Summary) -> str:
 
 def _sections(result: Diagnosis, summary: Summary) -> Iterator[str]:
     """Yield all sections; without a gap only those that make sense, hidden effects first."""
-    hidden = (f'Effects that {these(result)} could not have shown', visible_strengths(result))
+    hidden = (f'Smallest effects that {these(result)} would have shown', visible_strengths(result))
     tables = tried_effects(result, summary) + tried_pairs(result, summary)
     tried = ('Effects that were tried', tables)
     how = ('Method', method(result))

@@ -217,6 +217,8 @@ def visible_strengths(result: Diagnosis) -> str:
             else value(name, least.parameter, least.value, 2)
         )
         where = ', in the middle of the rig' if EFFECTS[name].has_place else ''
+        if least.well:
+            where = f', of {html.escape(least.well)}, where it shows best'
         rows.append([spoken(name), f'{spoken(least.parameter)}{where}', text])
     note = (
         '<p>An effect that is not seen may still be there: alone and weaker than this, it might '
