@@ -207,7 +207,7 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
         levels, more = judged_pairs(levels, space, again, best, null)
         pairs = levels.ranked([*pairs, *more])
     if not pairs or leaves_a_gap(pairs[0]):
-        levels, more = judged_couples(levels, space, findings)
+        levels, more = judged_couples(levels, space, findings, pairs)
         pairs = levels.ranked([*pairs, *more])
     for pair in pairs_worth_exchanging(pairs):
         if leaves_a_gap(pairs[0]):

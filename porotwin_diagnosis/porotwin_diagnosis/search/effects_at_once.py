@@ -5,6 +5,7 @@ together. A lighter tracer in a shifted picture looked like a thin tracer, and n
 fitted anything alone. So groups are also chosen by `joint_scan`, and fitted without a base.
 """
 
+import math
 from collections.abc import Sequence
 from itertools import product
 
@@ -16,12 +17,17 @@ from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_group
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import effect_and_well, member_labels, score
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import GROUPS_AT_ONCE, JUDGED_FITS
+from porotwin_diagnosis.thresholds import COMBINATION_GAIN, GROUPS_AT_ONCE, JUDGED_FITS
 from porotwin_solver.effects.definition.candidate import Candidate
 
 
-def judged_couples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
+def judged_couples(
+    levels: Levels, space: SearchSpace, findings: Findings, pairs: Sequence[Fit]
+) -> Judgement:
     """Return judged pairs of effects that were fitted together from the start.
+
+    They must be clearly better than the best of the judged `pairs` with a base. Otherwise the
+    levels stay unchanged, because a third effect is then looked for near that pair.
 
     Raises:
         InputError: the model cannot run with one of the fits.
@@ -30,7 +36,10 @@ def judged_couples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     groups = groups_beside(levels, space, findings.screened_null, findings.screened, 2)
     fits = sorted(fitted_afresh(levels, groups, findings.screened), key=score)
     judged = levels.judged(levels.refined(fits[:JUDGED_FITS], 0.49), 0.5)
-    return levels.judged_again(judged, findings.null, 0.51)
+    found = levels.judged_again(judged, findings.null, 0.51)
+    limit = COMBINATION_GAIN * score(pairs[0]) if pairs else math.inf
+    better = [fit for fit in found.fits if score(fit) < limit]
+    return Judgement(found.levels if better else levels, better)
 
 
 def groups_beside(
