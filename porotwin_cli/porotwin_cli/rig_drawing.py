@@ -22,7 +22,7 @@ from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig.interfaces import interfaces
+from porotwin_core.rig.sand_interfaces import interfaces
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.rig.interfaces import interfaces
+from porotwin_core.rig.sand_interfaces import interfaces
 from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates

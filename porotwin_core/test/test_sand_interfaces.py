@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.rig import load_rig, rig_from_maps
-from porotwin_core.rig.interfaces import LEVELS_OF_A_MAP, interfaces
+from porotwin_core.rig.sand_interfaces import LEVELS_OF_A_MAP, interfaces
 
 DATA = {
     'name': 'box',
