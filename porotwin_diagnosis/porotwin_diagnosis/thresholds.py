@@ -265,7 +265,8 @@ place of a true leak or zone is known. A true leak at the limit of what can be s
 two leaks that imitated a flow 0.85."""
 
 LOST_PLACE_CONFIDENCE = 0.6
-"""Confidence in `unexplained` where leaks or zones without a place would close the gap."""
+"""Confidence in `unexplained` where leaks or zones without a place would close the gap, and the
+largest one in a leak or a zone whose place a weak gap leaves open."""
 
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict

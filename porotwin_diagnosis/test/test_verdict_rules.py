@@ -84,6 +84,13 @@ def test_leaks_that_may_lie_almost_anywhere_explain_nothing():
     assert (verdict.name, verdict.doubt, verdict.members) == ('unexplained', Doubt.PLACE, ())
 
 
+def test_a_leak_of_a_weak_gap_without_a_place_is_named_with_doubt():
+    found = findings(0.65, ('leak', 0.1), ('illumination', 0.6))
+    assert decide(evidence(found)).confidence > 0.6
+    verdict = decide(replace(evidence(found), place_uncertainty=0.3))
+    assert (verdict.name, verdict.doubt, verdict.confidence) == ('leak', Doubt.PLACE, 0.6)
+
+
 def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():
     found = findings(5.0, ('viscosity', 0.85), ('decay', 3.0))
     pair = fit_of('viscosity', 'decay', misfit=0.15)

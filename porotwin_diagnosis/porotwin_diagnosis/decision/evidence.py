@@ -58,7 +58,12 @@ class Evidence:
         A weak gap in the fitted part leaves the place of a true one open as well.
         """
         strong = misfit_beyond_noise(self.findings.null)[0] > PLACING_MISFIT
-        return strong and self.place_uncertainty > LOST_PLACE
+        return strong and self.leaves_place_open
+
+    @property
+    def leaves_place_open(self) -> bool:
+        """Whether the place of a leak or a zone of the kept model is hardly known."""
+        return self.place_uncertainty > LOST_PLACE
 
     @property
     def scant(self) -> bool:

@@ -38,7 +38,8 @@ def decide(evidence: Evidence) -> Verdict:
     2. The model without effects leaves no gap, and numerical diffusion makes none: `none`.
     3. The held-out maps contradict the best model: `unexplained`.
     4. A leak or a zone of the best model may lie almost anywhere: `unexplained`. It imitates
-       something that acts in the whole rig.
+       something that acts in the whole rig. If the gap in the fitted part is weak, the place of a
+       true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
     5. Otherwise the effects of the best model are named, and numerical diffusion with them.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
@@ -57,6 +58,8 @@ def decide(evidence: Evidence) -> Verdict:
         name = members[0] if members else NONE
         log_odds, doubt = min(_statements(evidence, probabilities))
         sure = confidence(log_odds)
+        if members and evidence.leaves_place_open and sure > LOST_PLACE_CONFIDENCE:
+            doubt, sure = Doubt.PLACE, LOST_PLACE_CONFIDENCE
     if evidence.scant and sure > SCANT_CONFIDENCE:
         doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
     if name == UNEXPLAINED:

@@ -25,7 +25,10 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.ORDER: 'which effect is the strongest: they change the maps about equally much',
         Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
         Doubt.PLACE: 'the best model has a leak or a zone that may lie almost anywhere, so that it '
-        'imitates something that acts in the whole rig',
+        'imitates something that acts in the whole rig'
+        if verdict.name == UNEXPLAINED
+        else 'where the leak or the zone lies: the gap is weak, so that its place and its size are '
+        'hardly known',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 
