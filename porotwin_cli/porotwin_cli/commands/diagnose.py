@@ -139,7 +139,7 @@ def command(
         simulations.remove()
     told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
-        print_json({'output': output, **summary, **({'history': told} if history else {})})
+        print_json({'output': output, **summary, 'history': told})
         return
     named = ' and '.join(summary['combination']) or summary['verdict']
     named = ' or '.join([named, *summary['not_separable_from']])
