@@ -31,6 +31,9 @@ from porotwin_recording.recorded_data import RecordedData
 
 PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
 
+MAP_SUFFIXES = ('.npz', '.nc', '.zarr')
+"""Endings of files of maps; their times count from a zero that no protocol knows."""
+
 
 def has_protocols(folder: Path) -> bool:
     """Return whether a folder has one of the protocols."""
@@ -84,6 +87,11 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
         if file.is_file():
             os.utime(file, (begin.timestamp(), begin.timestamp()))
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
+    told += [
+        f'{name}: not read, only protocols and photographs are; ./porotwin import {folder / name} '
+        'TARGET reads maps'
+        for name in sorted(path.name for path in folder.iterdir() if path.suffix in MAP_SUFFIXES)
+    ]
     return told
 
 

@@ -383,3 +383,9 @@ def test_gaps_of_a_measured_log_are_told(folder: Path) -> None:
     assert '1 gaps between rates count as a stopped pump, the first at 2024-05-31 10:00:30' in (
         '\n'.join(told)
     )
+
+
+def test_maps_beside_protocols_are_told_to_be_left_out(folder: Path) -> None:
+    (folder / 'maps.nc').write_bytes(b'')
+    _, told = imported(folder)
+    assert any(line.startswith('maps.nc: not read') for line in told)
