@@ -27,7 +27,6 @@ TRACER_QUANTILE = 0.9
 VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 
-
 PURE = 0.5
 """Concentration [-] of injected fluid from which on its well is surely seen in the maps."""
 
@@ -122,11 +121,12 @@ def _turned(
     levels: dict[str, list[float]] = {how: [] for how in TURNS}
     for index in chosen:
         before = rates.at(float(maps.times[max(index - 1, 0)]))
+        frame = maps[index]
         for name, rate in rates.at(float(maps.times[index])).items():
             if rate.rate > 0 and rate.concentration > PURE and before.get(name) == rate:
                 cells = cells_near([rig.wells[name]], maps.grid)
                 for how, turn in TURNS.items():
-                    seen = maps[index][turn(cells)]
+                    seen = frame[turn(cells)]
                     levels[how].extend(seen[np.isfinite(seen)])
     if not all(levels.values()):  # no well injected stock where the maps show it
         return
