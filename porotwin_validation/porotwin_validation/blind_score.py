@@ -65,6 +65,15 @@ class CaseScore:
     gap: float | None = None
     visible: bool | None = None
 
+    @property
+    def confirmed(self) -> bool:
+        """Whether what the confidence stands for is true.
+
+        A confidence is the probability that the verdict is right, or one of the effects that the
+        recording cannot separate from it.
+        """
+        return self.right or self.listed
+
 
 def score_case(
     case: BlindCase, result: Path, truth: CaseTruth, hidden: frozenset[str] = frozenset()

@@ -15,7 +15,7 @@ CONFIDENCE_EDGES = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
 """Bins of confidence for the calibration error: narrower where most verdicts are."""
 
 SURE = 0.8
-"""Least confidence of a wrong name that counts as sure and wrong."""
+"""Least confidence of a name that counts as sure."""
 
 
 GAP_EDGES = (0.0, 1.25, 1.5, 2.0, 3.0, 5.0, math.inf)
@@ -41,7 +41,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
     return {
         'cases': len(scores),
         'right': _share(scores, lambda score: score.right),
-        'right_or_listed': _share(scores, lambda score: score.right or score.listed),
+        'right_or_listed': _share(scores, lambda score: score.confirmed),
         'imitated': _share(scores, lambda score: score.imitated),
         'wrong_although_visible': _share(scores, _is_wrong_although_visible),
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
@@ -94,12 +94,14 @@ def _is_wrong_although_visible(score: CaseScore) -> bool:
 
 
 def _is_sure_and_wrong(score: CaseScore) -> bool:
-    return not score.right and score.confidence >= SURE and score.verdict != 'unexplained'
+    sure = score.confidence >= SURE and score.verdict != 'unexplained'
+    return sure and not score.confirmed
 
 
 def calibration_error(scores: Sequence[CaseScore]) -> float:
     """Return the expected calibration error of `scores` (see `expected_error`)."""
-    return expected_error([score.confidence for score in scores], [score.right for score in scores])
+    stated = [score.confidence for score in scores]
+    return expected_error(stated, [score.confirmed for score in scores])
 
 
 def expected_error(confidences: ArrayLike, right: ArrayLike) -> float:

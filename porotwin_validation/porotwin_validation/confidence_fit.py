@@ -130,7 +130,8 @@ def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
 def fit_to_scores(paths: Sequence[Path]) -> JudgedMap:
     """Return the map that fits the cases in the files `scores.json` of blind checks.
 
-    Cases without a verdict do not count.
+    Cases without a verdict do not count. A verdict is confirmed if it is right, or if it lists the
+    truth as inseparable (`CaseScore.confirmed`).
     """
     cases = [
         case
@@ -138,7 +139,8 @@ def fit_to_scores(paths: Sequence[Path]) -> JudgedMap:
         for case in json.loads(path.read_text(encoding='utf-8'))['cases']
         if case.get('verdict') not in ('failed', 'refused')
     ]
-    return judged_map([case['confidence'] for case in cases], [case['right'] for case in cases])
+    confirmed = [case['right'] or case.get('listed', False) for case in cases]
+    return judged_map([case['confidence'] for case in cases], confirmed)
 
 
 def main() -> None:

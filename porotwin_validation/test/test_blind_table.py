@@ -72,6 +72,8 @@ def test_a_truth_that_is_listed_as_inseparable_counts_beside_right_ones():
     cases = [SCORE, listed]
     figures = summary(cases)
     assert (figures['right'], figures['right_or_listed']) == (0.5, 1.0)
+    assert figures['sure_and_wrong_name'] == 0.0
+    assert figures['calibration_error'] == calibration_error([SCORE, SCORE])
     assert '| no, but listed |' in table(cases, figures)
 
 
