@@ -48,7 +48,9 @@ _DARK_PERCENTILE = 25.0
 """Percentile of the light that stands for darker sand."""
 _SMALLEST_DIVISOR = 1e-9
 _SEARCH_CELLS = 3000
-"""Cells used in the search."""
+"""Blocks of cells used in the search."""
+_SEEN_SHARE = 0.5
+"""Visible share from which a block counts [-]."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,13 @@ class ToneChange:
             return np.asarray(bent / (1.0 + self.amount), np.float32)
         ratio = np.exp(log_ratio) - self.amount / before
         return np.asarray(np.log(np.maximum(ratio, _LEAST_RATIO)), np.float32)
+
+    def contrast(self, log_ratio: Array, undone: Array) -> Array | float:
+        """Return dr / dr', the scatter of log ratios relative to that of the undone ones.
+
+        It is 1 + p for a curve, and exp(r' - r) for haze, in the shape of the ratios.
+        """
+        return 1.0 + self.amount if self.kind == 'curve' else np.exp(undone - log_ratio)
 
     @property
     def remark(self) -> str:
@@ -109,10 +118,14 @@ def tone_change(
         checker_gain: log gain at the colour chart, shape (3,), or None.
         settings: settings of all steps.
     """
-    stride = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
-    thin = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
+    size = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
     search = _Search(
-        log_ratio[thin], before[thin], after[thin], visible[thin], checker_gain, settings
+        _block_means(log_ratio, visible, size),
+        np.maximum(_block_means(before, visible, size), _SMALLEST_DIVISOR),
+        np.maximum(_block_means(after, visible, size), _SMALLEST_DIVISOR),
+        _block_means(visible[..., None], np.ones_like(visible), size)[..., 0] > _SEEN_SHARE,
+        checker_gain,
+        settings,
     )
     if not search.is_unusual():
         return None
@@ -123,9 +136,23 @@ def tone_change(
     return search.with_veil(best) if best.kind == 'haze' else best
 
 
+def _block_means(values: Array, visible: Mask, size: int) -> Array:
+    """Return the means of visible `values` (nz, nx, n) over blocks of `size` cells; 0 without any.
+
+    In single cells, shake alone makes bright grains darker and dark ones brighter, which looks like
+    a tone curve. Sands differ over many cells.
+    """
+    rows, columns = (length // size for length in visible.shape)
+    whole = (slice(0, rows * size), slice(0, columns * size))
+    weight = visible[whole][..., None].astype(np.float32)
+    shape = (rows, size, columns, size, -1)
+    sums = (values[whole] * weight).reshape(shape).sum(axis=(1, 3))
+    return np.asarray(sums / np.maximum(weight.reshape(shape).sum(axis=(1, 3)), 1.0))
+
+
 @dataclass(frozen=True)
 class _Search:
-    """The search on a part of the cells; the arguments of `tone_change`."""
+    """The search on means over blocks; the arguments of `tone_change`."""
 
     log_ratio: Array
     before: Array
@@ -202,12 +229,17 @@ class _Search:
         """Return robust weights (nz, nx) of sand without tracer, and residuals (nz, nx, 3)."""
         if change is None:
             return self._weighted(self.log_ratio)
-        return self._weighted(change.undone(self.log_ratio, self.before))
+        undone = change.undone(self.log_ratio, self.before)
+        return self._weighted(undone, change.contrast(self.log_ratio, undone))
 
-    def _weighted(self, ratio: Array) -> tuple[Array, Array]:
-        """Return the same for log ratios that are undone."""
+    def _weighted(self, ratio: Array, contrast: Array | float = 1.0) -> tuple[Array, Array]:
+        """Return the same for log ratios that are undone.
+
+        Residuals are those of the photograph, `contrast` times those of the undone ratios.
+        Otherwise a change would win by making noise smaller.
+        """
         light = self.settings.light
         drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain, light)
-        residual = ratio - drift.log_gain
+        residual = contrast * (ratio - drift.log_gain)
         distance = (residual**2).mean(axis=2) / light.tolerance**2
         return self.visible * np.clip(1.0 - distance, 0.0, None) ** 2, residual

@@ -84,3 +84,13 @@ def test_another_gamma_leaves_the_map(
     found = concentration_map(make_jpeg(laboratory.scene(true_map) ** 0.9), baseline)
     assert any('tone curve of the camera has changed' in line for line in found.status)
     assert relative_error(found.values, true_map) < relative_error(still.values, true_map) + 0.02
+
+
+def test_coarse_grains_in_a_shaken_photograph_are_no_change_of_tone() -> None:
+    grains = np.exp(np.random.default_rng(3).normal(0, 0.12, (160, 321, 1)))
+    shaken = 0.8 * grains[:, :-1] + 0.2 * grains[:, 1:]  # a fifth of a cell to the side
+    light = np.full((160, 320, 3), 0.3)
+    light[:60] = 0.22
+    before, state = light * grains[:, :-1], light * shaken
+    visible = np.ones(before.shape[:2], bool)
+    assert tone_change(np.log(state / before), before, state, visible, None) is None
