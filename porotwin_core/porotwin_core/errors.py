@@ -33,7 +33,7 @@ def write_error(path: Path, error: Exception) -> Exception:
         An InputError if another path helps; an OSError if the disk is full or fails.
     """
     number = error.errno if isinstance(error, OSError) else None
-    if number in MAY_NOT:
+    if number in MAY_NOT and not (number == errno.EACCES and _is_full(path)):  # as netCDF says it
         return InputError(
             f'{path}: cannot be written ({os.strerror(number or 0)}); name an output where you may '
             'write'

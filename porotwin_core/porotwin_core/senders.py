@@ -65,9 +65,23 @@ def check_only_mend_offers(node: Any) -> None:
     Raises:
         InputError: another node does so too; one line with its name.
     """
+    _check_only(node, 'mend', 'mend/offer')
+
+
+def check_only_solver_tells(node: Any) -> None:
+    """Check that only the solver, or a replay of its messages, tells the effects in the model.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, 'solver', 'model/effects')
+
+
+def _check_only(node: Any, name: str, topic: str) -> None:
+    """Check that no node but `name` and the player of a recording publishes `topic`."""
     player = full_name(node, 'player')
-    found = [sender for sender in publishers(node, 'mend/offer') if sender.node != player]
-    refuse_others(found, full_name(node, 'mend'), 'publishes mend/offer')
+    found = [sender for sender in publishers(node, topic) if sender.node != player]
+    refuse_others(found, full_name(node, name), f'publishes {topic}')
 
 
 def publishers(node: Any, topic: str) -> list[Sender]:

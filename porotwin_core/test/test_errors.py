@@ -17,7 +17,9 @@ def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:
     assert 'cannot be written (Permission denied); name an output where you may' in str(found)
 
 
-@pytest.mark.parametrize('error', [OSError(errno.ENOSPC, ''), RuntimeError('NetCDF: HDF error')])
+@pytest.mark.parametrize(
+    'error', [OSError(errno.ENOSPC, ''), OSError(errno.EACCES, ''), RuntimeError('HDF error')]
+)
 def test_a_full_disk_is_told_even_by_a_library_without_reasons(
     tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ from porotwin_core.senders import (
     check_only_guard_calls,
     check_only_guard_publishes,
     check_only_mend_offers,
+    check_only_solver_tells,
     only,
 )
 
@@ -69,6 +70,14 @@ def test_only_mend_and_a_replay_of_it_offer() -> None:
     rogue: Any = Graph(topic='mend rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes mend/offer too, and only'):
         check_only_mend_offers(rogue)
+
+
+def test_only_the_solver_and_a_replay_of_it_tell_effects() -> None:
+    replayed: Any = Graph(topic='solver player')
+    check_only_solver_tells(replayed)
+    rogue: Any = Graph(topic='solver rogue')
+    with pytest.raises(InputError, match='/porotwin/rogue publishes model/effects too, and only'):
+        check_only_solver_tells(rogue)
 
 
 def test_two_senders_of_one_name_are_refused() -> None:

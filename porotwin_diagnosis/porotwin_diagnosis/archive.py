@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, writing
 from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
+from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.origin import (
     check_unchanged,
@@ -160,6 +161,8 @@ def diagnose_archive(
         SchedulerLost: the scheduler went away; the same call continues.
     """
     listed = list(tasks)
+    if output.exists() and not output.is_dir():
+        raise InputError(f'{output}: is a file; name a folder for the reports')
     output.mkdir(parents=True, exist_ok=True)
     crew.needs_folder(output)
     refused: dict[str, str] = {}
@@ -172,12 +175,13 @@ def diagnose_archive(
         name = futures[future].folder.name
         try:
             future.result()
-        except InputError as error:
+        except (InputError, OSError) as error:  # the others are diagnosed all the same
             refused[name] = str(error)
         done(name)
     table = [_row(task, refused.get(task.folder.name)) for task in listed]
     rows = {row['report']: row for row in [*_earlier_rows(output / TABLE), *table]}
-    (output / TABLE).write_text(json.dumps(list(rows.values()), indent=1), encoding='utf-8')
+    with writing(output / TABLE):
+        write_whole(output / TABLE, json.dumps(list(rows.values()), indent=1))
     return table
 
 

@@ -20,6 +20,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import crew
 from porotwin_core.run_topics import follow_run
+from porotwin_core.senders import check_only_solver_tells
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
@@ -131,6 +132,7 @@ class DiagnosisNode(Node):
 
     def _on_effects(self, message: ModelEffects) -> None:
         try:
+            check_only_solver_tells(self)
             effects = conversions.effects_from_msg(message.effects)
         except InputError as error:
             self.get_logger().error(f'model/effects ignored: {error}')

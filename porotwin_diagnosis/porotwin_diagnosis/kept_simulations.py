@@ -27,6 +27,10 @@ KEPT_FROM_S = 0.3
 """Duration from which a simulation is kept [s]: a short one is made again as fast as it is read."""
 
 
+LEAST_FREE_BYTES = 100_000_000
+"""Space that stays free for the report and for others [B]; with less, no simulation is kept."""
+
+
 class KeptSimulations(Crew):
     """A crew that keeps the simulations of another one."""
 
@@ -103,6 +107,8 @@ def _keep(path: Path, maps: np.ndarray[Any, Any]) -> None:
     begun = path.with_name(f'{uuid4().hex}.begun')
     try:
         path.parent.mkdir(exist_ok=True)
+        if shutil.disk_usage(path.parent).free < LEAST_FREE_BYTES + maps.nbytes:
+            return
         with begun.open('wb') as file:
             np.save(file, maps)
         begun.replace(path)

@@ -25,8 +25,10 @@ from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declar
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
+from porotwin_core.senders import check_only_solver_tells
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.live_run import is_other_clock
 from porotwin_diagnosis.data.rate_table import RateTable
 from porotwin_diagnosis.mending.finding import read_finding
 from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
@@ -216,7 +218,7 @@ class MendNode(Node):
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
-        if self._newest is not None and stamp <= self._newest:
+        if self._newest is not None and is_other_clock(self._newest, stamp):
             self._run += 1
             self._work.put(self._mender.begin_anew)
         periods = self._periods(stamp)
@@ -226,7 +228,7 @@ class MendNode(Node):
     def _periods(self, stamp: float) -> Sequence[RatePeriod]:
         """Return the rates from the last state to that at `stamp` [s]; empty: none are known."""
         last = self._newest
-        if last is None or stamp <= last:
+        if last is None or is_other_clock(last, stamp):
             return ()
         with self._lock:
             schedule = Schedule.from_rates(self._rates.rows())
@@ -248,6 +250,7 @@ class MendNode(Node):
 
     def _on_effects(self, message: ModelEffects) -> None:
         try:
+            check_only_solver_tells(self)
             effects = conversions.effects_from_msg(message.effects)
             checked_effects(self._rig, effects)
         except InputError as error:
@@ -313,6 +316,9 @@ class MendNode(Node):
 
     def _on_goal(self, future: Any) -> None:
         self._goal = future.result()
+        if not self._goal.accepted:
+            self._give_up('no verdict: the diagnosis node refused; it is asked again later')
+            return
         self._goal.get_result_async().add_done_callback(self._on_result)
 
     def _look_after_diagnosis(self) -> None:
@@ -337,6 +343,9 @@ class MendNode(Node):
         result = future.result().result
         if result.outcome.code != Outcome.OK:
             self._give_up(f'no verdict: {result.outcome.message}')
+            return
+        if not result.report:  # what a server answers whose work failed
+            self._give_up('no verdict: the diagnosis ended without a report')
             return
         if asked.run != self._run:
             self._give_up(f'the verdict {result.verdict} came after its run; it is not offered')

@@ -66,6 +66,13 @@ def test_a_recording_with_a_report_is_kept_and_a_bad_one_is_named(
     assert json.loads((tmp_path / 'archive' / TABLE).read_text()) == table
 
 
+def test_a_file_is_no_folder_for_reports(monday: Path, tmp_path: Path) -> None:
+    (tmp_path / 'archive').touch()
+    tasks = archive_tasks([monday], tmp_path / 'archive')
+    with crew(workers=1, threads=True) as pool, pytest.raises(InputError, match='is a file; name'):
+        diagnose_archive(tasks, tmp_path / 'archive', pool)
+
+
 def test_a_second_call_keeps_the_rows_of_other_recordings(monday: Path, tmp_path: Path) -> None:
     output = tmp_path / 'archive'
     recordings = [monday, recorded(tmp_path / 'runs' / 'tuesday')]

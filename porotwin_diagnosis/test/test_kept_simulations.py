@@ -1,9 +1,11 @@
 """Simulations that an interrupted diagnosis leaves behind."""
 
+import shutil
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.parallel import ThreadCrew
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis import kept_simulations
-from porotwin_diagnosis.kept_simulations import FOLDER, KeptSimulations, key_of
+from porotwin_diagnosis.kept_simulations import FOLDER, LEAST_FREE_BYTES, KeptSimulations, key_of
 
 GRID = Grid(6, 4, 0.6, 0.4)
 
@@ -46,6 +48,17 @@ def test_a_second_call_finds_the_simulations_of_the_first(tmp_path: Path) -> Non
     assert (simulator.count, crew.found) == (2, 2)
     crew.remove()
     assert not (tmp_path / FOLDER).exists()
+
+
+def test_the_last_space_of_a_disk_is_left_to_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    little = SimpleNamespace(free=LEAST_FREE_BYTES)
+    monkeypatch.setattr(shutil, 'disk_usage', lambda _: little)
+    with ThreadCrew(1) as threads:
+        crew = KeptSimulations(threads, tmp_path)
+        crew.submit(Simulator().maps, 0.1, grid=GRID).result()
+    assert not list((tmp_path / FOLDER).iterdir())
 
 
 def test_a_damaged_file_is_made_again_and_an_error_is_passed_on(tmp_path: Path) -> None:

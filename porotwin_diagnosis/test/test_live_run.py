@@ -49,6 +49,11 @@ def test_a_clock_that_goes_back_begins_a_run_with_the_rates_in_force(tmp_path):
     assert recording.schedule.at(0.0) == INJECTING
 
 
+def test_a_clock_that_is_set_right_by_years_begins_a_run():
+    years = 4 * 365 * 86400.0
+    assert run_with_maps(0.0, 30.0, years, years + 30.0).times == (years, years + 30.0)
+
+
 def test_an_ended_run_is_kept_until_another_one_begins():
     run = run_with_maps(0.0, 30.0)
     run.note_experiment_end()

@@ -19,7 +19,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.senders import publishers
+from porotwin_core.senders import check_only_solver_tells, publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
 from porotwin_core.units import DAY_S
@@ -261,6 +261,7 @@ class HubNode(Node):
 
     def _on_effects(self, message: ModelEffects) -> None:
         try:
+            check_only_solver_tells(self)
             effects = conversions.effects_from_msg(message.effects)
         except InputError as error:
             self._refuse(f'model/effects ignored: {error}')

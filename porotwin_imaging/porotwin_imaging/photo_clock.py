@@ -21,6 +21,8 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
+from porotwin_core.time_units import DAYS
+
 Trust = Literal['exif', 'file', 'arrival']
 """The first time that may be believed: all, all but EXIF, or the arrival alone."""
 
@@ -266,9 +268,10 @@ def _with_lag(
     if not agree or abs(wanted - memory.correction) <= max(LAG_SPREAD_S, AHEAD_S):
         return memory, []
     relation = 'behind' if wanted > 0 else 'ahead of'
+    days = f' ({DAYS.text(abs(wanted))})' if abs(wanted) > DAYS.seconds else ''
     line = (
-        f"the camera's clock is {abs(wanted):.0f} s {relation} this computer's clock: its times "
-        'are corrected'
+        f"the camera's clock is {abs(wanted):.0f} s{days} {relation} this computer's clock: its "
+        'times are corrected'
         if wanted
         else "the camera's clock agrees with this computer's clock again"
     )

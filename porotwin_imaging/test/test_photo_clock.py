@@ -134,6 +134,13 @@ def test_a_clock_an_hour_behind_is_corrected_when_three_fresh_photographs_agree(
     assert line.startswith("the camera's clock is 3601 s behind this computer's clock")
 
 
+def test_the_lag_of_a_clock_that_was_never_set_is_told_in_days() -> None:
+    years = 1638.0 * 24.0 * HOUR
+    result = found([live(n, exif=NOW + n * INTERVAL - years) for n in range(4)])
+    (line,) = [remark for stamp in result for remark in stamp.remarks if 'behind' in remark]
+    assert '(1638.0 d) behind' in line
+
+
 def test_a_clock_an_hour_ahead_never_gives_a_time_in_the_future() -> None:
     evidence = [live(n, exif=NOW + n * INTERVAL + HOUR) for n in range(6)]
     result = times(evidence)

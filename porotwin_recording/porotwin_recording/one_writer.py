@@ -21,6 +21,8 @@ def only_writer(target: Path) -> Iterator[None]:
         OSError: the disk is full or fails.
     """
     place = target.resolve()
+    if not place.name:
+        raise InputError(f'{target}: is the root of all folders; name a folder for this output')
     lock = place.with_name(f'.{place.name}.writer')
     with writing(target):
         lock.parent.mkdir(parents=True, exist_ok=True)

@@ -38,3 +38,8 @@ def test_a_file_that_exists_has_one_writer_too(tmp_path: Path) -> None:
     ):
         pass
     assert sorted(tmp_path.iterdir()) == [link, target]
+
+
+def test_the_root_is_no_output() -> None:
+    with pytest.raises(InputError, match='name a folder for this output'), only_writer(Path('/')):
+        pass

@@ -23,18 +23,27 @@ MOST_MAPS = 400
 """Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares
 a few dozen."""
 
+LONGEST_GAP_S = 7 * 86400.0
+"""Longest time between two photographs of one run [s]. More means that a clock was set."""
+
 LEAST_INJECTED_SHARE = 0.5
 """Share of the first map's tracer that the known rates must account for. Less means that the run
 began unseen; some tolerance is left for wrong rates and an uncalibrated camera."""
 
 
+def is_other_clock(last: float, stamp: float) -> bool:
+    """Return whether the clock was set between the photographs at `last` and at `stamp` [s]."""
+    return not last < stamp <= last + LONGEST_GAP_S
+
+
 class LiveRun:
     """Maps and rates since the current experiment began. Times are stamps of photographs [s].
 
-    A new run begins when the clock goes back, when an experiment follows an ended one, and when the
-    evaluation of photographs starts again on a rig without tracer. Missed photographs do not end a
-    run, because the model needs the rates only. Rates in force at the beginning of a run stay in
-    force. As in the hub, a setpoint counts as pumped until rates are measured.
+    A new run begins when the clock is set (`is_other_clock`), when an experiment follows an ended
+    one, and when the evaluation of photographs starts again on a rig without tracer. Missed
+    photographs do not end a run, because the model needs the rates only. Rates in force at the
+    beginning of a run stay in force. As in the hub, a setpoint counts as pumped until rates are
+    measured.
     """
 
     def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
@@ -82,7 +91,7 @@ class LiveRun:
         if grid != self._grid:
             raise InputError(f'map on {grid}; the run is kept on {self._grid}')
         clean = self._evaluation_started and tracer_share(concentration) < FILLED_SHARE
-        if self.times and (self._ended or clean or stamp <= self.times[-1]):
+        if self.times and (self._ended or clean or is_other_clock(self.times[-1], stamp)):
             self._begin_new_run(stamp)
         self._evaluation_started = False
         unknown = np.full(grid.shape, np.nan)

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.errors import writing
+from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
@@ -40,7 +42,8 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'fitted_frames': evidence.fitted_frames,
         'place_uncertainty': evidence.place_uncertainty,
     }
-    path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
+    with writing(path):
+        write_whole(path, json.dumps(content, indent=1) + '\n')
 
 
 def read_evidence(path: Path) -> Evidence:

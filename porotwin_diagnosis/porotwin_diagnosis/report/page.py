@@ -4,7 +4,9 @@ import html
 from collections.abc import Iterator
 from pathlib import Path
 
+from porotwin_core.errors import writing
 from porotwin_core.time_units import time_unit
+from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
@@ -78,7 +80,8 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>{title}</title><style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
-    path.write_text(page, encoding='utf-8')
+    with writing(path):
+        write_whole(path, page)
 
 
 def _rig_in_words(name: str) -> str:
