@@ -5,12 +5,13 @@ at a front. But neighbours on one level of concentration show the same value. Th
 averaged, as a correction of a blurred map g, the guide:
 
     v_i = g_i + sum_j w_ij (f_j - g_j),   w_ij ~ exp(-|x_i - x_j|^2 / 2 h^2
-                                                     - (g_i - g_j)^2 / 2 s_i^2) / s_j^2,
+                           - ((g_i - g_j)^2 + (u_i - u_j)^2 / 4) / 2 s_i^2) / s_j^2,
 
-with raw values f, their standard deviations s, and sum_j w_ij = 1. The average runs far along a
-front and only over |g_i - g_j| < s across it. It is a cross-bilateral filter of the residual
-(Petschnigg et al., ACM Trans. Graph. 23:664, 2004). It is linear in f for a given guide: the
-variance of the result is sum_j w_ij^2 s_j^2.
+with raw values f, their standard deviations s, the denoised map u, and sum_j w_ij = 1. The average
+runs far along a front and only over |g_i - g_j| < s across it. The term with u keeps the crest of a
+thin ridge apart from its foot: the blur gives both the same g. It is a cross-bilateral filter of
+the residual (Petschnigg et al., ACM Trans. Graph. 23:664, 2004). It is linear in f for a given
+guide: the variance of the result is sum_j w_ij^2 s_j^2.
 """
 
 import math
@@ -119,9 +120,8 @@ def _corrections(
     Far from tracer nothing is added: the average would only add noise.
     """
     reach = math.ceil(2.0 * widths.reach)
-    blur = (0, 0), widths.guide_blur
-    weight = np.maximum(cv2.GaussianBlur(seen.astype(np.float32), *blur), _LEAST_VARIANCE)
-    guide = cv2.GaussianBlur(np.where(seen, first, 0.0).astype(np.float32), *blur) / weight
+    weight = np.maximum(_blurred(seen, widths.guide_blur), _LEAST_VARIANCE)
+    guide = _blurred(np.where(seen, first, 0.0), widths.guide_blur) / weight
     window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     tracer = cv2.dilate((guide > settings.least_tracer).astype(np.uint8), window) > 0
     smooth, remaining = _average_on_levels(
@@ -129,6 +129,7 @@ def _corrections(
         variance.astype(np.float32),
         seen,
         guide.astype(np.float32),
+        first.astype(np.float32),
         tracer,
         np.float32(widths.reach),
         reach,
@@ -138,12 +139,23 @@ def _corrections(
     return correction.astype(np.float32), np.where(tracer, remaining, clean).astype(np.float32)
 
 
+def _blurred(plane: Array, width: float) -> Array:
+    """Return `plane` (nz, nx) blurred by `width` [cells].
+
+    Beyond the rim the cells repeat. OpenCV's default mirrors them about the outermost ones, so that
+    the second row would count twice, and its level be taken for that of the first.
+    """
+    values = np.asarray(plane, np.float32)
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), width, borderType=cv2.BORDER_REFLECT))
+
+
 @njit(cache=True, nogil=True)
 def _average_on_levels(
     residual: NDArray[np.float32],
     variance: NDArray[np.float32],
     seen: NDArray[np.bool_],
     guide: NDArray[np.float32],
+    denoised: NDArray[np.float32],
     wanted: NDArray[np.bool_],
     width: np.float32,
     reach: int,
@@ -162,9 +174,9 @@ def _average_on_levels(
                     if not seen[k, m]:
                         continue
                     apart = guide[k, m] - guide[i, j]
-                    exponent = 0.5 * (
-                        ((k - i) ** 2 + (m - j) ** 2) / width**2 + apart * apart / variance[i, j]
-                    )
+                    differs = denoised[k, m] - denoised[i, j]
+                    levels = (apart * apart + 0.25 * differs * differs) / variance[i, j]
+                    exponent = 0.5 * (((k - i) ** 2 + (m - j) ** 2) / width**2 + levels)
                     if exponent > _LARGEST_EXPONENT:
                         continue
                     weight = math.exp(-exponent) / variance[k, m]

@@ -82,3 +82,18 @@ def test_a_fine_map_is_corrected_on_coarser_cells() -> None:
     lost, kept = (0.3 - values[:, inside].mean() for values in (first, found.values))
     assert lost > 0.0015
     assert abs(kept) < 0.5 * lost
+
+
+@pytest.mark.parametrize('first_row', [0, 30])  # at the lower end of the rig, and within it
+@pytest.mark.parametrize('rows', [(0.6, 1.0, 1.0, 1.0), (0.65, 0.98, 0.4, 0.6)])
+def test_neighbours_of_a_thin_ridge_keep_their_heights(
+    first_row: int, rows: tuple[float, ...]
+) -> None:
+    ridge = slice(first_row, first_row + len(rows))
+    truth = np.zeros(GRID.shape)
+    truth[ridge] = np.array(rows)[:, None]
+    noise = np.where(truth > 0.9, 0.006, np.where(truth > 0.1, 0.035, 0.01))  # as in photographs
+    raw = truth + noise * np.random.default_rng(3).normal(size=GRID.shape)
+    first = denoised(raw, noise, np.ones(GRID.shape, bool), GRID)
+    found = smooth_along_levels(raw, noise, first, GRID.dx)
+    np.testing.assert_allclose(found.values[ridge].mean(axis=1), rows, atol=0.03)
