@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnosis_results import naming
 
@@ -10,6 +11,8 @@ from porotwin_diagnosis.advice.partial_cause import PartialCause
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Doubt, Verdict
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.report.answer import answer, sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.concentration import MapOrigin
@@ -167,3 +170,25 @@ def test_a_scant_recording_is_said_to_limit_the_confidence(denser):
     assert 'more than 70 % here: maps of 47 columns' in rows(scant)['How sure']
     assert 'coarser than the 80' in rows(scant)['How sure']
     assert 'No answer gets more' not in rows(denser)['How sure']
+
+
+def test_effects_of_an_inseparable_pair_have_the_sizes_of_their_joint_fit(denser):
+    sample = denser.samples[0]
+    known = {candidate.effect: candidate for candidate in library([sample])}
+    members = (known['retardation'], known['rate'])
+    scaled = np.array([members[0].parameters[0].scaled(1.15), 0.5])
+    other = Fit(members, scaled, 0.5, 0.5, 0.1, 0.1, 0.01 * np.eye(2))
+    (pair,) = denser.evidence.findings.pairs
+    alone = Fit(members[:1], scaled[:1] - 1.0, 0.8, 0.8, 0.2, 0.2, 0.01 * np.eye(1))
+    singles = [*denser.evidence.findings.singles, alone]
+    findings = replace(denser.evidence.findings, singles=singles, pairs=[pair, other])
+    verdict = Verdict(
+        'porosity', 0.7, pair, ('porosity', 'rate'), ('retardation',), {'porosity': 0.7},
+        alternatives=(('retardation', 'rate'),),
+    )  # fmt: skip
+    result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, findings=findings))
+    rows = {row['name']: row['parameters'] for row in diagnosis_json(result)['effects']}
+    factor = rows['retardation']['retardation_factor']
+    assert factor['value'] == pytest.approx(1.15)
+    assert factor['low'] < 1.15 < factor['high']
+    assert '; or the tracer sorbs to the sand and travels at 87 % of' in said(result)

@@ -1,7 +1,7 @@
 """The content of diagnosis.json: a diagnosis for programs (diagnosis contract)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from porotwin_diagnosis.advice.cause import Place
@@ -264,6 +264,9 @@ def _effects(result: Diagnosis) -> list[dict[str, Any]]:
     for name, number in with_occurrences(verdict.members):
         alone = rows[name, 0] if name in best else {}
         rows[name, number] = alone | _member_row(name, number, result, errors)
+    for name, fit in _fits_of_alternatives(result):
+        if (name, 0) in rows:
+            rows[name, 0]['parameters'] = _parameters(fit, name, 0)
     return sorted(
         rows.values(),
         key=lambda row: (
@@ -272,6 +275,19 @@ def _effects(result: Diagnosis) -> list[dict[str, Any]]:
             float(row['error_after']),
         ),
     )
+
+
+def _fits_of_alternatives(result: Diagnosis) -> Iterator[tuple[str, Fit]]:
+    """Yield the effects of the other combinations that look the same, each with its joint fit.
+
+    Alone, such an effect would take other sizes.
+    """
+    verdict, findings = result.verdict, result.evidence.findings
+    for names in verdict.alternatives:
+        for fit in (*findings.pairs, *findings.triples):
+            if sorted(member.effect for member in fit.members) == sorted(names):
+                yield from ((name, fit) for name in names if name not in verdict.members)
+                break
 
 
 def _best_fits(findings: Findings) -> dict[str, Fit]:
