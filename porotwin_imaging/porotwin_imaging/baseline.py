@@ -235,11 +235,22 @@ def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
     """Raise InputError if the corners of the rig lie outside the photograph."""
     corners = np.array(camera.corners_px)
     slack = _CORNER_SLACK * size[0]
-    if (corners < -slack).any() or (corners > np.array(size) + slack).any():
-        raise InputError(
-            f'photograph is {size[0]} x {size[1]} px, but camera.corners_px reach to '
-            f'{corners.max(axis=0).tolist()}; correct rig.yaml or use photographs of this rig'
+
+    def outside(width: int, height: int) -> bool:
+        return bool((corners < -slack).any() or (corners > np.array([width, height]) + slack).any())
+
+    if not outside(*size):
+        return
+    remedy = 'correct rig.yaml or use photographs of this rig'
+    if not outside(*size[::-1]):  # the pixels are taken as the sensor has read them
+        remedy = (
+            'they fit a photograph that is turned by 90 degrees. Does an EXIF orientation turn it '
+            'in a viewer only? Give the corners in the file as it is stored, or store it turned'
         )
+    raise InputError(
+        f'photograph is {size[0]} x {size[1]} px, but camera.corners_px reach to '
+        f'{corners.max(axis=0).tolist()}; {remedy}'
+    )
 
 
 def _remarks_on_corners(camera: Camera, size: tuple[int, int]) -> list[str]:

@@ -55,6 +55,13 @@ def test_a_baseline_needs_a_photograph_that_contains_the_rig(laboratory) -> None
         make_baseline(laboratory.rig, grid, [small])
 
 
+def test_a_photograph_turned_by_90_degrees_is_told(laboratory, empty_photograph) -> None:
+    pixels = cv2.imdecode(np.frombuffer(empty_photograph, np.uint8), cv2.IMREAD_COLOR)
+    turned = cv2.imencode('.jpg', cv2.rotate(pixels, cv2.ROTATE_90_CLOCKWISE))[1].tobytes()
+    with pytest.raises(InputError, match='they fit a photograph that is turned by 90 degrees'):
+        make_baseline(laboratory.rig, laboratory.rig.grid(90, 50), [turned])
+
+
 def test_the_calibration_can_hide_parts_of_the_sand(
     laboratory, calibration, empty_photograph
 ) -> None:

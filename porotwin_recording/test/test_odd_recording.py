@@ -54,6 +54,14 @@ def test_rates_that_the_control_section_does_not_allow_are_odd() -> None:
     assert [remark.why for remark in found] == ['control.fixed says 523.2 ml/h']
 
 
+def test_a_chase_with_water_at_another_rate_is_not_odd() -> None:
+    data = recording()
+    chase = ScheduleRow(60.0, 'in', WellRate(from_ml_h(90.0), 0.0))
+    first, last = data.commanded.rows
+    data = replace(data, commanded=Schedule((first, chase, last)))
+    assert list(remarks_about_recording(data)) == []
+
+
 def test_rates_without_an_end_are_odd() -> None:
     data = replace(recording(last=0.0), maps=None)
     assert 'when the experiment ends' in str(list(remarks_about_recording(data))[-1])

@@ -142,7 +142,9 @@ def command(
         print_json({'output': output, **summary, 'history': told})
         return
     named = ' and '.join(summary['combination']) or summary['verdict']
-    named = ' or '.join([named, *summary['not_separable_from']])
+    others = [f', or {" and ".join(names)}' for names in summary['combination_alternatives']]
+    others = others or [f' or {name}' for name in summary['not_separable_from']]
+    named += ''.join(others)
     print(f'{named}, with confidence {100 * result.verdict.confidence:.0f} %')  # as on the page
     print(plain(sentence(result, summary)))
     for line in told:
