@@ -44,6 +44,7 @@ from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fr
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.plume_evidence import plume_evidence
+from porotwin_imaging.repeated_remarks import lines_of_remarks
 from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.sand_edges import sand_edges
@@ -574,6 +575,7 @@ def _compare_all(
     """
     compared = []
     left_out = []
+    remarks = []
     for time, data in states:
         progress(f'photograph at {time:g} s')
         try:
@@ -582,8 +584,9 @@ def _compare_all(
             left_out.append(f'at {time:g} s: {error}')
             lines.append(f'photograph at {time:g} s left out: {error}')
             continue
-        lines += [f'photograph at {time:g} s: {remark}' for remark in found.remarks]
+        remarks += [(time, remark) for remark in found.remarks]
         compared.append((time, found))
+    lines += lines_of_remarks(remarks, len(compared) + len(left_out))
     if not compared:
         first = f' (the first one, {left_out[0]})' if left_out else ''
         raise CalibrationRefused(
