@@ -82,7 +82,7 @@ def _result(
     if not client.wait_for_server(SEARCH_S):
         raise WorkFailed(
             'no diagnosis node answers; start the twin with ./porotwin up, on this machine '
-            'and with the same ROS_DOMAIN_ID'
+            'and with the same --domain or ROS_DOMAIN_ID'
         )
     goal = Diagnose.Goal(output=str(output.resolve()))
 

@@ -106,7 +106,7 @@ class MendDesk:
         if not self._client.wait_for_service(SEARCH_S):
             raise WorkFailed(
                 'no mend node answers; start the twin with ./porotwin up --mend ask, on this '
-                'machine and with the same ROS_DOMAIN_ID'
+                'machine and with the same --domain or ROS_DOMAIN_ID'
             )
 
     def offer(self) -> OfferShown | None:

@@ -42,16 +42,22 @@ class RigPast:
             )
         prepare_history(folder)
         self.before = self._before()
+        later = len(self._others()) - len(self.before)
+        if later:
+            say(
+                f'{folder}: {later} findings on this rig are dated later than {self._date:%H:%M} '
+                f'of {self._date:%Y-%m-%d} and do not count; --date states another day'
+            )
 
     def _before(self) -> list[PastFinding]:
         """Return the findings on this rig up to the date of the recording, without its own."""
+        return [one for one in self._others() if one.seconds <= self._date.timestamp()]
+
+    def _others(self) -> list[PastFinding]:
+        """Return the findings on this rig from other recordings, whatever their date."""
         own = {str(place_of(recording.source)) for recording in self._recordings}
-        rig = self._recordings[0].rig
-        return [
-            found
-            for found in findings_on(rig, read_history(self._folder), self._folder)
-            if not own & set(found.recordings) and found.seconds <= self._date.timestamp()
-        ]
+        found = findings_on(self._recordings[0].rig, read_history(self._folder), self._folder)
+        return [one for one in found if not own & set(one.recordings)]
 
     def compare(self, summary: Mapping[str, Any]) -> list[str]:
         """Return lines on how the finding in `summary` fits to the earlier ones."""

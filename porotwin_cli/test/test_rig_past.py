@@ -55,6 +55,16 @@ def test_a_recording_knows_neither_itself_nor_a_later_one(tmp_path: Path) -> Non
     assert past(tmp_path, 'monday', '2026-11-23').before == []
 
 
+def test_findings_of_a_later_date_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    past(tmp_path, 'thursday', '2026-11-26').remember(summary(1.1))
+    past(tmp_path, 'monday', '2026-11-23')
+    assert '1 findings on this rig are dated later than 00:00 of 2026-11-23' in (
+        capsys.readouterr().err
+    )
+
+
 def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path) -> None:
     past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
     mended = past(tmp_path, 'tuesday', '2026-11-24', RIG.with_effects([PORE_EFFECT]))

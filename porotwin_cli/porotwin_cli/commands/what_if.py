@@ -134,8 +134,7 @@ def _show(found: 'WhatIfStudy') -> None:
             row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']
         rows.append(row)
     print_table(
-        f'tracer in the zone (ml), median and 90 % band; probability that it is reached: '
-        f'{REACHED} (computed in {found.seconds:.1f} s)',
+        f'tracer in the zone [ml], median (90 % band); reached: the probability that {REACHED}',
         ('time [min]', 'present', 'reached', 'proposed', 'reached'),
         rows,
     )
