@@ -129,6 +129,13 @@ def test_a_solver_that_was_started_again_gets_its_effects_again(desk):
     assert not desk.mender.watches
 
 
+def test_effects_from_before_a_restart_of_this_node_are_told_as_unwatched(desk):
+    desk.mender.solver_tells((weak_pump(),), is_new=False)
+    assert desk.mender.in_force == (weak_pump(),)
+    assert desk.lines[-1].startswith('in force before this node began, and judged no more')
+    assert not desk.mender.watches
+
+
 def test_effects_that_a_solver_has_lost_are_set_with_the_next_photographs(desk):
     desk.accepted()
     desk.fault = TimeoutError('the solver does not run')

@@ -255,7 +255,10 @@ class Mender:
         self._in_force = effects
         self._shadow = None
         self._band.begin_anew()
-        self._say(f'somebody else set: {in_words(effects)}')
+        if self._began is None:  # an earlier node, if any, took what it knew with it
+            self._say(f'in force before this node began, and judged no more: {in_words(effects)}')
+        else:
+            self._say(f'somebody else set: {in_words(effects)}')
 
     def _restore(self) -> None:
         """Give the solver the effects that it has lost."""
