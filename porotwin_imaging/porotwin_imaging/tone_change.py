@@ -133,7 +133,13 @@ def tone_change(
     gain = search.score(best) / max(search.score(None), 1.0)
     if gain <= settings.tone.least_gain:
         return None
-    return search.with_veil(best) if best.kind == 'haze' else best
+    if best.kind == 'curve':
+        return best
+    thin = (slice(size // 2, None, size), slice(size // 2, None, size))
+    cells = _Search(
+        log_ratio[thin], before[thin], after[thin], visible[thin], checker_gain, settings
+    )
+    return cells.with_veil(best)
 
 
 def _block_means(values: Array, visible: Mask, size: int) -> Array:
