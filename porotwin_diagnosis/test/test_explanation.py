@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnosis_examples import fit_of
 
@@ -32,6 +33,18 @@ def test_a_second_effect_is_kept_only_if_one_does_not_suffice_and_it_helps(
 ):
     found = findings(null, [('rate', single)], [(('rate', 'decay'), pair)])
     assert kept_model(found).label == kept
+
+
+def test_a_clearly_better_pair_is_kept_if_it_has_no_more_parameters_than_the_single_effect():
+    found = findings(6.0, [('registration', 0.56)], [(('well_position', 'saturation'), 0.34)])
+    pair = found.pairs[0]
+    single = replace(found.singles[0], scaled_parameters=np.ones(4))
+    found = replace(found, singles=[single])
+    assert kept_model(found) is pair
+    simple = replace(single, scaled_parameters=np.ones(1))
+    assert kept_model(replace(found, singles=[simple])) is simple
+    barely = fit_of('well_position', 'saturation', misfit=0.5)
+    assert kept_model(replace(found, pairs=[barely])) is single
 
 
 def test_a_triple_is_kept_although_no_pair_is_better_than_its_best_member():

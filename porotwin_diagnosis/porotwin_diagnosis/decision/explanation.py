@@ -77,7 +77,8 @@ def kept_model(findings: Findings) -> Fit:
     """Return the model with the fewest effects that explains the recording.
 
     1. The model without effects, if it leaves no gap.
-    2. The best single effect, if it surely suffices, or if it suffices and no pair leaves far less.
+    2. The best single effect, if it surely suffices, or if it suffices and no pair leaves far less,
+       or clearly less without further parameters.
     3. The best pair, if the second effect earns its place, and if it suffices likewise.
     4. The best triple, if its further effects earn their place. The true triple may contain no pair
        that is better than its best member.
@@ -89,10 +90,21 @@ def kept_model(findings: Findings) -> Fit:
     for combinations in (findings.pairs, findings.triples):
         if surely_suffices(kept, null):
             break
-        gain = FAR_LESS if lack_of_fit(kept, null) <= 1.0 else COMBINATION_GAIN
-        if combinations and earns_its_place(combinations[0], kept, gain):
-            kept = combinations[0]
+        best = combinations[0] if combinations else kept
+        if earns_its_place(best, kept, _gain(best, kept, null)):
+            kept = best
     return kept
+
+
+def _gain(more: Fit, fewer: Fit, null: Fit) -> float:
+    """Return the ratio to which `more` effects must lower the misfit of `fewer` effects.
+
+    Errors of the scheme may be what further parameters fit beside effects that suffice. A pair
+    without further parameters, such as a response and a displaced well beside a moved picture,
+    cannot owe its better fit to them.
+    """
+    further = len(more.scaled_parameters) > len(fewer.scaled_parameters)
+    return FAR_LESS if further and lack_of_fit(fewer, null) <= 1.0 else COMBINATION_GAIN
 
 
 def _strongest_first(model: Fit, findings: Findings) -> tuple[str, ...]:
