@@ -1,4 +1,4 @@
-"""Tests of what the running twin takes from a diagnosis.json."""
+"""Tests of the finding that the running twin reads from a diagnosis.json."""
 
 import json
 

@@ -16,7 +16,7 @@ from porotwin_diagnosis.search.levels import make_levels
 
 @pytest.fixture
 def part(denser):
-    """What the porosity closes of a gap, as if it did not suffice."""
+    """The share of a gap that the porosity closes, as if it did not suffice."""
     levels = make_levels(denser.samples, progress=lambda _stage, _share: None)
     return partial_cause(denser.recordings, levels, denser.verdict.model, denser.held_out)
 

@@ -1,4 +1,4 @@
-"""The last refinement, and the parameters with which the held-out frames are judged."""
+"""The last refinement, and the parameters that judge the held-out frames."""
 
 import numpy as np
 import pytest

@@ -80,7 +80,7 @@ def test_unseen_cells_and_maps_without_tracer_tell_nothing():
 
 @pytest.mark.parametrize('error', ['scale', 'bend', 'shift', 'stretch'])
 def test_a_shared_error_of_one_deviation_costs_one(error):
-    """The sum of squares that remains is that of one standard deviation of one number.
+    """The remaining sum of squares equals one standard deviation of one number.
 
     A stretch moves all four corners.
     """

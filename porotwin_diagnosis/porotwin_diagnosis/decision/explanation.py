@@ -99,9 +99,9 @@ def kept_model(findings: Findings) -> Fit:
 def _gain(more: Fit, fewer: Fit, null: Fit) -> float:
     """Return the ratio to which `more` effects must lower the misfit of `fewer` effects.
 
-    Errors of the scheme may be what further parameters fit beside effects that suffice. A pair
-    without further parameters, such as a response and a displaced well beside a moved picture,
-    cannot owe its better fit to them.
+    If fewer effects suffice, further parameters may fit nothing but errors of the scheme. A pair
+    without further parameters does not. A bent response and a displaced well have three, a moved
+    picture has four.
     """
     further = len(more.scaled_parameters) > len(fewer.scaled_parameters)
     return FAR_LESS if further and lack_of_fit(fewer, null) <= 1.0 else COMBINATION_GAIN
