@@ -293,14 +293,16 @@ def _fronts(axis: Axes, result: Diagnosis, part: HeldOut) -> None:
 
 
 def _spots(axis: Axes, result: Diagnosis) -> None:
-    """Draw the hot spots of the gap with their shares."""
+    """Draw the hot spots of the gap with their shares, beside their middles, where wells are."""
+    height = result.recordings[0].rig.height_m
     for spot in result.gap.spots:
         axis.add_patch(Circle((spot.x, spot.z), spot.radius, fill=False, ec='w', lw=1.0, ls=':'))
+        above = spot.z + spot.radius < 0.9 * height
         axis.annotate(
             f'{spot.share:.0%}',
-            (spot.x, spot.z),
+            (spot.x, spot.z + (spot.radius if above else -spot.radius)),
             ha='center',
-            va='center',
+            va='bottom' if above else 'top',
             color='w',
             fontsize=8,
             annotation_clip=True,
