@@ -21,7 +21,7 @@ from porotwin_solver.model import preset_named
 OPTIONAL = ('costa', 'trainer', 'diagnosis', 'mend', 'page', 'supervisor')
 """Nodes without which the twin goes on: it predicts, controls and records all the same."""
 
-SHOWN = ('operator', 'supervisor')
+SHOWN = ('operator', 'supervisor', 'mend')
 """Nodes whose output is for the person at the rig."""
 
 FIRST_PHOTOGRAPH = (

@@ -4,16 +4,19 @@ import os
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porotwin_cli.rig_choice import Domain, Namespace
-from porotwin_cli.terminal import Json, print_json
+from porotwin_cli.terminal import Json, print_json, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_core.units import DAY_S
 from porotwin_hub.graph import GraphSettings, description_of
+
+if TYPE_CHECKING:
+    from porotwin_core.rig import Rig
 
 
 class Mend(StrEnum):
@@ -168,13 +171,27 @@ def command(
         folder = run_folder(output, 'up')
         settings = replace(
             settings,
+            rig=_kept(description, folder / 'rig'),
             training=folder / 'training' if retrain_every else None,
             record=None if here and 'recorder' not in here else folder / 'bag',
             diagnoses=folder / 'diagnoses' if diagnosis else None,
             page_token=folder / 'page_token' if page else None,
         )
+        say(f'{rig_file}: copied into {folder / "rig"}; changes act from the next start on')
         run_until_stopped(settings, folder)
     if as_json:
         print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
     else:
         print(f'recorded in {settings.record}' if settings.record else f'logs in {folder}')
+
+
+def _kept(rig: 'Rig', folder: Path) -> Path:
+    """Write the description into `folder` and return its file.
+
+    A node that starts again reads what the others have read, whatever happens to the first file.
+    """
+    from porotwin_core.rig import write_rig
+
+    folder.mkdir()
+    write_rig(rig, folder / 'rig.yaml')
+    return folder / 'rig.yaml'

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from cli_examples import TIMEOUT_S, porotwin
 
+from porotwin_core.rig import load_rig
 from porotwin_core.ros_environment import DomainClaim, domain_of
 
 
@@ -122,3 +123,6 @@ def test_up_gives_the_trainer_a_folder_of_the_run_and_the_chosen_network(
     assert parameters['output'] == str(output / 'training' / 'model.safetensors')
     assert parameters['architecture'] == 'local'
     assert parameters['retrain_every'] == 5
+    kept = Path(parameters['rig'])  # an edited rig.yaml must not reach one node that starts again
+    assert kept.parent == output / 'rig'
+    assert load_rig(kept).physics_fingerprint == load_rig(experiment).physics_fingerprint
