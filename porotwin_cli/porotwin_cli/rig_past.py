@@ -41,17 +41,18 @@ class RigPast:
                 f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'
             )
         prepare_history(folder)
-        self.before = self._before()
-        later = len(self._others()) - len(self.before)
+        others = self._others()
+        self.before = self._up_to_date(others)
+        later = len(others) - len(self.before)
         if later:
             say(
                 f'{folder}: {later} findings on this rig are dated later than {self._date:%H:%M} '
                 f'of {self._date:%Y-%m-%d} and do not count; --date states another day'
             )
 
-    def _before(self) -> list[PastFinding]:
-        """Return the findings on this rig up to the date of the recording, without its own."""
-        return [one for one in self._others() if one.seconds <= self._date.timestamp()]
+    def _up_to_date(self, findings: Sequence[PastFinding]) -> list[PastFinding]:
+        """Return the `findings` up to the date of the recording."""
+        return [one for one in findings if one.seconds <= self._date.timestamp()]
 
     def _others(self) -> list[PastFinding]:
         """Return the findings on this rig from other recordings, whatever their date."""
@@ -61,7 +62,8 @@ class RigPast:
 
     def compare(self, summary: Mapping[str, Any]) -> list[str]:
         """Return lines on how the finding in `summary` fits to the earlier ones."""
-        return compared(self._before(), finding_from(summary, self._recordings, self._date))
+        before = self._up_to_date(self._others())  # another call may have added one meanwhile
+        return compared(before, finding_from(summary, self._recordings, self._date))
 
     def remember(self, summary: Mapping[str, Any]) -> list[str]:
         """Add the finding in `summary`; return a line if it replaces others."""

@@ -158,7 +158,7 @@ def _block_means(values: Array, visible: Mask, size: int) -> Array:
 
 @dataclass(frozen=True)
 class _Search:
-    """The search on means over blocks; the arguments of `tone_change`."""
+    """The search on means over blocks, and the veil of single cells: arguments of `tone_change`."""
 
     log_ratio: Array
     before: Array

@@ -93,8 +93,8 @@ def _limits(data: RecordedData) -> Iterator[Remark]:
         remedy = 'compare rates.csv with the control section of rig.yaml'
         fixed = control.fixed.get(row.well)
         same = fixed is not None and math.isclose(rate_ml_h, fixed.rate_ml_h, rel_tol=SAME_RATE)
-        of_fixed = fixed is not None and row.rate.concentration == fixed.concentration  # no chase
-        if fixed is not None and of_fixed and rate_ml_h and not same:
+        chase = fixed is not None and row.rate.concentration != fixed.concentration
+        if fixed is not None and rate_ml_h and not (same or chase):
             why = f'control.fixed says {fixed.rate_ml_h:g} ml/h'
         elif row.well in control.wells and rate_ml_h > control.max_rate_ml_h:
             why = f'control.max_rate_ml_h is {control.max_rate_ml_h:g} ml/h'

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import DAY_S
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
@@ -23,7 +24,7 @@ MOST_MAPS = 400
 """Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares
 a few dozen."""
 
-LONGEST_GAP_S = 7 * 86400.0
+LONGEST_GAP_S = 7 * DAY_S
 """Longest time between two photographs of one run [s]. More means that a clock was set."""
 
 LEAST_INJECTED_SHARE = 0.5
