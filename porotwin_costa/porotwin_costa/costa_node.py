@@ -19,11 +19,12 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos
+from porotwin_core import conversions
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_solver import LearntSolver, solver_named
+from porotwin_core.model_effects import ToldEffects, follow_effects
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
@@ -31,7 +32,7 @@ from porotwin_costa.corrective_source import WITHHELD, LearntStep, corrective_so
 from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import ModelEffects, Outcome, TracerField
+from porotwin_msgs.msg import Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class CostaNode(Node):
             (SaveModel, 'save', self._save),
         ):
             self.create_service(service, f'costa/{name}', answer, callback_group=group)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
+        follow_effects(self, self._on_effects)
         self._action = ActionServer(
             self,
             Train,
@@ -131,14 +132,9 @@ class CostaNode(Node):
             callback_group=group,
         )
 
-    def _on_effects(self, message: ModelEffects) -> None:
+    def _on_effects(self, told: ToldEffects) -> None:
         """Follow the effects of the solver; a model that corrects other physics is withheld."""
-        try:
-            effects = conversions.effects_from_msg(message.effects)
-        except InputError as error:
-            self.get_logger().error(f'model/effects ignored: {error}')
-            return
-        self._present_rig = self._rig.with_effects(effects)
+        self._present_rig = self._rig.with_effects(told.effects)
         if objection := self._objection():
             self.get_logger().warning(f'no corrections: {objection}')
         elif self._model is not None:

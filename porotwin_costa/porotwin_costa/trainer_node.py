@@ -19,6 +19,7 @@ from rclpy.task import Future
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
+from porotwin_core.model_effects import ToldEffects, follow_effects
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription
 from porotwin_core.single_instance import only_one
@@ -29,7 +30,7 @@ from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.retraining import Retraining
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import CleanState, ModelEffects, NewState, Outcome, WellRates
+from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
 
 PAIRS_PER_FILE = 10
@@ -134,16 +135,12 @@ class TrainerNode(Node):
         count = len(known) if known else 0
         self.get_logger().info(f'training pairs in {self._dataset}: {count} so far')
 
-    def _on_effects(self, message: ModelEffects) -> None:
+    def _on_effects(self, told: ToldEffects) -> None:
         """Collect anew when the solver has other effects: its residuals are others then."""
-        try:
-            effects = conversions.effects_from_msg(message.effects)
-            if effects != self._effects:
-                self._write()
-                self._effects = effects
-                self._begin_collecting()
-        except InputError as error:
-            self.get_logger().error(f'model/effects not followed: {error}')
+        if told.effects != self._effects:
+            self._write()
+            self._effects = told.effects
+            self._begin_collecting()
 
     def _change_model_timeout(self, seconds: float) -> None:
         self._model_timeout = seconds
@@ -154,7 +151,7 @@ class TrainerNode(Node):
         self._train = ActionClient(self, Train, 'costa/train')
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
+        follow_effects(self, self._on_effects)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(TIMER_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -87,7 +87,8 @@ def test_costa_answers_like_the_model_that_it_loaded(
     sigma, _ = conversions.source_from_msg(answer.source)
     assert np.array_equal(sigma, corrective_source(trained, predicted, rates, 30.0).sigma)
 
-    told = client.node.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
+    solver = rclpy.create_node('solver', context=client.context)
+    told = solver.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
     effect = EffectDescription(name='retardation', parameters={'retardation_factor': 1.2})
     told.publish(ModelEffects(sequence=1, effects=[conversions.effect_to_msg(effect)]))
 
@@ -98,6 +99,12 @@ def test_costa_answers_like_the_model_that_it_loaded(
     assert 'COSTA must learn the remainder first' in answered().status
     told.publish(ModelEffects(sequence=2))
     client.until('the gate opens', lambda: answered().active)
+
+    stranger = client.node.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
+    stranger.publish(ModelEffects(effects=[conversions.effect_to_msg(effect)]))
+    client.until('it has arrived', lambda: stranger.wait_for_all_acked())
+    assert answered().active, 'only the solver tells its effects'
+    solver.destroy_node()
 
     info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
     assert (info.loaded, info.architecture, info.time_step) == (True, 'local', 30.0)

@@ -17,17 +17,17 @@ from rclpy.node import Node
 
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
+from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import crew
 from porotwin_core.run_topics import follow_run
-from porotwin_core.senders import check_only_solver_tells
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
-from porotwin_msgs.msg import CleanState, ModelEffects, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 from porotwin_recording.recording import open_recording
 from porotwin_solver.presets import PRESETS
 
@@ -130,15 +130,9 @@ class DiagnosisNode(Node):
             elif message.cause == CleanState.FINISHED:
                 self._run.note_experiment_end()
 
-    def _on_effects(self, message: ModelEffects) -> None:
-        try:
-            check_only_solver_tells(self)
-            effects = conversions.effects_from_msg(message.effects)
-        except InputError as error:
-            self.get_logger().error(f'model/effects ignored: {error}')
-            return
+    def _on_effects(self, told: ToldEffects) -> None:
         with self._lock:
-            self._run.note_effects(effects)
+            self._run.note_effects(told.effects)
 
     def _execute(self, goal: ServerGoalHandle) -> Any:
         """Answer a goal. A goal that comes during a diagnosis is refused at once."""

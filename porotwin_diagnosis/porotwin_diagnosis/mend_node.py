@@ -21,11 +21,11 @@ from std_msgs.msg import Header
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
+from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
-from porotwin_core.senders import check_only_solver_tells
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.live_run import is_other_clock
@@ -38,7 +38,6 @@ from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
     MendOffer,
-    ModelEffects,
     NewState,
     Outcome,
     Setpoint,
@@ -248,24 +247,16 @@ class MendNode(Node):
         if not self._lockstep:
             self._release()
 
-    def _on_effects(self, message: ModelEffects) -> None:
-        try:
-            check_only_solver_tells(self)
-            effects = conversions.effects_from_msg(message.effects)
-            checked_effects(self._rig, effects)
-        except InputError as error:
-            self.get_logger().error(f'model/effects ignored: {error}')
-            return
-        is_new = message.sequence == 0  # a solver begins with it
-        self._known_sequence = message.sequence
+    def _on_effects(self, told: ToldEffects) -> None:
+        checked_effects(self._rig, told.effects)
+        self._known_sequence = told.sequence
         # behind whatever has set them, so that the mender knows its own
-        self._work.put(lambda: self._solver_tells(message.sequence, effects, is_new=is_new))
+        self._work.put(lambda: self._solver_tells(told))
 
-    def _solver_tells(
-        self, sequence: int, effects: tuple[EffectDescription, ...], *, is_new: bool
-    ) -> None:
-        if sequence == self._known_sequence:
-            self._mender.solver_tells(effects, is_new=is_new)
+    def _solver_tells(self, told: ToldEffects) -> None:
+        if told.sequence == self._known_sequence:
+            # a solver begins with number 0
+            self._mender.solver_tells(told.effects, is_new=told.sequence == 0)
 
     # --- the worker ---------------------------------------------------------------------------
 

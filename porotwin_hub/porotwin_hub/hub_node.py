@@ -17,9 +17,10 @@ from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
+from porotwin_core.model_effects import ToldEffects, follow_effects
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.senders import check_only_solver_tells, publishers
+from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
 from porotwin_core.units import DAY_S
@@ -44,7 +45,6 @@ from porotwin_hub.twin import Twin
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
-    ModelEffects,
     NewState,
     RigDescription,
     Setpoint,
@@ -207,7 +207,7 @@ class HubNode(Node):
         # rates that are here before a state are in the inbox before it.
         self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
+        follow_effects(self, self._on_effects, refuse=self._refuse)
         self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
@@ -259,15 +259,9 @@ class HubNode(Node):
             )
         )
 
-    def _on_effects(self, message: ModelEffects) -> None:
-        try:
-            check_only_solver_tells(self)
-            effects = conversions.effects_from_msg(message.effects)
-        except InputError as error:
-            self._refuse(f'model/effects ignored: {error}')
-            return
-        if effects != self._effects:
-            self._effects = effects
+    def _on_effects(self, told: ToldEffects) -> None:
+        if told.effects != self._effects:
+            self._effects = told.effects
             self._model_changed.set()
 
     def _on_refreshed(self, message: StateRefreshed) -> None:

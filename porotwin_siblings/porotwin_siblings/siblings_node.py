@@ -22,6 +22,7 @@ from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.grid import Grid
+from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
 from porotwin_core.rates_in_force import LONGEST_GAP_INTERVALS, KnownRates
@@ -31,7 +32,7 @@ from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
 from porotwin_core.units import DAY_S, MINUTE_S
 from porotwin_core.wells import RateStep
-from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
@@ -244,14 +245,9 @@ class SiblingsNode(Node):
         with self._changed:
             self._interrupted = True
 
-    def _on_effects(self, message: ModelEffects) -> None:
-        try:
-            effects = conversions.effects_from_msg(message.effects)
-        except InputError as error:
-            self.get_logger().error(f'model/effects ignored: {error}')
-            return
+    def _on_effects(self, told: ToldEffects) -> None:
         with self._changed:
-            self._new_effects = effects
+            self._new_effects = told.effects
 
     def _on_state(self, message: NewState) -> None:
         try:

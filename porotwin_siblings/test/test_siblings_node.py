@@ -32,7 +32,7 @@ PATIENCE_S = 60.0
 
 
 class Beside:
-    """The node, and another one that speaks with it."""
+    """The node, and another one that stands for all its neighbours, the solver among them."""
 
     def __init__(self, domain: int) -> None:
         self.context = rclpy.Context()
@@ -40,7 +40,7 @@ class Beside:
         given = {'rig': str(RIG), 'grid': '40x24', 'cells': 330, 'horizon_s': 1200.0}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         self.node = SiblingsNode(context=self.context, parameter_overrides=overrides)
-        self.other = rclpy.create_node('other', context=self.context)
+        self.other = rclpy.create_node('solver', context=self.context)
         self.forecasts: list[Forecast] = []
         self.other.create_subscription(
             Forecast, 'siblings/forecast', self.forecasts.append, qos.FIELD
