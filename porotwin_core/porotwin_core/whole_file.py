@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from porotwin_core.errors import writing
+
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
@@ -33,7 +35,8 @@ def write_whole(path: Path, text: str) -> None:
     """Write `text` to `path` in UTF-8; a kill or a full disk leaves the file as it was.
 
     Raises:
-        OSError: the disk is full or fails, or the folder may not be written.
+        InputError: the folder may not be written.
+        OSError: the disk is full or fails.
     """
-    with whole_file(path) as unfinished:
+    with writing(path), whole_file(path) as unfinished:
         unfinished.write_text(text, encoding='utf-8')

@@ -26,7 +26,10 @@ from porotwin_recording.foreign_table import Decimal, read_foreign_table
 from porotwin_recording.foreign_units import LENGTHS, time_factor, unit_in
 from porotwin_recording.recorded_data import RecordedData
 
-SUFFIXES = ('.npz', '.csv', '.nc', '.zarr')
+ARRAY_FILES = ('.npz', '.nc', '.zarr')
+"""Endings of files that hold maps and nothing else."""
+
+SUFFIXES = (*ARRAY_FILES, '.csv')
 FirstRow = Literal['top', 'bottom']
 
 NAMES = {

@@ -15,6 +15,7 @@ from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import read_foreign_table
 from porotwin_recording.foreign_time import names_zone
+from porotwin_recording.map_import import ARRAY_FILES
 from porotwin_recording.protocol_answers import (
     IMAGING_PROTOCOL,
     INJECTION_PROTOCOL,
@@ -30,9 +31,6 @@ from porotwin_recording.protocol_rates import check_measured, pumped_rates, sche
 from porotwin_recording.recorded_data import RecordedData
 
 PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
-
-MAP_SUFFIXES = ('.npz', '.nc', '.zarr')
-"""Endings of files of maps; their times count from a zero that no protocol knows."""
 
 
 def has_protocols(folder: Path) -> bool:
@@ -90,7 +88,7 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     told += [
         f'{name}: not read, only protocols and photographs are; ./porotwin import {folder / name} '
         'TARGET reads maps'
-        for name in sorted(path.name for path in folder.iterdir() if path.suffix in MAP_SUFFIXES)
+        for name in sorted(path.name for path in folder.iterdir() if path.suffix in ARRAY_FILES)
     ]
     return told
 

@@ -242,8 +242,7 @@ def add_finding(folder: Path, new: PastFinding) -> list[PastFinding]:
         replaced = [f for f in present if own & set(f.recordings) and _alike(f, new)]
         kept = [found for found in present if found not in replaced]
         rows = [found.model_dump(mode='json') for found in (*kept, new)]
-        with writing(folder):
-            write_whole(folder / FILE, json.dumps(rows, indent=1) + '\n')
+        write_whole(folder / FILE, json.dumps(rows, indent=1) + '\n')
     return replaced
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.errors import writing
 from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
@@ -42,8 +41,7 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'fitted_frames': evidence.fitted_frames,
         'place_uncertainty': evidence.place_uncertainty,
     }
-    with writing(path):
-        write_whole(path, json.dumps(content, indent=1) + '\n')
+    write_whole(path, json.dumps(content, indent=1) + '\n')
 
 
 def read_evidence(path: Path) -> Evidence:

@@ -4,7 +4,6 @@ import html
 from collections.abc import Iterator
 from pathlib import Path
 
-from porotwin_core.errors import writing
 from porotwin_core.time_units import time_unit
 from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
@@ -80,8 +79,7 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>{title}</title><style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
-    with writing(path):
-        write_whole(path, page)
+    write_whole(path, page)
 
 
 def _rig_in_words(name: str) -> str:

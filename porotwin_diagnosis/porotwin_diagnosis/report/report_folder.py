@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError, writing
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_core.whole_file import whole_file, write_whole
@@ -112,11 +112,10 @@ def write_diagnosis(
     """
     progress('writing the report', 0.98)
     summary = diagnosis_json(result)
-    summary['history'] = compare(summary)
+    summary['history'] += compare(summary)
     (folder / REPORT).unlink(missing_ok=True)
     _remove_own_rig(folder)
-    with writing(folder / SUMMARY):
-        write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + '\n')
+    write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + '\n')
     parts = zip(result.recordings, result.gap.each, result.held_out, strict=True)
     for number, (recording, strength, part) in enumerate(parts, 1):
         name = 'fields.nc' if number == 1 else f'fields_{number}.nc'
