@@ -183,7 +183,8 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[objec
     """Print a table on standard output; all columns but the first are aligned to the right."""
     table = Table(title=title, title_justify='left')
     for index, name in enumerate(header):
-        table.add_column(escape(name), justify='right' if index else 'left')
+        # a name that does not fit goes on in the next line; it is never cut
+        table.add_column(escape(name), justify='right' if index else 'left', overflow='fold')
     for row in rows:
         table.add_row(*(escape(str(cell)) for cell in row))
     Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)

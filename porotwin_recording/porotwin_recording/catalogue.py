@@ -5,12 +5,11 @@ the index of a bag, the chunk with the rig, and the chunks with a first and a la
 """
 
 import contextlib
-import json
 import os
 import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from porotwin_core.errors import InputError
 from porotwin_recording import topic_names
 from porotwin_recording.bag_folder import COMPRESSED, METADATA, BagFolder, bag_folder, metadata_of
 from porotwin_recording.experiment_folder import FILES, RIG_FILE, folder_data
+from porotwin_recording.known_verdicts import KnownVerdicts
 from porotwin_recording.mcap_summary import McapSummary, summary_of
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.serialization import SECOND
@@ -30,8 +30,7 @@ BEING_WRITTEN_S = 30.0
 """A file without an end that changed within this time is being recorded [s]."""
 
 PHOTOGRAPHS = 'photos'
-DIAGNOSES = 'diagnoses'
-DIAGNOSIS_FILE = 'diagnosis.json'
+NO_VERDICTS = KnownVerdicts()
 MODEL_EFFECTS = 'porotwin_msgs/msg/ModelEffects'
 LOG = 'rosout'
 CHUNKS_OF_LOG = 16
@@ -126,11 +125,12 @@ def is_experiment(path: Path) -> bool:
     return path.is_dir() and (path / RIG_FILE).is_file()
 
 
-def catalogue_entry(path: Path) -> CatalogueEntry:
+def catalogue_entry(path: Path, verdicts: KnownVerdicts = NO_VERDICTS) -> CatalogueEntry:
     """Return the entry of the recording at `path`; one that cannot be read has the fault in it."""
     is_folder = is_experiment(path)
     try:
-        return _folder_entry(path) if is_folder else _bag_entry(path)
+        entry = _folder_entry(path) if is_folder else _bag_entry(path)
+        return replace(entry, diagnosed=verdicts.of(path))
     except (InputError, OSError) as error:
         reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
         line = ' '.join(reason.split())
@@ -168,7 +168,6 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         maps=len(data.maps) if data.maps is not None else 0,
         setpoints=len({row.time for row in data.commanded.rows}) if data.commanded else 0,
         effects=tuple(effect.name for effect in data.rig.effects),
-        diagnosed=_diagnosed(path),
         calibration=origin.calibration if origin else '',
     )
 
@@ -216,7 +215,6 @@ def _bag_entry(path: Path) -> CatalogueEntry:
         **_counts(filled),
         files=len(folder.files),
         effects=_effects(filled, rig),
-        diagnosed=_diagnosed(path),
         costa=_costa(filled),
         calibration=str(getattr(state, 'calibration', '')),
         remarks=tuple(remarks),
@@ -259,12 +257,11 @@ def _described_entry(path: Path, folder: BagFolder, size: int) -> CatalogueEntry
         maps=count(topic_names.NEW_STATE),
         setpoints=count(topic_names.SETPOINT),
         files=len(folder.files),
-        diagnosed=_diagnosed(path),
         remarks=folder.remarks,
     )
 
 
-def _counts(parts: Sequence[McapSummary]) -> dict[str, int]:
+def _counts(parts: Sequence[McapSummary]) -> dict[str, Any]:
     topics = {
         'photographs': topic_names.IMAGE,
         'maps': topic_names.NEW_STATE,
@@ -307,33 +304,3 @@ def _costa(parts: Sequence[McapSummary]) -> str:
             if str(line.name).endswith('costa') and NETWORK_LINE.fullmatch(str(line.msg)):
                 return str(line.msg)
     return 'a network that the bag does not name'
-
-
-# --- diagnoses ----------------------------------------------------------------------------------
-
-
-def _diagnosed(path: Path) -> str:
-    """Return the verdict of the newest diagnosis of a recording: in it, or beside it.
-
-    `./porotwin up` writes diagnoses of its bag into a folder beside it.
-    """
-    near = [*path.glob(f'*/{DIAGNOSIS_FILE}')] if path.is_dir() else []
-    near += path.parent.glob(f'{DIAGNOSES}/*/{DIAGNOSIS_FILE}')
-    near += [file for file in path.parent.glob(f'*/{DIAGNOSIS_FILE}') if _names(file, path)]
-    newest = max(near, key=lambda file: file.stat().st_mtime, default=None)
-    if newest is None:
-        return ''
-    try:
-        found = json.loads(newest.read_text(encoding='utf-8'))
-        return f'{found["verdict"]} ({100 * float(found["confidence"]):.0f} %)'
-    except (OSError, ValueError, LookupError, TypeError):
-        return ''
-
-
-def _names(file: Path, path: Path) -> bool:
-    """Return whether the diagnosis in `file` is one of the recording at `path`."""
-    try:
-        parts = json.loads(file.read_text(encoding='utf-8')).get('by_recording', [])
-        return any(Path(part['recording']).resolve() == path.resolve() for part in parts)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return False

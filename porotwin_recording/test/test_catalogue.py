@@ -1,6 +1,7 @@
 """Tests of the catalogue of recordings."""
 
 import json
+import os
 import tracemalloc
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ from porotwin_msgs.msg import Effect, ModelEffects
 from porotwin_recording.bag_conversion import import_experiment
 from porotwin_recording.catalogue import catalogue_entry, find_recordings
 from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.known_verdicts import KnownVerdicts
 from porotwin_recording.recording import open_recording
 from porotwin_recording.serialization import SECOND
 
@@ -92,9 +94,37 @@ def test_effects_and_diagnoses_are_told(tmp_path: Path) -> None:
     diagnosis.mkdir(parents=True)
     (diagnosis / 'diagnosis.json').write_text(json.dumps({'verdict': 'leak', 'confidence': 0.93}))
     (path,) = find_recordings(tmp_path)
-    entry = catalogue_entry(path)
+    entry = catalogue_entry(path, KnownVerdicts(tmp_path))
     assert entry.effects == ('decay', 'leak')
     assert entry.diagnosed == 'leak (93 %)'
+
+
+def test_the_newest_report_on_a_recording_is_told(tmp_path: Path) -> None:
+    monday, tuesday = tmp_path / 'monday', tmp_path / 'tuesday'
+    for number, (recording, verdict) in enumerate(
+        [(monday, 'rate'), (tuesday, 'none'), (monday, 'leak')]
+    ):
+        report = tmp_path / 'archive' / str(number) / 'diagnosis.json'
+        report.parent.mkdir(parents=True)
+        content = {'verdict': verdict, 'confidence': 0.8}
+        report.write_text(json.dumps({**content, 'by_recording': [{'recording': str(recording)}]}))
+        os.utime(report, (1e9 + number, 1e9 + number))
+    (tmp_path / 'archive' / 'diagnosis.json').write_text('{"verdict": 1}')
+    verdicts = KnownVerdicts(tmp_path)
+    assert verdicts.of(monday) == 'leak (80 %)'
+    assert verdicts.of(tuesday) == 'none (80 %)'
+    assert verdicts.of(tmp_path) == ''
+
+
+def test_a_run_that_only_calibrated_has_no_verdict_of_the_twin_beside_it(tmp_path: Path) -> None:
+    report = tmp_path / 'diagnoses' / '1' / 'diagnosis.json'
+    report.parent.mkdir(parents=True)
+    report.write_text('{"verdict": "none", "confidence": 0.9}')
+    write_folder(tmp_path / 'calibration_run', bench_experiment())
+    (tmp_path / 'bag').mkdir()
+    verdicts = KnownVerdicts(tmp_path)
+    assert verdicts.of(tmp_path / 'bag') == 'none (90 %)'
+    assert verdicts.of(tmp_path / 'calibration_run') == ''
 
 
 def test_broken_recordings_have_their_fault_in_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,29 +31,29 @@ def command(
 ) -> None:
     """List the bags and experiment folders below a folder, the oldest first.
 
-    The command reads the indexes of the recordings, and opens no photograph and no map. An
-    unreadable recording gives one line.
+    The command reads the indexes of the recordings, and opens no photograph and no map. The verdict
+    is that of the newest report on a recording in this folder. An unreadable recording gives one
+    line.
 
     Example: ./porotwin runs /data/rig1
     """
-    from porotwin_recording.catalogue import (
-        catalogue_entry,
-        find_recordings,
-        is_experiment,
-    )
+    from porotwin_recording.catalogue import catalogue_entry, find_recordings, is_experiment
+    from porotwin_recording.known_verdicts import KnownVerdicts
 
     with without_warnings(), progress() as bar:  # ./porotwin check tells what is odd
         begun = folder != RUNS or folder.exists()
         paths = list(find_recordings(folder)) if begun else []
         task = bar.add_task('recordings', total=len(paths))
+        # the report on a single recording may lie beside it
+        verdicts = KnownVerdicts(folder.absolute().parent if folder in paths else folder)
         entries = []
         with ThreadPoolExecutor(AT_ONCE) as pool:
             bags = [path for path in paths if not is_experiment(path)]
-            for entry in pool.map(catalogue_entry, bags):
+            for entry in pool.map(catalogue_entry, bags, repeat(verdicts)):
                 entries.append(entry)
                 bar.advance(task)
         for path in filter(is_experiment, paths):  # the NetCDF library has no threads
-            entries.append(catalogue_entry(path))
+            entries.append(catalogue_entry(path, verdicts))
             bar.advance(task)
     entries.sort(key=_order)
     if as_json:
