@@ -43,13 +43,13 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     plans = (('present', study.present, PRESENT), ('proposed', study.proposed, PROPOSED))
     # the noise of a photograph adds up to a millilitre over the zone; the estimate is free of it
     estimated = ZoneMeasure.of(study.rig, study.map_grid).tracer(study.state)
-    for name, outlook, colour in plans:
+    for (name, outlook, colour), style in zip(plans, ('-', '--'), strict=True):
         minutes = (study.start + np.array([0.0, *outlook.times])) / 60.0
         now = np.full((3, 1), estimated)
         low, median, high = np.hstack([now, outlook.zone_tracer]) * ML
         zone.fill_between(minutes, low, high, color=colour, alpha=0.2, lw=0)
-        zone.plot(minutes, median, color=colour, label=f'{name}, with the 90 % band')
-        reached.plot(minutes[1:], 100.0 * outlook.zone_reached, color=colour, label=name)
+        zone.plot(minutes, median, style, color=colour, label=f'{name}, with the 90 % band')
+        reached.plot(minutes[1:], 100.0 * outlook.zone_reached, style, color=colour, label=name)
     if len(study.seen_times) > 1:
         zone.errorbar(
             study.seen_times / 60.0,

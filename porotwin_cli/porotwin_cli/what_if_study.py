@@ -119,9 +119,10 @@ def seconds_of(text: str) -> float:
 
 
 def rate_step(text: str, rig: Rig, start: float) -> RateStep:
-    """Return the change of rates that a user writes as `[TIME:]WELL=ML_H,WELL=ML_H`.
+    """Return the change of rates that a user writes as `[TIME:]WELL=ML_H[@C],WELL=ML_H[@C]`.
 
-    Without a time it happens at `start` [s]. Control wells inject water, fixed wells their fluid.
+    Without a time it happens at `start` [s]. C is the injected concentration, from 0 (water) to 1
+    (tracer stock). Without it, control wells inject water and fixed wells their fluid.
 
     Raises:
         InputError: the text is no change, or a well is unknown.
@@ -132,7 +133,8 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
         raise InputError(f"rates '{text}': {moment} lies before --at; give a later time, or none")
     rates = {}
     for pair in pairs.split(','):
-        well, equals, number = (part.strip() for part in pair.partition('='))
+        well, equals, amount = (part.strip() for part in pair.partition('='))
+        number, at, fluid = (part.strip() for part in amount.partition('@'))
         if well and well not in rig.wells:
             comma = '; write 3.5 instead of 3,5' if well.isdecimal() else ''
             wells = ', '.join(rig.wells)
@@ -147,9 +149,30 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
             rate = np.nan
         if not (well and equals and np.isfinite(rate)):
             raise InputError(f"rates '{text}': write WELL=ML_H, like {next(iter(rig.wells))}=300")
-        fixed = rig.control.fixed.get(well) if rig.control is not None else None
-        rates[well] = WellRate(rate, fixed.concentration if fixed is not None else 0.0)
+        rates[well] = WellRate(
+            rate, _concentration(text, fluid) if at else _usual_concentration(rig, well)
+        )
     return RateStep(after, rates)
+
+
+def _concentration(text: str, fluid: str) -> float:
+    """Return the concentration [-] in the text `fluid` of the rates `text`."""
+    try:
+        concentration = float(fluid)
+    except ValueError:
+        concentration = np.nan
+    if not 0.0 <= concentration <= 1.0:
+        raise InputError(
+            f"rates '{text}': concentration '{fluid}' must be from 0, which is water, to 1, which "
+            'is tracer stock'
+        )
+    return concentration
+
+
+def _usual_concentration(rig: Rig, well: str) -> float:
+    """Return the concentration [-] that `well` injects by rig.yaml; water where it says nothing."""
+    fixed = rig.control.fixed.get(well) if rig.control is not None else None
+    return fixed.concentration if fixed is not None else 0.0
 
 
 def rate_steps(texts: Sequence[str], rig: Rig, start: float) -> list[RateStep]:

@@ -180,12 +180,23 @@ def test_a_negative_time_is_named() -> None:
         ('control1', 'write WELL=ML_H'),
         ('=5', 'write WELL=ML_H'),
         ('control1=much', 'write WELL=ML_H'),
+        ('control1=3@2', "concentration '2' must be from 0"),
+        ('control1=3@', "concentration '' must be from 0"),
+        ('control1=3@stock', "concentration 'stock' must be from 0"),
         ('5min:control1=3', 'lies before --at'),
     ],
 )
 def test_wrong_rates_are_refused(text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         rate_step(text, demo_scenario().rig, 600.0)
+
+
+def test_a_well_injects_what_the_rig_says_or_the_user() -> None:
+    rig = demo_scenario().rig
+    step = rate_step('control1=5, injector=100, control3=2@0.3', rig, 600.0)
+    told = {name: rate.concentration for name, rate in step.rates.items()}
+    assert told == {'control1': 0.0, 'injector': 1.0, 'control3': 0.3}
+    assert rate_step('injector=100@0', rig, 600.0).rates['injector'].concentration == 0.0
 
 
 def test_a_well_gets_one_rate_at_a_time() -> None:

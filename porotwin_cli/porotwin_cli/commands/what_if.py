@@ -12,7 +12,7 @@ from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
-    from porotwin_core.wells import WellRates
+    from porotwin_core.wells import WellRate, WellRates
     from porotwin_siblings.outlook import Outlook
 
 TABLE_ROWS = 6
@@ -32,8 +32,9 @@ def command(
         list[str],
         typer.Option(
             help='[TIME:]WELL=ML_H,WELL=ML_H: proposed rates from TIME on, or from --at on. May be '
-            'given several times. Other wells follow the present schedule. The producer balances '
-            'them, unless it is named itself.'
+            'given several times. WELL=ML_H@1 injects tracer stock, @0 water; without @, a well '
+            'injects what rig.yaml says. Other wells follow the present schedule. The producer '
+            'balances them, unless it is named itself.'
         ),
     ],
     horizon: Annotated[
@@ -118,10 +119,11 @@ def _show(found: 'WhatIfStudy') -> None:
     from porotwin_cli.what_if_study import NO_ZONE, REACHED
     from porotwin_core.units import ML
 
+    print('rates in ml/h; @ gives the injected concentration, 1 is tracer stock')
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
         for step in outlook.plan:
             minute = (found.start + step.start) / 60.0
-            print(f'{name}, from {minute:.4g} min [ml/h]: {_in_words(step.rates)}')
+            print(f'{name}, from {minute:.4g} min: {_in_words(step.rates)}')
     plans = (found.present, found.proposed)
     if np.isnan(found.seen_tracer[0]):
         print(f'{NO_ZONE}; forecasts computed in {found.seconds:.1f} s')
@@ -143,7 +145,12 @@ def _show(found: 'WhatIfStudy') -> None:
 def _in_words(rates: 'WellRates') -> str:
     from porotwin_core.units import to_ml_h
 
-    return ', '.join(f'{name} {to_ml_h(well.rate):.4g}' for name, well in rates.items())
+    def fluid(well: 'WellRate') -> str:
+        return f'@{well.concentration:.3g}' if well.rate > 0.0 and well.concentration else ''
+
+    return ', '.join(
+        f'{name} {to_ml_h(well.rate):.4g}{fluid(well)}' for name, well in rates.items()
+    )
 
 
 def _json(found: 'WhatIfStudy') -> dict[str, Any]:
