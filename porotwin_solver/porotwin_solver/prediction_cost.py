@@ -46,6 +46,10 @@ SECONDS_PER_FLOW = 4e-9
 same machine. The power belongs to nested dissection (George, SIAM J. Numer. Anal. 10 (1973))."""
 
 
+SPLIT = 1.5
+"""Mean number of parts of a time step from which it counts as split."""
+
+
 @dataclass(frozen=True)
 class PredictionCost:
     """The cost of one prediction.
@@ -68,8 +72,10 @@ class PredictionCost:
     def __str__(self) -> str:
         """Return the cost in words."""
         each = self.substeps / (self.steps * self.cells)
+        many = self.steps != 1
+        split = f', each split into {each:.2g} on average' if each >= SPLIT else ''
         return (
-            f'{self.cells:,} cells, {self.steps:,} time steps of some {each:.2g} parts each; about '
+            f'{self.cells:,} cells, {self.steps:,} time step{"s" * many}{split}; about '
             f'{in_words(self.seconds)} for a prediction, '
             f'after {in_words(self.preparation_seconds)} of preparation at the start'
         )

@@ -205,7 +205,7 @@ def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
     (tmp_path / 'rates.csv').write_text(rates.replace('500,1', '500,0.4'))
     words = '\n'.join(in_words(check(tmp_path)))
     assert 'injected: 250 ml of fluid, 100 ml of stock, until 1800 s' in words
-    assert ', 1 time steps of some ' in words
+    assert ', 1 time step' in words
 
 
 def photo(time: float, role: str = 'state') -> Photo:
