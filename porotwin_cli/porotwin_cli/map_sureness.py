@@ -67,7 +67,7 @@ def sureness_words(doubts: Sequence[Doubt], factor_deviations: Sequence[float]) 
     guessed = guessed_sands(factor_deviations)
     if guessed:
         lines.append(
-            f'{guessed} of {len(factor_deviations)} sands have factors guessed from their brightness; '
-            'inject there to measure them (4_sands.png of the calibration shows where)'
+            f'{guessed} of {len(factor_deviations)} sands have factors guessed from their '
+            'brightness; inject there to measure them (4_sands.png of the calibration shows where)'
         )
     return lines

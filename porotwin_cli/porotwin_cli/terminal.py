@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -181,10 +181,11 @@ def _plain(value: Any) -> Any:
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Print a table on standard output; all columns but the first are aligned to the right."""
-    table = Table(title=title, title_justify='left')
+    table = Table(title=escape(title), title_justify='left')
     for index, name in enumerate(header):
         # a name that does not fit goes on in the next line; it is never cut
-        table.add_column(escape(name), justify='right' if index else 'left', overflow='fold')
+        justify: JustifyMethod = 'right' if index else 'left'
+        table.add_column(escape(name), justify=justify, overflow='fold', no_wrap=not index)
     for row in rows:
         table.add_row(*(escape(str(cell)) for cell in row))
     Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)

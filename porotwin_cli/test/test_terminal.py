@@ -30,9 +30,9 @@ def test_messages_go_to_standard_error(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_table_is_complete_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table('figures', ('name', 'value'), [('[x]' + 60 * 'y', 1.25)])
+    print_table('figures [ml]', ('name', 'value'), [('[x]' + 60 * 'y', 1.25)])
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].strip() == 'figures'
+    assert lines[0].strip() == 'figures [ml]'
     assert any('[x]' + 60 * 'y' in line and '1.25' in line for line in lines)
 
 
