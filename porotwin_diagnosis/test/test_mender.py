@@ -129,11 +129,23 @@ def test_a_solver_that_was_started_again_gets_its_effects_again(desk):
     assert not desk.mender.watches
 
 
-def test_effects_from_before_a_restart_of_this_node_are_told_as_unwatched(desk):
+@pytest.mark.parametrize(
+    ('true', 'told'),
+    [((weak_pump(),), 'as good as without, or better'), ((), 'worse than without')],
+)
+def test_effects_from_before_a_restart_of_this_node_are_judged_and_stay(desk, true, told):
     desk.mender.solver_tells((weak_pump(),), is_new=False)
+    assert desk.lines[-1].startswith('in force before this node began: ')
+    model = Model(SMALL, GRID, preset='fast', effects=true)
+    state = model.predict(model.initial_condition(), RATES, 600.0)
+    desk.mender.see(state, [])
+    while desk.mender.watches:
+        state = model.predict(state, RATES, 120.0)
+        desk.mender.see(state, PERIODS)
+    assert told in desk.lines[-1]
     assert desk.mender.in_force == (weak_pump(),)
-    assert desk.lines[-1].startswith('in force before this node began, and judged no more')
-    assert not desk.mender.watches
+    assert not desk.set
+    assert not desk.offers
 
 
 def test_effects_that_a_solver_has_lost_are_set_with_the_next_photographs(desk):

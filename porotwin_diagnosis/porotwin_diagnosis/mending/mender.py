@@ -81,6 +81,7 @@ class Mender:
         self._maps = 0
         self._shortest = SHORTEST_S
         self._lost = False
+        self._is_inherited = False
 
     @property
     def in_force(self) -> Effects:
@@ -191,6 +192,7 @@ class Mender:
             raise
         self._before, self._in_force = self._in_force, wanted
         self._shadow = ShadowForecast(mended, before)
+        self._is_inherited = False
         self._shortest = SHORTEST_S
         self._band.begin_anew()
         return self._tell(self._book.accept())
@@ -220,10 +222,15 @@ class Mender:
             self._say(f'no shadow forecast for this photograph: {error}')
             shadow.interrupt()
             return
-        if judgement is ShadowJudgement.KEPT:
+        if judgement is ShadowJudgement.WATCHING:
+            return
+        if self._is_inherited:
+            self._shadow = None
+            self._say(f'{in_words(self._in_force)}: {judgement.value}; {shadow.in_words}')
+        elif judgement is ShadowJudgement.KEPT:
             self._shadow = None
             self._tell(self._book.confirm(f'Since then {shadow.in_words}'))
-        elif judgement is ShadowJudgement.WORSE:
+        else:
             self._take_back(shadow)
 
     def _take_back(self, shadow: ShadowForecast) -> None:
@@ -244,7 +251,8 @@ class Mender:
 
         A restarted solver (`is_new`) has lost the effects and gets them again, if need be with the
         next photographs. Effects from another program count as decided, and an effect under
-        judgement is then judged no more.
+        judgement is then judged no more. Effects from before this node began are judged and the
+        result is told; they stay, because another program may have decided them.
         """
         self._lost = is_new and effects != self._in_force
         if self._lost:
@@ -256,7 +264,12 @@ class Mender:
         self._shadow = None
         self._band.begin_anew()
         if self._began is None:  # an earlier node, if any, took what it knew with it
-            self._say(f'in force before this node began, and judged no more: {in_words(effects)}')
+            self._shadow = ShadowForecast(self._make_model(effects), self._make_model(()))
+            self._is_inherited = True
+            self._say(
+                f'in force before this node began: {in_words(effects)}; the next photographs '
+                'judge it, and nothing is removed'
+            )
         else:
             self._say(f'somebody else set: {in_words(effects)}')
 
