@@ -21,6 +21,9 @@ def findings(null, singles, pairs=()):
     ('null', 'single', 'pair', 'kept'),
     [
         (0.4, 0.3, 0.2, 'none'),
+        (0.5, 0.45, 0.42, 'none'),  # nothing helps
+        (0.5, 0.35, 0.3, 'rate'),
+        (0.6, 0.55, 0.52, 'rate'),
         (6.0, 0.3, 0.1, 'rate'),  # it surely suffices
         (6.0, 0.5, 0.3, 'rate'),
         (6.0, 0.5, 0.2, 'rate + decay'),  # far less

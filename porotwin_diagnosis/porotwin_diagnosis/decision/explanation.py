@@ -76,7 +76,8 @@ def explain(findings: Findings) -> Explanation:
 def kept_model(findings: Findings) -> Fit:
     """Return the model with the fewest effects that explains the recording.
 
-    1. The model without effects, if it leaves no gap.
+    1. The model without effects, if it leaves no gap. Also if it leaves no more than a true model
+       may, and neither an effect nor a pair earns its place beside it.
     2. The best single effect, if it surely suffices, or if it suffices and no pair leaves far less,
        or clearly less without further parameters.
     3. The best pair, if the second effect earns its place, and if it suffices likewise.
@@ -85,7 +86,7 @@ def kept_model(findings: Findings) -> Fit:
     5. Otherwise the pair, or the single effect if the second effect has not earned its place.
     """
     null, kept = findings.null, findings.singles[0]
-    if normalised_misfit(null) < NO_GAP_MISFIT:
+    if normalised_misfit(null) < NO_GAP_MISFIT or _nothing_helps(findings):
         return null
     for combinations in (findings.pairs, findings.triples):
         if surely_suffices(kept, null):
@@ -94,6 +95,18 @@ def kept_model(findings: Findings) -> Fit:
         if earns_its_place(best, kept, _gain(best, kept, null)):
             kept = best
     return kept
+
+
+def _nothing_helps(findings: Findings) -> bool:
+    """Return whether `null` leaves no more than a true model may, and no effect is clearly better.
+
+    The best single effect of such a recording takes up errors of the scheme or of the camera.
+    """
+    null = findings.null
+    explanations = (*findings.singles, *findings.pairs, *findings.triples)
+    return lack_of_fit(null, null) <= 1.0 and not any(
+        earns_its_place(fit, null) for fit in explanations
+    )
 
 
 def _gain(more: Fit, fewer: Fit, null: Fit) -> float:
