@@ -91,7 +91,8 @@ def main() -> None:
         _show(name)
     for name in sys.argv[1:] or packages():
         words, clauses = count(name)
-        print(f'{name:22} {words:7} words {clauses:5} clauses {1000 * clauses / words:6.1f} /1000')
+        rate = 1000 * clauses / max(words, 1)
+        print(f'{name:22} {words:7} words {clauses:5} clauses {rate:6.1f} /1000')
 
 
 if __name__ == '__main__':

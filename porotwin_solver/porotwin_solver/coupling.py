@@ -35,11 +35,11 @@ LARGEST_PRECONDITIONED = 30_000
 factor of pure water: 14 instead of 21 ms on 42 000 cells, 7 instead of 6 ms on 21 000."""
 
 STRONG_RATIO, LARGEST_STRONG = 5.0, 2_000
-"""Ratio of the viscosities, or its inverse, from which multigrid is faster on grids of more than
-`LARGEST_STRONG` cells: 0.02 instead of 0.7 s at a ratio of 0.1 on 21 000 cells."""
+"""Smallest ratio of the viscosities, or its inverse, at which multigrid is faster on grids of more
+than `LARGEST_STRONG` cells: 0.02 instead of 0.7 s at a ratio of 0.1 on 21 000 cells."""
 
 WORTHWHILE_CYCLES = 60
-"""Iterations of multigrid after which the other method is tried; fifteen are usual."""
+"""Most iterations of multigrid before the other method is tried; fifteen are usual."""
 
 
 class Coupling:

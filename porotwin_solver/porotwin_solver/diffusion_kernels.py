@@ -246,7 +246,7 @@ def reach(ends, i, nx):
 
 @compiled
 def moved(difference, factor):
-    """Return what a pair moves for a difference in concentration; none below round-off."""
+    """Return the tracer moved by a difference in concentration; none below round-off."""
     return factor * difference if abs(difference) > NEGLIGIBLE else 0.0
 
 

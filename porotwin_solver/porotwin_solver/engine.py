@@ -235,7 +235,7 @@ class Engine:
     def splitting(self, duration: float, longest_step: float | None = None) -> tuple[int, float]:
         """Return the number of splitting steps in `duration` [s] and their length [s].
 
-        `longest_step` [s] is that of the engine if it is not given.
+        Without `longest_step` [s], the engine's own longest step holds.
         """
         longest = self.longest_step if longest_step is None else longest_step
         count = max(1, math.ceil(duration / longest - STEP_ROUND_OFF))

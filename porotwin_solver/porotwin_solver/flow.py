@@ -154,7 +154,7 @@ class Flow:
         return self._pressures.solve(source)
 
     def _imbalance(self, source: FloatArray, flux: FaceField) -> FloatArray:
-        """Return what `source` injects into each cell and `flux` does not carry off [m^3/s].
+        """Return the part of `source` that `flux` does not carry out of each cell [m^3/s].
 
         In a closed rig the pinned cell takes the net rate of the sources.
         """

@@ -213,7 +213,7 @@ def check(physics: Physics) -> None:
 
 
 def in_and_out(rates: Iterable[float]) -> tuple[float, float]:
-    """Return the sum of all positive `rates` [m^3/s], and that of all negative ones, positive."""
+    """Return the total inflow and the total outflow of `rates` [m^3/s], both positive."""
     each = list(rates)
     put_in = math.fsum(rate for rate in each if rate > 0.0)
     return put_in, -math.fsum(rate for rate in each if rate < 0.0)

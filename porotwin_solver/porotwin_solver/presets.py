@@ -15,14 +15,14 @@ from porotwin_core.grid import Grid
 from porotwin_solver.scheme import Scheme
 
 MAX_REFINED_CELLS = 200_000
-"""Cells up to which a preset refines a grid: seconds for an experiment of an hour."""
+"""Most cells of a refined grid: seconds for an experiment of an hour."""
 
 SHARP_CELLS = 400_000
 """The same for the preset `sharp`: at most four times the time of `accurate`."""
 
 
 IMPLICIT = 'implicit'
-"""Preset whose single steps are those of `implicit_model`; free runs of plans are `upwind`."""
+"""Preset with the single steps of `implicit_model`; free runs of plans are `upwind`."""
 
 
 @dataclass(frozen=True)
