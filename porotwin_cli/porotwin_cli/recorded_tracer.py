@@ -10,6 +10,7 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
+from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
@@ -61,14 +62,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         return excess_remark(maps[index], float(maps.times[index]), recording.rig, rates)
 
     if told := excess(0):
-        pumped = any(row.rate.rate and row.time <= maps.times[0] for row in rates.rows)
-        if np.nanmedian(maps[0]) > FULL_LEVEL:
-            told += '. If 1 is water in these maps, write 1 minus their values'
-        if pumped:  # otherwise the model starts with this tracer
-            yield _remark(
-                f'{told}. If tracer of an earlier run was left, begin the recording before the '
-                'pumps run; a late clock looks the same'
-            )
+        yield from _at_the_start(recording, rates, told)
         return
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
     yield from _turned(recording.rig, maps, rates, chosen)
@@ -79,6 +73,22 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         yield _remark(
             f'{len(empty)} of {len(later)} maps that were looked at show no tracer, but stock is '
             f'injected from {stock[0]:g} s on; compare the clocks of camera and pumps'
+        )
+
+
+def _at_the_start(recording: Recording, rates: Schedule, told: str) -> Iterator[Remark]:
+    """Yield a remark if the first map holds tracer, as `told`, while stock is injected."""
+    maps = recording.present_maps
+    inverted = np.nanmedian(maps[0]) > FULL_LEVEL
+    start = float(maps.times[0])
+    if inverted:
+        yield _remark(f'{told}. If 1 is water in these maps, write 1 minus their values')
+    elif initial_tracer(recording) is None:
+        yield _remark(f'{told}. A late clock of the camera looks the same')
+    elif rates.injected_stock(start, float(maps.times[-1])) > 0.0:
+        yield _remark(
+            f'the first map, at {start:g} s, holds tracer from before the recording, with which '
+            'the model starts; if the rig was clean then, compare the clocks of camera and pumps'
         )
 
 
@@ -154,4 +164,4 @@ def _offset(maps: ConcentrationMaps) -> Iterator[Remark]:
 def _remark(text: str) -> Remark:
     """Return a line "what is wrong; what would mend it" as a remark about the maps."""
     why, _, remedy = text.partition('; ')
-    return Remark('concentration.nc', '', why, remedy)
+    return Remark('maps', '', why, remedy)

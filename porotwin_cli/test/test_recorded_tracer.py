@@ -50,7 +50,8 @@ def test_tracer_that_the_pumps_injected_is_not_odd() -> None:
     [
         ({'level': 20.0}, 'was this in percent'),
         ({'level': 1.0, 'first': 0.0, 'from_s': 3500.0}, 'but the pumps injected'),
-        ({'level': 0.9, 'first': 0.5}, 'If tracer of an earlier run was left'),
+        ({'level': 0.9, 'first': 0.35}, 'A late clock of the camera looks the same'),
+        ({'level': 0.9, 'first': 0.9}, 'from before the recording, with which the model starts'),
     ],
 )
 def test_tracer_that_no_pump_explains_is_told(given: dict[str, float], named: str) -> None:
@@ -62,8 +63,8 @@ def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:
     assert remark.why.startswith('7 of 7 maps that were looked at show no tracer')
 
 
-def test_tracer_before_all_pumps_is_a_start_that_the_model_takes() -> None:
-    assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=60.0)))
+def test_tracer_before_a_rest_is_a_start_that_the_model_takes() -> None:
+    assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=4000.0)))
 
 
 def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:

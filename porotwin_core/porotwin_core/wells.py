@@ -150,6 +150,17 @@ class Schedule:
             if high > low:
                 yield low, high, self.at(low)
 
+    def injected_stock(self, start: float, end: float) -> float:
+        """Return the volume of tracer stock [m^3] that all wells inject from `start` to `end` [s].
+
+        Produced tracer does not count, because its concentration is unknown.
+        """
+        return sum(
+            (high - low) * max(well.rate, 0.0) * well.concentration
+            for low, high, rates in self.intervals(start, end)
+            for well in rates.values()
+        )
+
     @property
     def wells(self) -> tuple[str, ...]:
         """Names of the wells, in the order of their first rows."""

@@ -100,3 +100,15 @@ def test_intervals_of_a_plan_end_at_its_steps_and_at_the_edges() -> None:
 def test_a_plan_whose_times_do_not_increase_from_zero_is_refused(starts: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match='schedule: '):
         check_plan([RateStep(start, {}) for start in starts])
+
+
+def test_injected_stock_is_no_water_and_no_produced_tracer() -> None:
+    schedule = Schedule(
+        (
+            ScheduleRow(0.0, 'a', WellRate(1e-6, 0.5)),
+            ScheduleRow(0.0, 'b', WellRate(-1e-6, 1.0)),
+            ScheduleRow(100.0, 'a', WellRate(2e-6, 1.0)),
+            ScheduleRow(150.0, 'a', WellRate(5e-6, 0.0)),
+        )
+    )
+    assert schedule.injected_stock(0.0, 200.0) == pytest.approx(50e-6 + 100e-6)

@@ -6,6 +6,7 @@ from diagnosis_examples import SMALL
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
+from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.live_run import MOST_MAPS, LiveRun
 from porotwin_recording.recording import open_recording
 
@@ -62,15 +63,15 @@ def test_an_ended_run_is_kept_until_another_one_begins():
     assert run.times == (900.0,)
 
 
-def test_a_run_whose_beginning_was_missed_is_refused(tmp_path):
+def test_a_run_whose_beginning_was_missed_starts_with_its_first_map(tmp_path):
     for since in (3000.0, 2970.0):  # the rates arrive with the first map, or just before it
         run = run_with_maps(3000.0, 3030.0, first=FULL)
         run.add_measured_rates(since, 3000.0, INJECTING)
-        with pytest.raises(InputError, match='no known rate has injected'):
-            run.write(tmp_path / 'run')
+        first = initial_tracer(written(run, tmp_path / f'since {since:g}'))
+        assert first is not None and np.allclose(first, FULL)
     run = run_with_maps(30000.0, 30030.0, first=FULL)
     run.add_measured_rates(0.0, 30000.0, INJECTING)  # accounts for the tracer
-    run.write(tmp_path / 'run')
+    assert initial_tracer(written(run, tmp_path / 'seen')) is None
 
 
 def test_a_run_without_rates_is_refused(tmp_path):

@@ -56,9 +56,22 @@ def test_the_model_starts_with_the_tracer_of_the_first_map(quiet):
 def test_a_late_clock_is_not_taken_for_tracer_of_an_earlier_run(quiet):
     recording = open_recording(quiet)
     maps = np.array(recording.concentration)
-    late = with_frames(recording, np.array(recording.times[:-8]), maps[8:])
+    late = with_frames(recording, np.array(recording.times[:-3]), maps[3:])
     assert late.times[0] == 0.0
     assert read_sample(late).initial is None
+
+
+def test_a_recording_from_the_middle_of_an_injection_starts_with_its_tracer(quiet):
+    recording = open_recording(quiet)
+    times, maps = np.array(recording.times), np.array(recording.concentration)
+    later = [
+        ScheduleRow(max(row.time - times[12], 0.0), row.well, row.rate)
+        for row in recording.schedule.rows
+    ]
+    middle = with_frames(recording, times[12:] - times[12], maps[12:])
+    sample = read_sample(replace(middle, commanded=Schedule(tuple(later))))
+    assert sample.initial is not None
+    assert np.nanmean(np.abs(Forward(sample).maps(()) - sample.observed)) < 0.02
 
 
 def test_measured_rates_replace_commanded_ones(quiet):

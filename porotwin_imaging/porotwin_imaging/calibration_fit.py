@@ -41,7 +41,7 @@ from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
 from porotwin_imaging.covered_baseline import uncovered
 from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
 from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
-from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
+from porotwin_imaging.mass_balance_fit import MassLine, fit_line
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.plume_evidence import plume_evidence
 from porotwin_imaging.repeated_remarks import lines_of_remarks
@@ -318,7 +318,7 @@ def _injected(schedule: Schedule | None, times: Sequence[float], rates_file: str
     if schedule is None or not schedule.rows:
         return []
     start = min(row.time for row in schedule.rows)
-    volumes = [injected_volume(schedule, min(start, time), time) for time in times]
+    volumes = [schedule.injected_stock(min(start, time), time) for time in times]
     if max(volumes) <= 0:
         raise InputError(
             f'calibration: the pump log injects no tracer until the last photograph ({times[-1]:g} '

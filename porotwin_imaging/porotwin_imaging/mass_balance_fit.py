@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.wells import Schedule
 from porotwin_imaging.settings import DEFAULTS, MassBalanceSettings
 
 Array = NDArray[Any]
@@ -43,18 +42,6 @@ class MassLine:
     distances: Array
     agree: NDArray[np.bool_]
     misfit: float
-
-
-def injected_volume(schedule: Schedule, start: float, time: float) -> float:
-    """Return the volume of tracer stock injected from `start` [s] to `time` [s], in [m^3].
-
-    Produced tracer is not counted, because its concentration is unknown.
-    """
-    return sum(
-        (high - low) * max(well.rate, 0.0) * well.concentration
-        for low, high, rates in schedule.intervals(start, time)
-        for well in rates.values()
-    )
 
 
 def fit_line(

@@ -6,7 +6,6 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
-from porotwin_imaging.mass_balance_fit import injected_volume
 
 MOST_EXCESS = 1.5
 """Tracer in a map over the injected tracer above which the description must be wrong. Calibrated
@@ -33,7 +32,7 @@ def excess_remark(values: FloatArray, time: float, rig: Rig, schedule: Schedule)
     pores = rig.cell_pore_volume(rig.grid(columns, rows))
     held = float(np.nansum(values * pores))
     start = min(row.time for row in schedule.rows)
-    injected = injected_volume(schedule, min(start, time), time)
+    injected = schedule.injected_stock(min(start, time), time)
     if held - injected < LEAST_SHARE * float(pores.sum()) or held < MOST_EXCESS * injected:
         return ''
     return (

@@ -3,20 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.mass_balance_fit import fit_line, injected_volume
-
-
-def test_injected_volume_counts_stock_only() -> None:
-    schedule = Schedule(
-        (
-            ScheduleRow(0.0, 'a', WellRate(1e-6, 0.5)),
-            ScheduleRow(0.0, 'b', WellRate(-1e-6, 1.0)),
-            ScheduleRow(100.0, 'a', WellRate(2e-6, 1.0)),
-            ScheduleRow(150.0, 'a', WellRate(5e-6, 0.0)),
-        )
-    )
-    assert injected_volume(schedule, 0.0, 200.0) == pytest.approx(50e-6 + 100e-6)
+from porotwin_imaging.mass_balance_fit import fit_line
 
 
 def test_the_line_is_found_despite_outliers() -> None:

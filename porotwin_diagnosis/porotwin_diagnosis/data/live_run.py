@@ -18,7 +18,6 @@ from porotwin_diagnosis.data.rate_table import RateTable
 from porotwin_recording.concentration import ConcentrationMaps, MapSeries
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recorded_data import RecordedData
-from porotwin_solver.physics import nominal_physics
 
 MOST_MAPS = 400
 """Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares
@@ -26,10 +25,6 @@ a few dozen."""
 
 LONGEST_GAP_S = 7 * DAY_S
 """Longest time between two photographs of one run [s]. More means that a clock was set."""
-
-LEAST_INJECTED_SHARE = 0.5
-"""Share of the first map's tracer that the known rates must account for. Less means that the run
-began unseen; some tolerance is left for wrong rates and an uncalibrated camera."""
 
 
 def is_other_clock(last: float, stamp: float) -> bool:
@@ -145,7 +140,7 @@ class LiveRun:
         """Write the run as an experiment into `folder`, with times since its beginning.
 
         Raises:
-            InputError: there are no maps or no rates yet, or the run began unseen.
+            InputError: there are no maps or no rates yet.
         """
         if not self.times:
             raise InputError('diagnosis: no map has arrived from the running graph yet; wait')
@@ -157,7 +152,6 @@ class LiveRun:
         rows = list(self._rates.rows())
         begin = min(self.times[0], *(start for start, _ in rows))
         schedule = Schedule.from_rates((start - begin, rates) for start, rates in rows)
-        self._refuse_unexplained_tracer(schedule, self.times[0] - begin)
         maps = self._series(np.array(self.times) - begin)
         write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
 
@@ -171,20 +165,3 @@ class LiveRun:
         """Return part 0 (concentration), 1 or 2 (deviations) of the maps `start` to `stop`."""
         rows = slice(part * self._grid.nz, (part + 1) * self._grid.nz)
         return self._maps.read(start, stop)[:, rows]
-
-    def _refuse_unexplained_tracer(self, schedule: Schedule, first: float) -> None:
-        """Refuse a run with more tracer in its first map, at `first` [s], than was injected."""
-        first_map = self._read(0, 0, 1)[0]
-        share = tracer_share(first_map)
-        nominal = nominal_physics(self._rig, self._grid)
-        held = float(np.nansum(first_map * nominal.storage))
-        injected = sum(
-            (high - low) * sum(max(rate.rate, 0.0) * rate.concentration for rate in rates.values())
-            for low, high, rates in schedule.intervals(0.0, first)
-        )
-        if share > FILLED_SHARE and injected < LEAST_INJECTED_SHARE * held:
-            raise InputError(
-                f'diagnosis: the first map of the run, at {self.times[0]:.0f} s, shows tracer in '
-                f'{share:.0%} of the rig that no known rate has injected; start the diagnosis '
-                'with the experiment, or name a recording'
-            )

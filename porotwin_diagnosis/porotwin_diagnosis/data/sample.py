@@ -28,14 +28,10 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
-from porotwin_diagnosis.data.observed_maps import (
-    FILLED_SHARE,
-    evenly_spread,
-    filled_map,
-    tracer_share,
-)
+from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
     ErrorSizes,
@@ -111,7 +107,7 @@ class Sample:
         start: time of the first map of the recording [s].
         held_out_start: beginning of the held-out part [s].
         end: time of the last map of the recording [s].
-        initial: first map (nz, nx) [-] if it holds tracer that no pump has injected; else None.
+        initial: first map (nz, nx) [-] if it holds tracer from before the recording; else None.
         own_deviation: delivered standard deviation [-] of each value by itself, (nt, nz, nx); None
             where the recording has none.
         shared_errors: delivered standard deviations of the errors that all maps share, or None.
@@ -377,7 +373,7 @@ def read_sample(recording: Recording) -> Sample:
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
-        initial=_initial_tracer(recording),
+        initial=initial_tracer(recording),
         own_deviation=own,
         shared_errors=shared,
     )
@@ -426,22 +422,6 @@ def _noise(recording: Recording, step: int) -> Noise:
     if stored.deviation is None or stored.systematic is None:
         return noise
     return add_delivered(noise, maps, stored.deviation[::step], stored.systematic[::step])
-
-
-def _initial_tracer(recording: Recording) -> FloatArray | None:
-    """Return the first map (nz, nx) if it holds tracer before any pump has run; else None.
-
-    It is None as well where tracer is injected from that moment on: a late clock looks the same
-    and must be able to compete.
-    """
-    assert recording.maps is not None
-    start, first = recording.times[0], recording.maps[0]
-    rows = recording.delivered.rows
-    pumped = any(row.rate.rate and row.time < start for row in rows)
-    injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
-    if pumped or injects or tracer_share(first) < FILLED_SHARE:
-        return None
-    return filled_map(first, recording.grid)
 
 
 LEAST_COARSE_CORRELATION = 0.5
