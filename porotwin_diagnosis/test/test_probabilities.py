@@ -48,6 +48,12 @@ def test_the_second_member_has_the_confidence_of_the_pair():
     assert found['rate'] < 0.2
 
 
+def test_effects_that_look_the_same_beside_another_share_the_confidence_equally():
+    found = shares('porosity', 0.8, members=('porosity', 'leak'), inseparable=('clock',))
+    assert found['porosity'] == found['clock'] == pytest.approx(0.4)
+    assert found['leak'] == pytest.approx(0.8)
+
+
 def test_an_earlier_finding_changes_the_odds_of_effects_that_look_alike():
     singles = [fit_of('porosity', misfit=0.4), fit_of('retardation', misfit=0.4)]
     findings = Findings(fit_of(misfit=6.0), fit_of(misfit=6.0), [], singles, distances=[0.0, 0.01])

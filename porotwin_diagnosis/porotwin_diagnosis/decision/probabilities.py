@@ -50,7 +50,8 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
 def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
     """Return the probability of each effect in `names`, consistent with the verdict's confidence.
 
-    - The named effect and those inseparable from it share the confidence.
+    - The named effect and those inseparable from it share the confidence: in the ratio of their
+      probabilities alone, or equally beside other effects, where those say nothing.
     - The second member of a pair has the confidence of the pair.
     - All other effects share the rest, 1 - confidence, but at most their probability alone. This
       also holds if the verdict names no effect. The missing part to 1 stands for causes outside
@@ -58,7 +59,7 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
     """
     alone = {name: verdict.probabilities.get(name, 0.0) for name in names}
     same = [name for name in (verdict.name, *verdict.inseparable) if name in alone]
-    total = sum(alone[name] for name in same)
+    total = sum(alone[name] for name in same) if len(verdict.members) < 2 else 0.0
     stated = {
         name: verdict.confidence * (alone[name] / total if total > 0 else 1 / len(same))
         for name in same
