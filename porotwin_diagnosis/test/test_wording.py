@@ -27,6 +27,16 @@ def test_directions_follow_the_sign():
     assert lost.startswith('water is lost at x = 0.100 m, z = 0.200 m: 20 ml/h')
 
 
+def test_a_size_whose_interval_holds_no_effect_is_doubted():
+    flow = {
+        'x_velocity': {'value': 1e-7, 'low': -1e-7, 'high': 3e-7},
+        'z_velocity': {'value': 1e-6, 'low': 8e-7, 'high': 1.2e-6},
+    }
+    assert phrase('background_flow', flow).endswith('(perhaps x velocity 0)')
+    flow['x_velocity']['low'] = 1e-8
+    assert 'perhaps' not in phrase('background_flow', flow)
+
+
 def test_names_of_wells_are_escaped():
     said = phrase('rate', {'well': {'value': '<b>'}, 'factor': {'value': 0.9}})
     assert '&lt;b&gt;' in said

@@ -60,9 +60,20 @@ def _fixed(amount: float, decimals: int) -> str:
 
 
 def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the phrase of `effect` with its `parameters` of `diagnosis.json`, as HTML."""
+    """Return the phrase of `effect` with its `parameters` of `diagnosis.json`, as HTML.
+
+    If some intervals hold the value of no effect and others do not, the phrase says which.
+    """
     values = {
         key: html.escape(entry['value']) if isinstance(entry['value'], str) else entry['value']
         for key, entry in parameters.items()
     }
-    return EFFECTS[effect].phrase(values)
+    words = EFFECTS[effect].phrase(values)
+    known = [key for key, entry in parameters.items() if entry.get('low') is not None]
+    neutral = {key: EFFECTS[effect].parameters[key].neutral for key in known}
+    doubted = [
+        f'{spoken(key)} {number(neutral[key])}'
+        for key in known
+        if parameters[key]['low'] <= neutral[key] <= parameters[key]['high']
+    ]
+    return f'{words} (perhaps {", ".join(doubted)})' if 0 < len(doubted) < len(known) else words
