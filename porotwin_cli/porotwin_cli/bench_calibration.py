@@ -1,4 +1,4 @@
-"""The calibration of a camera on photographs with known truth: its maps, and what it refuses.
+"""The calibration of a camera on photographs with known truth: its maps and its refusals.
 
 Cases are composed on a real baseline and scored. Each is safe if its maps are accurate or its
 calibration is refused. A calibration that was made well must not be refused. A case leaves one
@@ -33,7 +33,7 @@ class CalibrationCase:
         baseline: experiment folder with a real baseline photograph and sands.
         seed: seed of the cases.
         number: number of the case.
-        flaw: its flaw; None for that of `photo_flaws.WITHHELD_KIND`.
+        flaw: its flaw; None for `photo_flaws.WITHHELD_KIND`.
         file: the file with its score.
     """
 
@@ -68,7 +68,7 @@ def run(
         baseline: experiment folder with a real baseline photograph and sands.
         cases: number of cases.
         seed: seed of the cases.
-        flaw: the same flaw in all cases; None for those of `photo_flaws.WITHHELD_KIND`.
+        flaw: the same flaw in all cases; None for the flaws of `photo_flaws.WITHHELD_KIND`.
         workers: cases at a time; None: one per core, as far as the memory holds.
         scheduler: address of a Dask scheduler that does the cases instead of this machine.
         output: folder of the scores; one with earlier scores is continued.

@@ -1,6 +1,6 @@
 """The time from a photograph to its setpoint, beside a camera of 36 megapixels, with all nodes.
 
-The graph is that of `./porotwin up`. Photographs of the virtual rig are put into its folder as a
+The graph is the one of `./porotwin up`. Photographs of the virtual rig are put into its folder as a
 camera does it, and their setpoints are waited for.
 """
 
@@ -79,7 +79,7 @@ class Arrivals:
     def of(self, put: Put) -> float | None:
         """Return the time of the setpoint of a photograph [s]; None: there is none with a report.
 
-        The time is that of the message's header.
+        The time stands in the message's header.
         """
         near = [
             stamp

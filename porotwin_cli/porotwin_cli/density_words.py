@@ -11,7 +11,7 @@ from porotwin_solver.effects.definition.words import number
 from porotwin_solver.physics import nominal_physics
 
 DENSITY_DIFFERENCE = 1.0
-"""Density difference of the example [kg/m^3]: that of 0.1 % of salt or dye in the stock."""
+"""Density difference of the example [kg/m^3]: 0.1 % of salt or dye in the stock."""
 
 NOTABLE = 0.1
 """Way of the tracer, relative to the radius of its plume, from which density is worth a test."""

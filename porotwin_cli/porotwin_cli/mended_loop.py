@@ -131,7 +131,7 @@ def mended_figures(
 def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines for a person: the hidden effect, the found one, and the gain.
 
-    `figures` are those of `mended_figures`.
+    `figures` come from `mended_figures`.
     """
     yield f'hidden effect: {figures["hidden_in_words"]}'
     minute = figures['verdict_minute']

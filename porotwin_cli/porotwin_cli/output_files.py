@@ -16,7 +16,7 @@ _Result = TypeVar('_Result')
 
 
 def maker(command: str) -> str:
-    """Return the words by which a file names the command that made it."""
+    """Return the words that name the command which made a file."""
     return f'{PROGRAM}, {command}'
 
 

@@ -35,7 +35,7 @@ ZONE_STYLES: dict[ZoneKind, tuple[str, str | None]] = {
     'keep in': ('#1e8449', None),
     'target': ('#2471a3', '..'),
 }
-"""Colour and hatching of a zone by what it is for."""
+"""Colour and hatching of a zone by its purpose."""
 
 UNSEEN = '#b8b8b8'
 """Colour of cells without a value."""

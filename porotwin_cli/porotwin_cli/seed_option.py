@@ -12,6 +12,6 @@ def seed_option(help_text: str) -> Any:
     """Return the option of a seed.
 
     Args:
-        help_text: what the seed is for.
+        help_text: the purpose of the seed.
     """
     return typer.Option(help=help_text, min=0, max=LARGEST_SEED)

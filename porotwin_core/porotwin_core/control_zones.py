@@ -18,11 +18,11 @@ _KEYS: dict[str, tuple[str, ZoneKind]] = {
     'reach': ('zone_m', 'target'),
     'hold_front': ('tracer_m', 'target'),
 }
-"""Of each objective with a zone: its key in rig.yaml, and what the zone is for."""
+"""Key in rig.yaml and purpose of the zone, for each objective with a zone."""
 
 
 class ControlZone(NamedTuple):
-    """A zone, and what it is for."""
+    """A zone and its purpose."""
 
     kind: ZoneKind
     zone: Zone

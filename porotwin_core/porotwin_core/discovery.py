@@ -34,7 +34,7 @@ def discovered(
 ) -> dict[str, T]:
     """Return the object `attribute` of every module in the folder of `package`, by name.
 
-    The order is that of the module names. If the object has an attribute `name`, it is the name of
+    The order follows the module names. If the object has an attribute `name`, it is the name of
     the module, perhaps with dashes instead of underscores. Otherwise the module's name counts.
 
     Args:

@@ -7,10 +7,10 @@ of a program. Far outside, the equations cannot be solved, or not within any use
 import math
 
 MOST_DENSITY_DIFFERENCE = 1000.0
-"""Density of the stock minus that of water [kg/m3]: gas, or a brine heavier than any."""
+"""Density of the stock minus the density of water [kg/m3]: gas, or a brine heavier than any."""
 
 LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO = 1e-3, 1e3
-"""Viscosity of the stock over that of water [-]: gas to glycerol."""
+"""Viscosity of the stock over the viscosity of water [-]: gas to glycerol."""
 
 MOST_RETARDATION = 1e4
 """Retardation factor [-]: tracer that does not move within any experiment."""
@@ -22,16 +22,16 @@ LEAST_FACTOR, MOST_FACTOR = 0.01, 100.0
 """Porosity, depth, rate of a pump or exponent of the camera over the nominal one [-]."""
 
 LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR = 1e-9, 1e9
-"""Permeability of a zone over that of the sand [-]: more than from clay to gravel."""
+"""Permeability of a zone over the permeability of the sand [-]: more than from clay to gravel."""
 
 MOST_DISPERSIVITY = 10.0
-"""Dispersivity [m]: that of an aquifer, far more than that of any rig."""
+"""Dispersivity [m] of an aquifer, far more than in any rig."""
 
 MOST_DIFFUSION = 1e-3
 """Diffusion [m2/s]: a million times the molecular one."""
 
 MOST_DARCY_FLUX = 0.1
-"""Darcy flux [m/s]: that of gravel on a steep slope."""
+"""Darcy flux [m/s] in gravel on a steep slope."""
 
 MOST_LEAK_ML_H = 1e7
 """Water lost or gained at one place [ml/h]: ten cubic metres."""

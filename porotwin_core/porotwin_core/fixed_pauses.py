@@ -22,7 +22,7 @@ class FixedPauses:
         of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
             of `since`.
         running: the rate of each of these wells outside its pauses [m^3/s].
-        producer: the well that takes out what all others inject; None: there is none.
+        producer: the well that takes out the water of all others; None: there is none.
     """
 
     of_wells: Mapping[str, tuple[Pause, ...]] = field(default_factory=dict)

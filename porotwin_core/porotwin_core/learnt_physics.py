@@ -64,7 +64,7 @@ class SandPatch:
 class LearntPhysics:
     """Changes of the coefficients of flow and transport; all zero means the model as described.
 
-    density_difference: added to the density of the tracer minus that of water [kg/m^3].
+    density_difference: added to the density difference of tracer and water [kg/m^3].
     longitudinal_dispersivity, transverse_dispersivity: added to Scheidegger's a_L and a_T [m].
     background_flux: added to the Darcy flux (x, z) through all sides [m/s].
     log_retardation: logarithm of the factor on the retardation [-].

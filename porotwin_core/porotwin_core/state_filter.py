@@ -122,7 +122,7 @@ class Estimate:
 class StateFilter:
     """Follows the state of the rig from photograph to photograph.
 
-    `pore_volume` (nz, nx) [m^3] is that of the cells, `spacing` (dz, dx) their size [m].
+    `pore_volume` (nz, nx) [m^3] belongs to the cells, `spacing` (dz, dx) their size [m].
     """
 
     pore_volume: FloatArray

@@ -30,7 +30,7 @@ class Diagnosis:
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
-        partial: effects that close much of an unexplained gap, and what remains beside them.
+        partial: effects that close much of an unexplained gap, and the remainder.
     """
 
     recordings: tuple[Recording, ...]

@@ -47,7 +47,7 @@ class Planner(Protocol):
             state: the state estimate (nz, nx) [-].
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
-            plant: what was learnt of pumps, person and physics.
+            plant: knowledge of pumps, person and physics.
 
         Raises:
             ModelUnavailable: the models do not answer.

@@ -28,7 +28,7 @@ LEARNING_INTERVALS = 2.5
 """Photo intervals that these photographs span at least, also where a camera is faster."""
 
 DRIFT = 1e-4
-"""Largest share by which a clock is fast: nine seconds a day."""
+"""Largest share of time that a fast clock gains: nine seconds a day."""
 
 REMEMBERED_STAMPS = 100_000
 """Stamps that are known again when a photograph comes twice: a month of one every 30 s."""
@@ -38,7 +38,7 @@ STAMP_RESOLUTION_S = 1e-3
 
 
 class StampJudgement(NamedTuple):
-    """What is believed about the time of a photograph.
+    """The belief about the time of a photograph.
 
     `age` is its age [s] on arrival. `doubt` says why its stamp is not believed, in one line; it is
     empty for a stamp that is believed, and `age` means nothing otherwise.
@@ -93,7 +93,7 @@ class PhotographClock:
         """Stamps and latenesses [s] of the photographs since the last fresh one."""
 
     def judge(self, stamp: float, arrival: float) -> StampJudgement:
-        """Return what is believed about a photograph.
+        """Return the belief about a photograph.
 
         Args:
             stamp: the time of the photograph by the camera's clock [s].

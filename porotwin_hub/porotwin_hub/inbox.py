@@ -62,7 +62,7 @@ class ReadyState(Generic[Envelope]):
     Attributes:
         state: the state.
         arrival: when it was ready, by the clock given to the inbox [s].
-        judgement: what is believed about its stamp.
+        judgement: the belief about its stamp.
         known: rates measured or confirmed since the last state that was taken.
         interruptions: reasons why it does not follow from the last state; empty: it does.
         skipped: states that were ready too, but older.

@@ -143,7 +143,7 @@ class PlanController:
             state: the state estimate (nz, nx) [-].
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
-            plant: what was learnt of pumps, person and physics. The plan begins when an order of
+            plant: knowledge of pumps, person and physics. The plan begins when an order of
                 now will be set.
 
         Raises:

@@ -1,4 +1,4 @@
-"""What the twin has learnt of the plant beyond its model: pumps, person, and physics."""
+"""Knowledge of the plant beyond its model: pumps, person, and physics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -52,10 +52,10 @@ class Fault(NamedTuple):
 
 
 class Expectations(NamedTuple):
-    """What a photograph would show, as means of blocks.
+    """A photograph as means of blocks.
 
     Attributes:
-        observed: what it shows, (blocks,).
+        observed: the observed means, (blocks,).
         usual: if all is as believed, (blocks,).
         changed: if one well delivers nothing, or, where it is believed to have a fault, all it is
             told; by well, (blocks,).

@@ -56,7 +56,7 @@ class SetpointChoice:
             cycle: with a state estimate and the rates in force.
             physics: the physics-based model, for one interval.
             began: start of the experiment [s].
-            plant: what was learnt of pumps and physics; the delay of orders is added here.
+            plant: knowledge of pumps and physics; the delay of orders is added here.
         """
         if self.planner is None:
             return

@@ -254,7 +254,7 @@ def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
 
 
 def _remarks_on_corners(camera: Camera, size: tuple[int, int]) -> list[str]:
-    """Return a remark if the corners are those of a smaller copy of the photograph."""
+    """Return a remark if the corners belong to a smaller copy of the photograph."""
     odd = small_rig(camera.corners_px, size)
     return [f'camera.corners_px in rig.yaml: {odd}; {REMEDY}'] if odd else []
 

@@ -42,7 +42,7 @@ def log_ratio_variance(
 ) -> Array:
     """Return the variance of the log ratio to the baseline, shape (nz, nx, 3 = red, green, blue).
 
-    The variance is that of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4).
+    The variance is the one of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4).
 
     Args:
         sums: sums over the samples of each cell.

@@ -128,7 +128,7 @@ class CalibrationEvidence:
 
     @property
     def bend_conflict(self) -> float:
-        """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts.
+        """Bend minus the bend of the fronts [-]; 0 with dilutions or no fronts.
 
         It is infinite if the fronts surely ask for a bend beyond all that are tried.
         """

@@ -1,4 +1,4 @@
-"""The hash of a file, by which a map names its calibration."""
+"""The hash of a file: the name of a calibration in a map."""
 
 import hashlib
 from pathlib import Path

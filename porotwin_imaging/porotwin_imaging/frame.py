@@ -1,4 +1,4 @@
-"""What leaves the frame: the part of the rig that a moved camera does not show any more.
+"""The part of the rig that leaves the frame when the camera moves.
 
 A photograph shows nothing beyond its edges. Black there would read as tracer stock, so samples
 outside the frame are not used, and cells without samples have no value.
@@ -18,7 +18,7 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _REPORTED_SHARE = 1e-3
-"""Share of the sand from which it is reported [-]: less is the edge of an ordinary shake."""
+"""Least share of the sand that is reported [-]: less is the edge of an ordinary shake."""
 
 
 def in_frame(sampling: Sampling, homography: Array, shape: tuple[int, ...]) -> Mask | None:

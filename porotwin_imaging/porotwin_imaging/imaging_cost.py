@@ -21,7 +21,7 @@ FEWEST_PIXELS_PER_CELL = 0.7
 _MEMORY_SHARE = 0.6
 """Share of the memory of the computer that a map may take [-]; other nodes need the rest."""
 _BYTES_AT_LEAST, _BYTES_PER_SAMPLE, _BYTES_PER_CELL = 280e6, 27.0, 102.0
-"""Peak memory of a process that makes maps [bytes]; the first is that of its libraries."""
+"""Peak memory of a process that makes maps [bytes]; the first part belongs to its libraries."""
 _SECONDS_PER_PIXEL, _SECONDS_PER_SAMPLE, _SECONDS_PER_CELL = 5e-9, 40e-9, 230e-9
 """Processor time for decoding, sums and denoising [s]; the last with cells of 1 mm."""
 _USUAL_CELL_M = 1e-3
@@ -30,7 +30,7 @@ _USUAL_CELL_M = 1e-3
 
 @dataclass(frozen=True)
 class MapCost:
-    """What one map costs.
+    """The cost of one map.
 
     Attributes:
         cells: cells of the map.

@@ -23,7 +23,7 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _WINDOW = 3
-"""Cells across the window in which light is averaged: one cell is noise."""
+"""Cells across the window of averaged light: one cell is noise."""
 _REACH = 7
 """Cells across the surroundings of brighter cells that are left out as well."""
 _GREY = np.full((1, 3), 1 / 3, np.float32)

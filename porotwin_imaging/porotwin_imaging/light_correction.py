@@ -49,8 +49,8 @@ class CorrectedLight:
         variance: variance that the correction adds, shape (nz, nx), or (1, 1) if it adds none.
         comparable: visible cells whose change tracer can make, shape (nz, nx).
         drift: all changes of light that were removed.
-        remarks: what was corrected, one line each.
-        left_out: what could not be corrected, one line each.
+        remarks: one line on each correction.
+        left_out: one line on each fault that could not be corrected.
     """
 
     log_ratio: Array

@@ -29,7 +29,7 @@ _BEND_PENALTY, _SLOPE_PENALTY = 0.03, 1e-4
 _TRACER_SPREADS, _TRACER_REACH = 4.0, 5
 """Blocks above so many spreads contain tracer; so many blocks across around them may do."""
 _SMALL, _LARGE = 3, 9
-"""Blocks across the windows in which hue is averaged."""
+"""Blocks across the windows of averaged hue."""
 _EXPLAINED, _PALEST = 0.5, 0.01
 """Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
 _WINDOW = (5, 5)

@@ -63,7 +63,7 @@ def map_deviation(
     """Return the deviation of a map.
 
     Args:
-        smoothed: the map and what remains of its noise.
+        smoothed: the map and the rest of its noise.
         light_error: standard deviation of concentrations from wrong light, (nz, nx) or a number.
         calibration: conversion of signal to concentration, with its deviations.
         grid: the grid of the map.

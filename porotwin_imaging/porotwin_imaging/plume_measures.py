@@ -32,7 +32,7 @@ Array = NDArray[Any]
 
 Side = Literal['down', 'up', 'left', 'right']
 SIDES: tuple[Side, ...] = ('down', 'up', 'left', 'right')
-"""Sides on which fingers are counted."""
+"""Sides of the plume where fingers are counted."""
 
 LEVEL = 0.1
 """Concentration of the outline [-]: well above the noise of clean sand, below any plume."""
@@ -57,7 +57,7 @@ OTHER_EDGES = ((2.0, 0.5), (1.0, 2.0))
 LEAST_NOISE = 1e-4
 """Clean sand with less noise than this has none to learn a correlation from [-]."""
 FEWEST_CLEAN = 200
-"""Fewest clean cells from which the correlation of noise is learnt."""
+"""Fewest clean cells that tell the correlation of noise."""
 _FINGER_CELLS = 2
 _LEAST_NET = 0.01
 """Least share of the net mass in the sum of all amounts; below it the mass is noise [-]."""

@@ -34,7 +34,7 @@ class EdgeEvidence:
 
 
 def sand_edges(unlit: NDArray[np.bool_]) -> tuple[EdgeEvidence, ...]:
-    """Return the bow of each side at which the dark frame is seen.
+    """Return the bow of each side that shows the dark frame.
 
     Args:
         unlit: True for frame and deep shadow, on the sampling grid of the described rig, shape

@@ -29,7 +29,7 @@ SHOWN = (
 )
 """Columns that are printed; the file and --json hold all."""
 MOST_ROWS = 40
-"""Most maps in a table on a terminal: about what a screen shows."""
+"""Most maps in a table on a terminal: about one screen."""
 SAME_TIME_S = 1.0
 """Maps of two recordings within this belong together [s]."""
 LEAST_SEEN = 0.95

@@ -12,7 +12,7 @@ from porotwin_core.ros_environment import enter_domain, namespace_of
 from porotwin_hub.graph import NAMESPACE
 
 MOST_OFFER = 2**64 - 1
-"""Largest number of an offer: that of its message."""
+"""Largest number of an offer in its message."""
 
 
 class Answer(StrEnum):

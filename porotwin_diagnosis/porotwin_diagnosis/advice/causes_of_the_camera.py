@@ -48,7 +48,7 @@ DELAYS = (0.02, 0.04, 0.08, 0.16, 0.3)
 """Delays of a signal relative to the duration of the recording."""
 
 STEPS = 120
-"""Maps from which a signal that lags behind is computed: several per shortest delay."""
+"""Maps that a lagging signal is computed from: several per shortest delay."""
 
 GLOW_RADII = (0.025, 0.04, 0.06)
 """Radii of a glow relative to the width of the rig."""
@@ -60,7 +60,7 @@ LEAST_PART = 0.05
 """Share of a way below which its part across, or up, is not told."""
 
 TRACKING_ROUNDS = 10
-"""Reweighted fits of the line on which a glow moves."""
+"""Reweighted fits of the path of a moving glow."""
 
 
 def causes_of_the_camera(runs: FreeRuns) -> Iterator[Cause]:

@@ -20,10 +20,10 @@ from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.physics import Physics
 
 TOLERANCE = 1.0
-"""Steps by which a fitted parameter may leave its range: responses are linear, maps are noisy."""
+"""Steps that a fitted parameter may lie outside its range: responses are linear, maps are noisy."""
 
 MOST_STEPS = 12.0
-"""Largest number of steps of a parameter for which a linear response is believed."""
+"""Largest number of steps of a parameter whose response is taken for linear."""
 
 MOST_TRIALS = 6.0
 """Largest strength of a leak or a zone, relative to its trial: 30 % of the strongest pump."""

@@ -34,7 +34,7 @@ WINDOWS = 12
 """Parts of a recording: four for the shortest period."""
 
 LONGEST_WHILE = 4
-"""Windows for which a pump fails at most: a third of the recording. A longer failure looks like a
+"""Most windows of a failing pump: a third of the recording. A longer failure looks like a
 wrong rate."""
 
 PERIODS = (0.35, 0.45, 0.6, 0.8, 1.1, 1.6)

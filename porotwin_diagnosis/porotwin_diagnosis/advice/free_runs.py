@@ -114,7 +114,7 @@ class FreeRuns:
         return Model(rig, grid, preset=preset, effects=self.given, refinement=1, adapt=adapt)
 
     def _initial(self, model: Model) -> FloatArray:
-        """Return the map (nz, nx) [-] from which `model` starts."""
+        """Return the first map (nz, nx) [-] of a run of `model`."""
         known = self.sample.initial_on(self.sample.grid)
         return model.initial_condition() if known is None else known
 

@@ -1,4 +1,4 @@
-"""Effects of the library that close much of an unexplained gap, and what remains beside them.
+"""Effects of the library that close much of an unexplained gap, and the remainder.
 
 Where two of three causes are known effects, the third one is left as a remainder. Its form is the
 one of the maps beside the model with the known effects, and its place is where that model departs
@@ -89,11 +89,11 @@ def partial_cause(
     *,
     excluded: Sequence[str] = (),
 ) -> PartialCause | None:
-    """Return what the effects of `model` close, and what remains; None if that is too little.
+    """Return the part that `model` closes, and the remainder; None if the part is too small.
 
     Args:
         recordings: the recordings.
-        levels: their levels; the form is that of the first recording.
+        levels: their levels; the form belongs to the first recording.
         model: the fit that was kept, without being sufficient.
         held_out: the held-out parts without and with `model`.
         excluded: names of library effects that are no causes.

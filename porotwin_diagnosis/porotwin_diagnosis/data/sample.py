@@ -259,7 +259,7 @@ class Sample:
     ) -> FloatArray:
         """Return the whitened residual [-] if the errors that all maps share were zero.
 
-        The arguments are those of `whitened`.
+        The arguments have the meaning of `whitened`.
         """
         expected = self.noise.expected(blurred(np.clip(predicted, 0.0, 1.0), point_spread_width))
         count = len(expected)
@@ -393,7 +393,7 @@ def _without_rim(maps: FloatArray) -> FloatArray:
 def _delivered(
     recording: Recording, chosen: NDArray[np.intp]
 ) -> tuple[FloatArray | None, ErrorSizes | None]:
-    """Return what `recording` says about the errors of the `chosen` maps.
+    """Return the errors of the `chosen` maps as `recording` states them.
 
     Returns:
         The deviation of each value by itself, (nt, nz, nx) [-], and the sizes of the errors that
@@ -414,7 +414,7 @@ def _delivered(
 
 
 def _noise(recording: Recording, step: int) -> Noise:
-    """Return the noise of every `step`-th map, and what the recording says about its errors."""
+    """Return the noise of every `step`-th map, with the errors that the recording states."""
     stored = recording.maps
     assert stored is not None
     maps = stored[::step]

@@ -1,1 +1,1 @@
-"""What several recordings of one rig tell together: earlier findings, beliefs and drifts."""
+"""Several recordings of one rig together: earlier findings, beliefs and drifts."""

@@ -21,7 +21,7 @@ LEAST_CLOSED = 0.5
 matters more."""
 
 LEAST_GAIN = 0.1
-"""Share by which an offered effect lowers the error of the model at least."""
+"""Least share of the error of the model that an offered effect removes."""
 
 Cause = frozenset[tuple[str, str]]
 """Names of effects, each with its well or an empty text: a verdict without its numbers."""

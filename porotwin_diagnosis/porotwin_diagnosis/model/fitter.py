@@ -332,14 +332,14 @@ class Fitter:
         trials: int = TRIALS,
         updated_slopes: bool = False,
     ) -> FloatArray:
-        """Return the scaled parameters (p,) with which the fitted frames fit best.
+        """Return the scaled parameters (p,) that suit the fitted frames best.
 
         Args:
             members: the effects.
             start: scaled parameters at the beginning, (p,).
             width: width [cells] of the smoothing.
             iterations: largest number of iterations.
-            slopes_at: slopes of the residuals; by default those of this fitter.
+            slopes_at: slopes of the residuals; by default the slopes of this fitter.
             trials: trial steps per iteration.
             updated_slopes: whether slopes are taken once, and then updated.
         """

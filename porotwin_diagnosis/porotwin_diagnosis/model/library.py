@@ -45,7 +45,7 @@ def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
 
 
 def pumping_wells(samples: Sequence[Sample]) -> list[str]:
-    """Return the names of the wells through which water flows in any of `samples`."""
+    """Return the names of the wells that pump in any of `samples`."""
     return [
         name
         for name in samples[0].rig.wells

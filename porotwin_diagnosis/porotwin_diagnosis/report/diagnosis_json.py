@@ -120,7 +120,7 @@ def _remainder(result: Diagnosis) -> dict[str, Any] | None:
 
 
 def _beside(result: Diagnosis) -> dict[str, Any] | None:
-    """Return the effects that close much of an unexplained gap, and what remains beside them."""
+    """Return the effects that close much of an unexplained gap, and the remainder."""
     partial = result.partial
     if partial is None:
         return None

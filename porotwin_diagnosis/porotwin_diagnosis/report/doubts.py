@@ -34,7 +34,7 @@ def doubt_words(result: Diagnosis) -> str:
 
 
 def scant(evidence: Evidence) -> str:
-    """Say what a recording lacks for a higher confidence, and what would mend it."""
+    """Say why the confidence is not higher, and name a remedy."""
     parts = []
     if evidence.columns < SCANT_COLUMNS:
         parts.append(
