@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 from contourpy import contour_generator
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.polygons import inside
@@ -113,6 +112,8 @@ class PictureZone:
         """Return the distance [m] of the squares of `part` to its edge, 0 elsewhere, (nz, nx)."""
         if part.all():
             return np.full(part.shape, np.inf)
+        from scipy.ndimage import distance_transform_edt  # takes a third of the start of a node
+
         squares = (self.raster.dz, self.raster.dx)
         return np.maximum(distance_transform_edt(part, squares) - 0.5 * max(squares), 0.0)
 

@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from diagnosis_results import naming, twice
 from matplotlib.image import imsave
 
@@ -13,6 +14,8 @@ from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.page import write_report
 from porotwin_recording.photos import Photo
+
+pytestmark = pytest.mark.usefixtures('undrawn')
 
 
 def page(result, folder):

@@ -15,7 +15,7 @@ from porotwin_validation.blind_study import make_recording
 def seen(tmp_path_factory):
     """A recording on large cells, and the file of its true maps."""
     folder = tmp_path_factory.mktemp('limit')
-    case = replace(draw_case(1, 1), duration=1200.0, cell_m=0.015)
+    case = replace(draw_case(1, 1), duration=1200.0, cell_m=0.015, element_m=0.0075)
     make_recording(case, folder / 'recording', clean=folder / 'clean.nc')
     return folder
 

@@ -38,10 +38,7 @@ def baseline_folder(folder):
 def test_a_calibration_injects_a_plume_of_the_stated_size():
     case = draw_case(1, 1)
     schedule, end = calibration_schedule(case)
-    injected = sum(
-        (until - since) * rates['injector'].rate
-        for since, until, rates in schedule.intervals(0.0, end)
-    )
+    injected = schedule.injected_stock(0.0, end)
     pores = SMALL.pore_volume / (SMALL.width_m * SMALL.height_m)
     assert injected == pytest.approx(np.pi * INJECTIONS_M**2 * pores)
     assert schedule.wells == ('injector',)
@@ -91,7 +88,11 @@ def test_photographs_of_a_flawed_rig_become_maps_with_deviations(tmp_path):
         },
     )
     case = replace(
-        draw_case(0, 103, coarse=True), effects=(wide,), duration=1200.0, photo_interval=300.0
+        draw_case(0, 103, coarse=True),
+        effects=(wide,),
+        duration=1200.0,
+        photo_interval=300.0,
+        element_m=0.0075,
     )
     folder, clean = tmp_path / 'case', tmp_path / 'clean.nc'
     photograph_case(case, folder, clean=clean)
@@ -102,10 +103,7 @@ def test_photographs_of_a_flawed_rig_become_maps_with_deviations(tmp_path):
     assert np.nanmin(deviation - systematic) >= 0.0
     volume = case.rig.cell_pore_volume(recording.grid)
     seen = float(np.nansum(recording.concentration[-1] * volume))
-    injected = sum(
-        (until - since) * rates['injector'].rate * rates['injector'].concentration
-        for since, until, rates in case.schedule.intervals(0.0, float(recording.times[-1]))
-    )
+    injected = case.schedule.injected_stock(0.0, float(recording.times[-1]))
     assert seen / injected == pytest.approx(1.0, rel=0.06)
     words = (folder / RECORDING / 'rig.yaml').read_text()
     assert 'dispersi' not in words

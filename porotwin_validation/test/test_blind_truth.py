@@ -18,7 +18,11 @@ def test_only_the_stronger_effect_of_a_pair_is_right(tmp_path):
         EffectDescription(name='depth', parameters={'factor_centre': 1.3}),
     )
     case = replace(
-        draw_case(4, 1), effects=effects, right=('decay', 'depth'), duration=900.0, cell_m=0.01
+        draw_case(4, 1),
+        effects=effects,
+        right=('decay', 'depth'),
+        duration=900.0,
+        cell_m=0.01,
     )
     times = [300.0, 600.0, 900.0]
     nothing = clean_maps(tmp_path / 'nothing.nc', replace(case, effects=()), times)[1:]
@@ -67,7 +71,7 @@ def test_an_effect_that_looks_the_same_as_one_left_out_is_no_wrong_name(tmp_path
 
 
 def test_a_small_effect_named_where_none_is_stays_wrong(tmp_path):
-    none = replace(case_of_kind('none'), duration=900.0, cell_m=0.01)
+    none = replace(case_of_kind('none'), duration=900.0, cell_m=0.01, element_m=0.01)
     times = np.array([600.0, 900.0])
     maps = clean_maps(tmp_path / 'clean.nc', none, times)
     place = stated(tmp_path / 'stated', 'porosity', 0.9, ['porosity'], [('factor', 1.001)])
