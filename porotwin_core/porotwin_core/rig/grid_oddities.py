@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import ndimage
 
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError
@@ -81,6 +80,8 @@ def remarks_about_barriers(grid: Grid, rig: Rig) -> Iterator[Remark]:
     if not barrier.any():
         return
     shares = conservative_resample(barrier.astype(float), grid.shape)
+    from scipy import ndimage  # takes a third of the start of a node
+
     beside_closed = ndimage.binary_dilation(shares > CLOSED, structure=np.ones((3, 3)))
     rows, columns = (
         np.arange(count) * cells // count
