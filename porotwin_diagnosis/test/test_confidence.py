@@ -26,6 +26,7 @@ def test_a_smaller_misfit_is_more_certain():
     assert no_gap_log_odds(0.2) > no_gap_log_odds(0.4) > 0.0
     assert sufficient_log_odds(0.3) > sufficient_log_odds(0.6) > sufficient_log_odds(0.8)
     assert sufficient_log_odds(0.8) == sufficient_log_odds(1.0)
+    assert 0.0 < sufficient_log_odds(0.6, shared_errors=True) < sufficient_log_odds(0.6)
     assert missing_log_odds(2.0) > missing_log_odds(1.1) > missing_log_odds(1.0) == 0.0
 
 

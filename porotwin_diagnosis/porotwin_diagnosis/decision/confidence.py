@@ -22,8 +22,11 @@ from porotwin_diagnosis.thresholds import (
     ORDER_LOG_ODDS,
     ORDER_SLOPE,
     SINGLE_SHARE_RANGE,
+    SLOPE_BESIDE_SHARED,
+    SUFFICIENT_BESIDE_SHARED,
     SUFFICIENT_LOG_ODDS,
     SUFFICIENT_SLOPE,
+    SURELY_BESIDE_SHARED,
     SURELY_SUFFICIENT,
 )
 
@@ -65,12 +68,18 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
     return max(no_gap_log_odds(swallowed), stronger, 0.0)
 
 
-def sufficient_log_odds(lack_of_fit: float) -> float:
+def sufficient_log_odds(lack_of_fit: float, *, shared_errors: bool = False) -> float:
     """Return the log-odds that a model with this `lack_of_fit` misses nothing.
 
-    An effect outside the library can be imitated, but seldom as well as a true effect fits.
+    An effect outside the library can be imitated, but seldom as well as a true effect fits. With
+    `shared_errors` of all maps true effects fit better, so that a lack of fit says more.
     """
-    return SUFFICIENT_LOG_ODDS + SUFFICIENT_SLOPE * max(0.0, SURELY_SUFFICIENT - lack_of_fit)
+    least, slope, surely = (
+        (SUFFICIENT_BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED)
+        if shared_errors
+        else (SUFFICIENT_LOG_ODDS, SUFFICIENT_SLOPE, SURELY_SUFFICIENT)
+    )
+    return least + slope * max(0.0, surely - lack_of_fit)
 
 
 def missing_log_odds(lack_of_fit: float) -> float:

@@ -112,7 +112,8 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     if not kept.members:
         return [(no_gap_log_odds(normalised_misfit(null)), Doubt.NO_GAP), calibrated]
     same = (kept.members[0], *kept.inseparable)
-    enough = [(sufficient_log_odds(kept.lack_of_fit), Doubt.REMAINDER), calibrated]
+    misses_nothing = sufficient_log_odds(kept.lack_of_fit, shared_errors=swallowed > 0.0)
+    enough = [(misses_nothing, Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
         return [(single_log_odds(same, probabilities), Doubt.RIVAL), *enough]
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
