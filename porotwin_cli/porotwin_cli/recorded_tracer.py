@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig
+from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
@@ -33,6 +34,10 @@ PURE = 0.5
 
 EMPTY_LEVEL, FULL_LEVEL = 0.25, 0.5
 """Mean concentrations [-] around a well without tracer at most, and with tracer at least."""
+
+LEAST_INJECTED, LEAST_HELD = 0.02, 0.3
+"""Share of the pore volume that was injected before the first map, and share of it in that map: a
+plume that is hardly there was flushed, or its pump did not run."""
 
 TURNS: dict[str, Callable[[NDArray[np.bool_]], NDArray[np.bool_]]] = {
     '': lambda cells: cells,
@@ -64,6 +69,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     if told := excess(0):
         yield from _at_the_start(recording, rates, told)
         return
+    yield from _lost_before(recording, rates)
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
     yield from _turned(recording.rig, maps, rates, chosen)
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
@@ -84,7 +90,10 @@ def _at_the_start(recording: Recording, rates: Schedule, told: str) -> Iterator[
     if inverted:
         yield _remark(f'{told}. If 1 is water in these maps, write 1 minus their values')
     elif initial_tracer(recording) is None:
-        yield _remark(f'{told}. A late clock of the camera looks the same')
+        yield _remark(
+            f'{told}. A late clock of the camera looks the same, and so does tracer from before '
+            'the recording'
+        )
     elif rates.injected_stock(start, float(maps.times[-1])) > 0.0:
         yield _remark(
             f'the first map, at {start:g} s, holds tracer from before the recording, with which '
@@ -92,19 +101,36 @@ def _at_the_start(recording: Recording, rates: Schedule, told: str) -> Iterator[
         )
 
 
-def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
-    """Yield a remark if maps repeat the one before to the last bit: their noise always differs."""
-    before, same = b'', []
-    for index, values in enumerate(maps):
-        now = hashlib.sha256(values.tobytes()).digest()
-        if now == before and values.any():
-            same.append(index)
-        before = now
-    if same:
-        first = maps.times[same[0] - 1]
+def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+    """Yield a remark if the first map holds little of the stock that was injected before it."""
+    maps, rig = recording.present_maps, recording.rig
+    start, begin = float(maps.times[0]), min((row.time for row in rates.rows), default=0.0)
+    pores = rig.cell_pore_volume(maps.grid)
+    injected = rates.injected_stock(min(begin, start), start)
+    held = float(np.nansum(maps[0] * pores))
+    if injected > LEAST_INJECTED * float(pores.sum()) and held < LEAST_HELD * injected:
         yield _remark(
-            f'{len(same)} of {len(maps)} maps repeat the one before to the last bit, the first '
-            f'behind {first:g} s; did the camera or its program stand still? Leave them out'
+            f'the first map, at {start:g} s, holds {held * ML:.3g} ml of tracer stock, but the '
+            f'pumps injected {injected * ML:.3g} ml before it; if the rig was flushed, begin the '
+            'rates after that'
+        )
+
+
+def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
+    """Yield a remark if maps repeat another one to the last bit: their noise always differs."""
+    known: dict[bytes, float] = {}
+    same = []
+    for time, values in zip(maps.times, maps, strict=True):
+        now = hashlib.sha256(values.tobytes()).digest()
+        if now in known and values.any():
+            same.append((time, known[now]))
+        known.setdefault(now, time)
+    if same:
+        time, other = same[0]
+        yield _remark(
+            f'{len(same)} of {len(maps)} maps repeat another one to the last bit, the first at '
+            f'{time:g} s that at {other:g} s; did the camera or its program stand still? Leave '
+            'them out'
         )
 
 

@@ -67,12 +67,20 @@ def test_tracer_before_a_rest_is_a_start_that_the_model_takes() -> None:
     assert not list(remarks_about_tracer(recording(level=0.9, first=0.9, from_s=4000.0)))
 
 
+def test_a_clean_start_after_an_injection_is_told() -> None:
+    given = recording(level=0.2)
+    maps = given.present_maps
+    late = ConcentrationMaps(maps.times + 2000.0, maps.grid, lambda a, b: maps[a:b])
+    (remark,) = remarks_about_tracer(replace(given, maps=late))
+    assert 'but the pumps injected 278 ml before it' in remark.why
+
+
 def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:
     given = recording(level=0.2)
     values = np.array(given.present_maps[:])
     values[6:] = values[6]
     (still,) = remarks_about_tracer(with_maps(given, values))
-    assert still.why.startswith('3 of 10 maps repeat the one before to the last bit, the first')
+    assert still.why.startswith('3 of 10 maps repeat another one to the last bit, the first at')
     values = np.array(given.present_maps[:]) + np.float32(0.06)
     assert any(
         'nearly everywhere' in one.why for one in remarks_about_tracer(with_maps(given, values))

@@ -6,10 +6,12 @@ fraction of the time. The folder of the simulations goes away with the end of th
 """
 
 import hashlib
+import re
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,9 @@ from porotwin_core.rig import Rig
 
 FOLDER = 'simulations'
 """Name of their folder, in the folder of the report."""
+
+OWN_NAME = re.compile(r'[0-9a-f]{32}\.(npy|begun)')
+"""Names of the files of simulations."""
 
 KEPT_FROM_S = 0.3
 """Duration from which a simulation is kept [s]: a short one is made again as fast as it is read."""
@@ -56,8 +61,12 @@ class KeptSimulations(Crew):
         return self._crew.threads(count)
 
     def remove(self) -> None:
-        """Remove all simulations: the diagnosis has ended."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        """Remove all simulations: the diagnosis has ended. Other files in their folder stay."""
+        for path in self._folder.glob('*'):
+            if OWN_NAME.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+        with suppress(OSError):  # absent, or it holds other files
+            self._folder.rmdir()
 
 
 def key_of(call: 'partial[Any]') -> str:

@@ -8,7 +8,8 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -182,24 +183,24 @@ class MendNode(Node):
     def _on_measured(self, message: WellRates) -> None:
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
-        with self._lock:
-            self._rates.drop_commanded(start, end)
-            if self._keep_rates(start, message, commanded=False):
-                self._measured_from = start
+        with self._lock, self._ignoring_unknown_wells():
+            rates = conversions.rates_from_msg(message.wells)
+            self._rates.add_measured(start, end, rates)
+            self._measured_from = start
 
     def _on_setpoint(self, message: Setpoint) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
-        with self._lock:
+        with self._lock, self._ignoring_unknown_wells():
             if stamp > self._measured_from:
-                self._keep_rates(stamp, message, commanded=True)
+                rates = conversions.rates_from_msg(message.wells)
+                self._rates.add(stamp, rates, commanded=True)
 
-    def _keep_rates(self, start: float, message: Any, *, commanded: bool) -> bool:
+    @contextmanager
+    def _ignoring_unknown_wells(self) -> Iterator[None]:
         try:
-            self._rates.add(start, conversions.rates_from_msg(message.wells), commanded=commanded)
+            yield
         except InputError as error:
             self.get_logger().error(f'rates ignored: {error}')
-            return False
-        return True
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause in (CleanState.START, CleanState.FINISHED):

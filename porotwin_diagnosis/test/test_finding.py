@@ -70,5 +70,9 @@ def test_an_unreadable_diagnosis_is_refused_with_one_line(tmp_path):
         (tmp_path / 'diagnosis.json').write_text(text)
         with pytest.raises(InputError, match=r'diagnosis\.json: no diagnosis'):
             read_finding(report)
+    for confidence in (float('nan'), 7.0):
+        (tmp_path / 'diagnosis.json').write_text(json.dumps({**SUMMARY, 'confidence': confidence}))
+        with pytest.raises(InputError, match=r'confidence .* is not from 0 to 1'):
+            read_finding(report)
     (tmp_path / 'diagnosis.json').write_text(json.dumps(SUMMARY))
     assert read_finding(report).report == str(report)

@@ -21,6 +21,11 @@ def test_findings_that_scatter_widen_the_belief():
     assert apart.deviation == pytest.approx(0.1 / 10, rel=0.02)
 
 
+def test_a_vanishing_interval_is_an_exact_value():
+    exact = value(0.0).model_copy(update={'low': 0.0, 'high': 1e-300})
+    assert weighted([exact, value(0.0)]).value == 0.0
+
+
 def leaks(*places, date):
     return finding(
         *(cause('leak', x=value(x), z=value(0.2), rate=value(rate)) for x, rate in places),

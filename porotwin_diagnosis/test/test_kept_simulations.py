@@ -46,6 +46,10 @@ def test_a_second_call_finds_the_simulations_of_the_first(tmp_path: Path) -> Non
             found = [crew.submit(simulator.maps, level, grid=GRID) for level in (0.1, 0.2)]
             assert [float(one.result()[0, 0]) for one in found] == pytest.approx([0.1, 0.2])
     assert (simulator.count, crew.found) == (2, 2)
+    (tmp_path / FOLDER / 'mine.txt').write_text('precious')
+    crew.remove()
+    assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ['mine.txt']
+    (tmp_path / FOLDER / 'mine.txt').unlink()
     crew.remove()
     assert not (tmp_path / FOLDER).exists()
 

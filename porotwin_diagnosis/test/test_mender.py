@@ -60,6 +60,32 @@ def test_a_diagnosis_is_wanted_now_and_then_and_when_forecasts_leave_their_band(
     assert [reason for reason in reasons if reason] == ['the forecasts have left their band']
 
 
+def test_an_offer_about_another_model_or_another_experiment_is_void(desk):
+    desk.photographs(41)
+    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+    desk.mender.solver_tells((weak_pump(),), is_new=False)
+    assert desk.offers[-1].state is OfferState.EXPIRED
+    with pytest.raises(InputError, match='expired'):
+        desk.mender.answer(1, accept=True)
+    assert desk.set == [], 'the pump is not corrected twice'
+    desk.mender.found(finding(weak_pump(0.5)), seen=1200.0, now=1230.0, given=(weak_pump(),))
+    desk.mender.begin_anew()
+    assert 'another experiment' in desk.offers[-1].sentence
+
+
+def test_a_solver_that_answers_late_has_accepted(desk):
+    desk.photographs(41)
+    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+    desk.fault = TimeoutError('the solver did not answer')
+    with pytest.raises(TimeoutError):
+        desk.mender.answer(1, accept=True)
+    assert desk.mender.waits
+    desk.mender.solver_tells((weak_pump(),), is_new=False)
+    assert desk.offers[-1].state is OfferState.ACCEPTED
+    assert desk.mender.in_force == (weak_pump(),)
+    assert desk.mender.watches
+
+
 def test_few_photographs_are_not_diagnosed(desk):
     assert not any(desk.photographs(LEAST_MAPS - 1, error=0.5))
 

@@ -6,6 +6,7 @@ import pytest
 from mending_examples import finding, notice, weak_pump
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.mending.offer_book import OfferBook, OfferState
 
 
@@ -104,3 +105,25 @@ def test_a_notice_waits_for_nobody_and_is_given_once(book):
     with pytest.raises(InputError, match='only a notice'):
         book.check(offer.sequence)
     assert 'declined before' in book.consider(notice(), 900.0)[1]
+
+
+def leak(x, z, rate):
+    return EffectDescription(name='leak', parameters={'x': x, 'z': z, 'rate': rate})
+
+
+def test_a_leak_elsewhere_is_another_cause():
+    book = OfferBook(0.9)
+    book.consider(finding(leak(0.1, 0.1, 20.0)), 1200.0)
+    book.refuse()
+    assert 'declined' in book.consider(finding(leak(0.12, 0.1, 18.0)), 2400.0)[1]
+    changed, _ = book.consider(finding(leak(0.8, 0.5, -60.0)), 3600.0)
+    assert changed[-1].state is OfferState.OFFERED
+
+
+def test_another_size_of_the_same_cause_replaces_the_offer():
+    book = OfferBook(0.9)
+    book.consider(finding(weak_pump(0.7)), 1200.0)
+    assert 'already says so' in book.consider(finding(weak_pump(0.72)), 2400.0)[1]
+    void, new = book.consider(finding(weak_pump(0.95)), 3600.0)[0]
+    assert (void.state, new.state) == (OfferState.EXPIRED, OfferState.OFFERED)
+    assert new.finding.effects == (weak_pump(0.95),)

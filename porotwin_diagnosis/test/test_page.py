@@ -53,6 +53,11 @@ def test_effects_that_the_model_has_already_are_told(denser, tmp_path):
     known = replace(recording, rig=recording.rig.with_effects([leak]))
     text, _ = page(replace(denser, recordings=(known,)), tmp_path)
     assert 'The model as it is has the effects of rig.yaml: ' in text
+    assert 'look there first' not in text
+    weaker = EffectDescription(name='porosity', parameters={'factor': 0.9})
+    known = replace(recording, rig=recording.rig.with_effects([weaker]))
+    _, said = page(replace(denser, recordings=(known,)), tmp_path)
+    assert 'The rig.yaml describes porosity already' in said
 
 
 def test_effects_without_a_row_are_named(denser, tmp_path):

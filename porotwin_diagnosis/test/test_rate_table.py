@@ -24,8 +24,11 @@ def test_measured_rates_replace_setpoints_of_their_interval():
     table = RateTable(WELLS)
     for start, commanded in ((0.0, True), (30.0, True), (45.0, False), (90.0, True)):
         table.add(start, injecting(1e-7), commanded=commanded)
-    table.drop_commanded(30.0, 60.0)
-    assert [start for start, _ in table.rows()] == [0.0, 45.0, 90.0]
+    table.add_measured(30.0, 60.0, injecting(2e-7))
+    assert [start for start, _ in table.rows()] == [0.0, 45.0, 90.0, 30.0]
+    with pytest.raises(InputError, match="well 'bogus'"):
+        table.add_measured(0.0, 100.0, {'bogus': WellRate()})
+    assert len(table) == 4, 'no commanded rate is lost'
 
 
 def test_the_last_rates_stay_in_force_in_a_new_run():

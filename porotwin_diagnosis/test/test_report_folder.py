@@ -93,6 +93,16 @@ def test_the_folder_of_a_recording_or_of_its_rig_is_refused(quiet, tmp_path):
 
 
 @pytest.mark.usefixtures('undrawn')
+def test_files_that_no_diagnosis_wrote_are_not_replaced(tmp_path):
+    (tmp_path / 'report.html').write_text('precious')
+    with pytest.raises(InputError, match=r'holds report.html, but no diagnosis.json'):
+        checked_folder(tmp_path, [])
+    (tmp_path / 'report.html').unlink()
+    (tmp_path / 'fields.nc').mkdir()
+    with pytest.raises(InputError, match=r'fields.nc: is a folder'):
+        checked_folder(tmp_path, [])
+
+
 def test_a_rig_that_no_diagnosis_wrote_is_never_replaced(denser, tmp_path):
     own = tmp_path / 'myrig'
     own.mkdir()

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -148,7 +149,7 @@ def command(
     print(f'{named}, with confidence {100 * result.verdict.confidence:.0f} %')  # as on the page
     print(plain(sentence(result, summary)))
     for line in told:
-        print(line)
+        print(plain(line))
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
 
@@ -226,6 +227,7 @@ def _each(
     from porotwin_core.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
     from porotwin_recording.one_writer import only_writer
+    from porotwin_recording.recording import open_recording
 
     tasks = archive_tasks(recordings, output, rig=rig, preset=preset)
     left = sum(not task.is_done for task in tasks)
@@ -239,6 +241,9 @@ def _each(
     with only_writer(output), pool, progress() as bar:
         shown = bar.add_task('recordings', total=len(tasks), completed=len(tasks) - left)
         table = diagnose_archive(tasks, output, pool, lambda _: bar.advance(shown))
+    for task in tasks:
+        with suppress(InputError):  # the table tells why it is refused
+            _tell_what_is_read([open_recording(task.recording, rig=task.rig)])
     if as_json:
         print_json({'output': output, 'recordings': table})
     else:

@@ -75,14 +75,17 @@ def command(
 
 
 def files_with_nodes() -> list[str]:
-    """Return the test files with tests of nodes, relative to the checkout."""
+    """Return the test files with tests of nodes, relative to the checkout.
+
+    Those of `tests/` come first: they take longest, and no worker should wait for them at the end.
+    """
     found = (
         path.relative_to(ROOT)
         for pattern in ('porotwin_*/test/**/test_*.py', 'tests/**/test_*.py')
         for path in ROOT.glob(pattern)
         if MARK_OF_NODES in path.read_text(encoding='utf-8')
     )
-    return sorted(map(str, found))
+    return sorted(map(str, found), reverse=True)
 
 
 def _failures(runs: Runs, *, niceness: int = 0) -> list[str]:

@@ -112,8 +112,7 @@ class LiveRun:
         Raises:
             InputError: a well is unknown.
         """
-        self._rates.drop_commanded(start, end)
-        self._rates.add(start, rates, commanded=False)
+        self._rates.add_measured(start, end, rates)
         self._measured_from = start
 
     def note_effects(self, effects: Sequence[EffectDescription]) -> None:

@@ -37,20 +37,31 @@ class RateTable:
         Raises:
             InputError: a well is unknown.
         """
-        unknown = sorted(set(rates) - set(self._wells))
-        if unknown:
-            known = ', '.join(self._wells)
-            raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")
+        self._check(rates)
         if self._count == self._most:
             self._halve_older_half()
         self._put(self._count, start, rates, commanded)
         self._count += 1
 
-    def drop_commanded(self, start: float, end: float) -> None:
-        """Drop the commanded rates from `start` to `end` [s]."""
+    def add_measured(self, start: float, end: float, rates: WellRates) -> None:
+        """Add `rates` [m^3/s] that were measured from `start` to `end` [s].
+
+        They replace the commanded rates of that interval and stay in force after it.
+
+        Raises:
+            InputError: a well is unknown; the commanded rates stay.
+        """
+        self._check(rates)
         times = self._start[: self._count]
         inside = self._commanded[: self._count] & (start <= times) & (times <= end)
         self._keep(np.flatnonzero(~inside))
+        self.add(start, rates, commanded=False)
+
+    def _check(self, rates: WellRates) -> None:
+        unknown = sorted(set(rates) - set(self._wells))
+        if unknown:
+            known = ', '.join(self._wells)
+            raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")
 
     def begin_anew(self, start: float) -> None:
         """Drop all rows except the last one, which now holds from `start` [s] on."""

@@ -64,9 +64,14 @@ def courses(findings: Sequence[PastFinding]) -> list[CauseCourse]:
     return found
 
 
+NO_DEVIATION = 1e-30
+"""Standard deviation, in the unit of the value, up to which a value counts as exact: its square
+would vanish."""
+
+
 def weighted(values: Sequence[Value]) -> Value:
     """Return the mean of `values` weighted by their precision, with its interval."""
-    least = min((one.deviation for one in values if one.deviation > 0.0), default=1.0)
+    least = min((one.deviation for one in values if one.deviation > NO_DEVIATION), default=1.0)
     weights = [1.0 / max(one.deviation, 1e-3 * least) ** 2 for one in values]
     mean = sum(w * one.value for w, one in zip(weights, values, strict=True)) / sum(weights)
     scatter = sum(w * (one.value - mean) ** 2 for w, one in zip(weights, values, strict=True))

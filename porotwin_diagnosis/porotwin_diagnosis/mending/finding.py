@@ -23,6 +23,12 @@ matters more."""
 LEAST_GAIN = 0.1
 """Least share of the error of the model that an offered effect removes."""
 
+SAME_PLACE_M = 0.1
+"""Distance of two leaks or zones that may be one [m]: as far as a weak gap leaves a place open."""
+
+SAME_SIZE = 0.3
+"""Difference of two sizes of an effect that is no news, as a share of the larger one."""
+
 Cause = frozenset[tuple[str, str]]
 """Names of effects, each with its well or an empty text: a verdict without its numbers."""
 
@@ -60,6 +66,46 @@ class Finding:
             (one.name, str(one.parameters.get('well', ''))) for one in (*self.effects, *self.camera)
         )
 
+    def has_the_cause_of(self, other: 'Finding') -> bool:
+        """Whether both findings name the same effects, wells and, within `SAME_PLACE_M`, places."""
+        return self.cause == other.cause and all(
+            math.dist(*places) <= SAME_PLACE_M
+            for places in zip(self._places, other._places, strict=True)
+        )
+
+    def has_the_size_of(self, other: 'Finding') -> bool:
+        """Whether all numbers of two findings with one cause differ by `SAME_SIZE` at most."""
+        ours, theirs = self._sizes, other._sizes
+        return ours.keys() == theirs.keys() and all(
+            abs(size - theirs[key]) <= SAME_SIZE * max(abs(size), abs(theirs[key]))
+            for key, size in ours.items()
+        )
+
+    @property
+    def _sorted(self) -> list[EffectDescription]:
+        """All named effects in an order that does not depend on their numbers."""
+        named = (*self.effects, *self.camera)
+        return sorted(named, key=lambda one: (one.name, str(one.parameters.get('well', ''))))
+
+    @property
+    def _places(self) -> list[tuple[float, float]]:
+        """The places (x, z) [m] of the effects that have one."""
+        return [
+            (float(one.parameters['x']), float(one.parameters['z']))
+            for one in self._sorted
+            if {'x', 'z'} <= one.parameters.keys()
+        ]
+
+    @property
+    def _sizes(self) -> dict[tuple[int, str], float]:
+        """The distance of every number, but those of places, from the value of no effect."""
+        return {
+            (index, key): value - EFFECTS[one.name].parameters[key].neutral
+            for index, one in enumerate(self._sorted)
+            for key, value in one.parameters.items()
+            if not isinstance(value, str) and key not in ('x', 'z')
+        }
+
     @property
     def names_a_cause(self) -> bool:
         """Whether the verdict names a cause of a gap."""
@@ -71,7 +117,7 @@ class Finding:
             return 'no gap: the model explains the photographs'
         if not self.names_a_cause:
             return f'a gap of {_percent(self.error_before)} that no known effect explains'
-        if self.confidence < least_confidence:
+        if not self.confidence >= least_confidence:  # NaN is no confidence
             rounded_down = math.floor(100.0 * self.confidence + 1e-9) / 100.0
             return f'{self.verdict} with confidence {rounded_down:.2f}, below {least_confidence:g}'
         gained = self.error_after <= (1.0 - LEAST_GAIN) * self.error_before
@@ -133,7 +179,8 @@ def finding_of(summary: dict[str, Any], report: str = '') -> Finding:
 
     Raises:
         KeyError: an entry is missing.
-        InputError: an effect is unknown, or has another parameter.
+        InputError: an effect is unknown, or has another parameter; or the confidence is no
+            probability.
     """
     named = [
         EffectDescription(
@@ -145,9 +192,12 @@ def finding_of(summary: dict[str, Any], report: str = '') -> Finding:
         for row in named_rows(summary, summary['combination'])
     ]
     errors = summary['error']
+    confidence = float(summary['confidence'])
+    if not 0.0 <= confidence <= 1.0:
+        raise InputError(f'confidence {confidence:g} is not from 0 to 1; diagnose again')
     return Finding(
         verdict=summary['verdict'],
-        confidence=float(summary['confidence']),
+        confidence=confidence,
         effects=_of_scopes(named, Scope.RIG, Scope.WELL, Scope.PLACE),
         camera=_of_scopes(named, Scope.CAMERA),
         error_before=float(errors['before']),

@@ -82,6 +82,7 @@ class Mender:
         self._shortest = SHORTEST_S
         self._lost = False
         self._is_inherited = False
+        self._unanswered: Effects | None = None
 
     @property
     def in_force(self) -> Effects:
@@ -113,6 +114,7 @@ class Mender:
     def begin_anew(self) -> None:
         """Note that another experiment begins, with the same rig."""
         self.interrupt()
+        self._void('another experiment begins')
         self._band.begin_anew()
         self._began = self._asked = None
         self._maps = 0
@@ -178,24 +180,38 @@ class Mender:
 
         Raises:
             InputError: there is no such open offer, or the solver refuses its effects.
-            TimeoutError: the solver does not answer; the offer stays open.
+            TimeoutError: the solver does not answer; the offer stays open. If the solver tells
+                later that the effects act, the offer counts as accepted.
         """
         offer = self._book.check(sequence)
         if not accept:
             return self._tell(self._book.refuse())
+        wanted = (*self._in_force, *offer.finding.effects)
         try:
-            wanted = (*self._in_force, *offer.finding.effects)
-            mended, before = self._make_model(wanted), self._make_model(self._in_force)
+            self._make_model(wanted)
             self._set_effects(wanted)
         except InputError:
             self._tell(self._book.refuse('the solver'))
             raise
-        self._before, self._in_force = self._in_force, wanted
-        self._shadow = ShadowForecast(mended, before)
+        except TimeoutError:
+            self._unanswered = wanted
+            raise
+        return self._accept(wanted)
+
+    def _accept(self, wanted: Effects) -> Offer:
+        """Note that the effects `wanted`, with those of the open offer, act in the solver."""
+        self._shadow = ShadowForecast(self._make_model(wanted), self._make_model(self._in_force))
+        self._before, self._in_force, self._unanswered = self._in_force, wanted, None
         self._is_inherited = False
         self._shortest = SHORTEST_S
         self._band.begin_anew()
         return self._tell(self._book.accept())
+
+    def _void(self, why: str) -> None:
+        """Make an open offer void, because its verdict is about something else."""
+        for offer in self._book.expire(why):
+            self._tell(offer)
+        self._unanswered = None
 
     def _tell(self, offer: Offer) -> Offer:
         self._publish(offer)
@@ -260,6 +276,10 @@ class Mender:
             return
         if effects == self._in_force:
             return
+        if effects == self._unanswered and self.waits:
+            self._accept(effects)
+            return
+        self._void('the effects of the model have changed')
         self._in_force = effects
         self._shadow = None
         self._band.begin_anew()

@@ -5,7 +5,7 @@ from enum import Enum
 
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
-from porotwin_diagnosis.mending.finding import Cause, Finding
+from porotwin_diagnosis.mending.finding import Finding
 
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
@@ -62,7 +62,7 @@ class OfferBook:
         """Offer findings of at least this confidence [-], or less surely named twice."""
         self._least_confidence = least_confidence
         self._last: Finding | None = None
-        self._declined: dict[Cause, float] = {}
+        self._declined: list[Finding] = []
         self.newest: Offer | None = None
 
     @property
@@ -77,9 +77,14 @@ class OfferBook:
             finding: the newest verdict.
             stamp: time of the last photograph in the diagnosis [s].
         """
-        if self.open is not None and self.open.finding.cause == finding.cause:
-            return [], f'offer {self.open.sequence} already says so and waits for an answer'
-        changed = self._expired(finding)
+        waiting = self.open
+        if (
+            waiting is not None
+            and waiting.finding.has_the_cause_of(finding)
+            and waiting.finding.has_the_size_of(finding)
+        ):
+            return [], f'offer {waiting.sequence} already says so and waits for an answer'
+        changed = self.expire(f'a newer diagnosis says {finding.verdict.replace("_", " ")}')
         doubt = finding.doubt(self._needed(finding)) or self._old_news(finding)
         if finding.verdict != UNEXPLAINED:  # which contradicts no cause
             self._last = finding
@@ -96,21 +101,21 @@ class OfferBook:
         last = self._last
         twice = (
             last is not None
-            and last.cause == finding.cause
+            and last.has_the_cause_of(finding)
             and last.confidence >= REPEATED_CONFIDENCE
         )
         return min(self._least_confidence, REPEATED_CONFIDENCE) if twice else self._least_confidence
 
-    def _expired(self, finding: Finding) -> list[Offer]:
+    def expire(self, why: str) -> list[Offer]:
+        """Make the open offer void, and return it; return nothing if no offer is open."""
         waiting = self.open
         if waiting is None:
             return []
-        words = f'a newer diagnosis says {finding.verdict.replace("_", " ")}'
-        return [self._now(OfferState.EXPIRED, f'Offer {waiting.sequence} is void: {words}.')]
+        return [self._now(OfferState.EXPIRED, f'Offer {waiting.sequence} is void: {why}.')]
 
     def _old_news(self, finding: Finding) -> str:
-        before = self._declined.get(finding.cause)
-        if before is None or finding.error_before > NEW_EVIDENCE * before:
+        declined = [one.error_before for one in self._declined if one.has_the_cause_of(finding)]
+        if not declined or finding.error_before > NEW_EVIDENCE * declined[-1]:
             return ''
         return f'{finding.verdict} was declined before, and the gap has not grown since'
 
@@ -159,7 +164,7 @@ class OfferBook:
         return self._now(OfferState.TAKEN_BACK, f'Taken back: {words}')
 
     def _decline(self, finding: Finding) -> None:
-        self._declined[finding.cause] = finding.error_before
+        self._declined.append(finding)
 
     def _given(self) -> Offer:
         assert self.newest is not None

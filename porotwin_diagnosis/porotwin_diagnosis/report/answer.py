@@ -73,7 +73,21 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
                 f'error is {before}, and noise and blur of the maps may make {floor}'
             )
         return f'<b>Unexplained.</b> {gap}. {_nothing_explains(result, summary)} ({sure}).'
-    return f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}'
+    return (
+        f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}{_described(result)}'
+    )
+
+
+def _described(result: Diagnosis) -> str:
+    """Say which named effects rig.yaml describes already: its values may be wrong instead."""
+    known = {effect.name for effect in result.recordings[0].rig.effects}
+    again = [spoken(name) for name in result.verdict.members if name in known]
+    if not again:
+        return ''
+    return (
+        f' The rig.yaml describes {" and ".join(again)} already, and this comes on top of it: '
+        'look there first.'
+    )
 
 
 def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:

@@ -67,12 +67,28 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
             raise InputError(
                 f'{folder}: holds {name} of a recording; name another folder for the report'
             )
+    _check_own_files(folder)
     if os.path.lexists(folder / RIG_FILE) and not _is_own(folder / RIG_FILE):
         raise InputError(
             f'{folder}: holds a {RIG_FILE} that no diagnosis wrote, or that was edited since; name '
             'another folder for the report, or move that file'
         )
     return folder
+
+
+def _check_own_files(folder: Path) -> None:
+    """Check that no file of a report in `folder` was written by somebody else."""
+    for path in sorted(filter(lambda path: _is_of_report(path.name), folder.iterdir())):
+        if path.is_dir():
+            raise InputError(f'{path}: is a folder; name another folder for the report, or move it')
+    if (folder / SUMMARY).is_file():
+        return
+    for name in (REPORT, FINDINGS):  # diagnosis.json is written before them
+        if (folder / name).exists():
+            raise InputError(
+                f'{folder}: holds {name}, but no {SUMMARY}, so that no diagnosis wrote it; name '
+                'another folder for the report, or move that file'
+            )
 
 
 def check_apart(folder: Path, recordings: Sequence[Path | str]) -> None:
