@@ -208,7 +208,8 @@ def check(physics: Physics) -> None:
         if not (0 < well.x < physics.grid.width and 0 < well.z < physics.grid.height):
             raise InputError(
                 f'{name} at ({well.x:.6g}, {well.z:.6g}) m lies outside the rig of '
-                f'{physics.grid.width} x {physics.grid.height} m, or on its edge; correct its position'
+                f'{physics.grid.width} x {physics.grid.height} m, or on its edge; correct its '
+                'position'
             )
 
 
