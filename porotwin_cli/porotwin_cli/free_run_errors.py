@@ -9,11 +9,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from porotwin_core.grid import FloatArray, relative_error
+from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.sample import HELD_OUT_SHARE, TRACER_PRESENT
 from porotwin_recording.recording import Recording
+
+LACKS_START = (
+    '. The free run starts clean, but the first map holds tracer from before the recording: these '
+    'errors say nothing about the model; `diagnose` starts with that map'
+)
+"""Words on a recording that begins in the middle of an experiment."""
 
 MOST_FRAMES = 60
 """Most compared frames; more have the same noise of the sand."""
@@ -28,12 +35,14 @@ class FreeRunErrors:
         blurred_error: of the model, blurred as the maps are.
         blur_cells: width of that blur [cells], chosen for the least error.
         noise: error of a perfect model with that blur, by the noise of the maps.
+        lacks_start: whether the first map holds tracer that the free run does not start with.
     """
 
     error: float
     blurred_error: float
     blur_cells: float
     noise: float
+    lacks_start: bool = False
 
     def __str__(self) -> str:
         """Return the errors in words."""
@@ -41,7 +50,7 @@ class FreeRunErrors:
             f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
             f'{self.error:.1%}, or {self.blurred_error:.1%} with fronts blurred as in the maps '
             f'(--blur {self.blur_cells:.2f}); the noise of the maps alone, without blur, makes '
-            f'{self.noise:.1%}'
+            f'{self.noise:.1%}' + (LACKS_START if self.lacks_start else '')
         )
 
 
@@ -79,4 +88,5 @@ class LateMaps:
             relative_error(spread, observed),
             width,
             noise_floor(noise, spread, observed),
+            initial_tracer(self.recording) is not None,
         )

@@ -21,7 +21,7 @@ from porotwin_diagnosis.report.report_sections import (
     visible_strengths,
     when_it_arises,
 )
-from porotwin_diagnosis.report.wording import spoken
+from porotwin_diagnosis.report.wording import inputs, spoken
 from porotwin_diagnosis.search.ranking import overall_misfit
 from porotwin_solver.effects_in_force import in_words
 
@@ -154,7 +154,8 @@ def _figures(result: Diagnosis) -> Iterator[str]:
     yield from _photograph(result)
     for number, recording in enumerate(result.recordings):
         which = f' ({recording.source.name})' if len(result.recordings) > 1 else ''
-        yield figure_with_caption(figures.plumes(result, number), _plumes_caption(result, which))
+        told = _plumes_caption(result, number, which)
+        yield figure_with_caption(figures.plumes(result, number), told)
         if number == 0:
             yield figure_with_caption(figures.gap(result), _gap_caption(result))
         if number == 0 and result.verdict.name == UNEXPLAINED:
@@ -162,8 +163,8 @@ def _figures(result: Diagnosis) -> Iterator[str]:
         yield figure_with_caption(
             figures.course(result, number),
             f'Error over time{which}. The model runs from the start to the end without correction; '
-            'its only input are the rates of the pumps. Effects were fitted to the part before the '
-            'shaded one and tested in the shaded one. Below: the rates, thick where tracer is '
+            f'its input: {inputs(result.samples[number])}. Effects were fitted to the part before '
+            'the shaded one and tested in the shaded one. Below: the rates, thick where tracer is '
             'injected.',
         )
 
@@ -180,9 +181,9 @@ def _photograph(result: Diagnosis) -> Iterator[str]:
     yield figure_with_caption(picture, caption(photos[-1].time, result), 'jpeg')
 
 
-def _plumes_caption(result: Diagnosis, which: str) -> str:
+def _plumes_caption(result: Diagnosis, number: int, which: str) -> str:
     colours = 'Red: more tracer in the rig than in the model. Blue: less.'
-    first = f'The last map{which}, and the prediction from the rates of the pumps alone.'
+    first = f'The last map{which}, and the prediction from {inputs(result.samples[number])} alone.'
     if result.verdict.name == NONE:
         return f'{first} Right: the difference. {colours}'
     return f'{first} Below: the fronts (half of the stock), and the differences. {colours}'

@@ -11,7 +11,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.answer import Summary, label, misplaced_fronts, origin, these
 from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
 from porotwin_diagnosis.report.markup import percent, table
-from porotwin_diagnosis.report.wording import phrase, spoken, value
+from porotwin_diagnosis.report.wording import inputs, phrase, spoken, value
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
 from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import EFFECTS
@@ -252,10 +252,10 @@ def method(result: Diagnosis) -> str:
         else ''
     )
     return (
-        f'<p>{findings.runs} simulations were made, each from the start, with only the rates of '
-        'the pumps as input. Parameters were fitted to the first 70 % of the recording and tested '
-        f'on the last 30 %.</p><p>Measured noise: grain {percent(noise.grain)}, frame noise '
-        f'{percent(noise.frame)}, empty sand {percent(noise.background)} of the stock; correlated '
+        f'<p>{findings.runs} simulations were made, each from the start. Their input: '
+        f'{inputs(result.samples[0])}. Parameters were fitted to the first 70 % of the recording '
+        f'and tested on the last 30 %.</p><p>Measured noise: grain {percent(noise.grain)}, frame '
+        f'noise {percent(noise.frame)}, empty sand {percent(noise.background)} of the stock; correlated '
         f'over {noise.correlation:.1f} cells; fronts blurred over '
         f'{result.held_out[0].point_spread_width:.1f} cells.{_shared_errors(result)}</p>'
         '<p>Misfit at fronts, in standard '

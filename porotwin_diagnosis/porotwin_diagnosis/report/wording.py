@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number, reading
 
@@ -77,3 +78,9 @@ def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
         if parameters[key]['low'] <= neutral[key] <= parameters[key]['high']
     ]
     return f'{words} (perhaps {", ".join(doubted)})' if 0 < len(doubted) < len(known) else words
+
+
+def inputs(sample: Sample) -> str:
+    """Return the inputs of the simulations of `sample` in words."""
+    rates = 'the rates of the pumps'
+    return rates if sample.initial is None else f'{rates} and the tracer of the first map'
