@@ -104,9 +104,9 @@ def _at_the_start(recording: Recording, rates: Schedule, told: str) -> Iterator[
 def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
     """Yield a remark if the first map holds little of the stock that was injected before it."""
     maps, rig = recording.present_maps, recording.rig
-    start, begin = float(maps.times[0]), min((row.time for row in rates.rows), default=0.0)
+    start = float(maps.times[0])
     pores = rig.cell_pore_volume(maps.grid)
-    injected = rates.injected_stock(min(begin, start), start)
+    injected = rates.injected_stock(-np.inf, start)
     held = float(np.nansum(maps[0] * pores))
     if injected > LEAST_INJECTED * float(pores.sum()) and held < LEAST_HELD * injected:
         yield _remark(

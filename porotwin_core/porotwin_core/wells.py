@@ -153,6 +153,7 @@ class Schedule:
     def injected_stock(self, start: float, end: float) -> float:
         """Return the volume of tracer stock [m^3] that all wells inject from `start` to `end` [s].
 
+        A `start` of -inf means the first row.
         Produced tracer does not count, because its concentration is unknown.
         """
         return sum(

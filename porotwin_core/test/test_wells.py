@@ -112,3 +112,4 @@ def test_injected_stock_is_no_water_and_no_produced_tracer() -> None:
         )
     )
     assert schedule.injected_stock(0.0, 200.0) == pytest.approx(50e-6 + 100e-6)
+    assert schedule.injected_stock(-math.inf, 200.0) == schedule.injected_stock(0.0, 200.0)

@@ -41,10 +41,14 @@ class Desk:
         stamps = [start + 30.0 * number for number in range(count)]
         return [self.mender.occasion(stamp, error, 0.02) for stamp in stamps]
 
-    def accepted(self):
-        """Let an offer of a weak pump be accepted after twenty minutes."""
+    def offered(self):
+        """Let a weak pump be offered after twenty minutes."""
         self.photographs(41)
         self.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+
+    def accepted(self):
+        """Let an offer of a weak pump be accepted after twenty minutes."""
+        self.offered()
         self.mender.answer(self.offers[-1].sequence, accept=True)
 
 
@@ -61,8 +65,7 @@ def test_a_diagnosis_is_wanted_now_and_then_and_when_forecasts_leave_their_band(
 
 
 def test_an_offer_about_another_model_or_another_experiment_is_void(desk):
-    desk.photographs(41)
-    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+    desk.offered()
     desk.mender.solver_tells((weak_pump(),), is_new=False)
     assert desk.offers[-1].state is OfferState.EXPIRED
     with pytest.raises(InputError, match='expired'):
@@ -74,8 +77,7 @@ def test_an_offer_about_another_model_or_another_experiment_is_void(desk):
 
 
 def test_a_solver_that_answers_late_has_accepted(desk):
-    desk.photographs(41)
-    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+    desk.offered()
     desk.fault = TimeoutError('the solver did not answer')
     with pytest.raises(TimeoutError):
         desk.mender.answer(1, accept=True)
@@ -123,8 +125,7 @@ def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
 
 
 def test_effects_that_the_solver_refuses_are_refused(desk):
-    desk.photographs(41)
-    desk.mender.found(finding(), seen=1200.0, now=1230.0, given=())
+    desk.offered()
     desk.fault = TimeoutError('silent')
     with pytest.raises(TimeoutError):
         desk.mender.answer(1, accept=True)

@@ -31,8 +31,7 @@ def excess_remark(values: FloatArray, time: float, rig: Rig, schedule: Schedule)
     rows, columns = values.shape
     pores = rig.cell_pore_volume(rig.grid(columns, rows))
     held = float(np.nansum(values * pores))
-    start = min(row.time for row in schedule.rows)
-    injected = schedule.injected_stock(min(start, time), time)
+    injected = schedule.injected_stock(-np.inf, time)
     if held - injected < LEAST_SHARE * float(pores.sum()) or held < MOST_EXCESS * injected:
         return ''
     return (

@@ -8,9 +8,9 @@ from subprocess import CalledProcessError
 from threading import Event
 
 import pytest
+from diagnosis_examples import all_but
 
 from porotwin_core.parallel import SchedulerLost
-from porotwin_solver.effects import EFFECTS
 from porotwin_validation import blind_study
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_study import IN_WORK, blind_check, run_with_shares, work_through
@@ -19,9 +19,8 @@ from porotwin_validation.case_progress import CaseProgress
 
 def light_case(number, seed):
     """Return a case on large cells, diagnosed with two effects."""
-    others = tuple(name for name in EFFECTS if name not in ('porosity', 'clock'))
     case = draw_case(number, seed)
-    return replace(case, cell_m=0.02, element_m=0.01, withheld=others)
+    return replace(case, cell_m=0.02, element_m=0.01, withheld=all_but('porosity', 'clock'))
 
 
 @pytest.mark.slow

@@ -32,9 +32,8 @@ def initial_tracer(recording: Recording) -> FloatArray | None:
     if tracer_share(first) < FILLED_SHARE:
         return None
     rates, start = recording.delivered, times[0]
-    begin = min((row.time for row in rates.rows if row.time < start), default=start)
     lateness = LONGEST_LATENESS * (times[-1] - start)
-    explained = MOST_EXCESS * rates.injected_stock(begin, start)
+    explained = MOST_EXCESS * rates.injected_stock(-np.inf, start)
     explained += rates.injected_stock(start, start + lateness)
     held = float(np.nansum(first * recording.rig.cell_pore_volume(recording.grid)))
     return filled_map(first, recording.grid) if held > explained else None

@@ -117,7 +117,7 @@ class Finding:
             return 'no gap: the model explains the photographs'
         if not self.names_a_cause:
             return f'a gap of {_percent(self.error_before)} that no known effect explains'
-        if not self.confidence >= least_confidence:  # NaN is no confidence
+        if self.confidence < least_confidence:
             rounded_down = math.floor(100.0 * self.confidence + 1e-9) / 100.0
             return f'{self.verdict} with confidence {rounded_down:.2f}, below {least_confidence:g}'
         gained = self.error_after <= (1.0 - LEAST_GAIN) * self.error_before
