@@ -91,7 +91,8 @@ def make_environment() -> None:
 def install_packages() -> None:
     run(
         [
-            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off'),
+            # Python compiles what it imports; compiling all files of torch costs a minute
+            *(str(PYTHON), '-m', 'pip', 'install', '--no-compile', '--progress-bar', 'off'),
             *(part for file in REQUIREMENTS for part in ('-r', str(file))),
             *('-c', str(SETUP / 'constraints.txt')),
         ],
