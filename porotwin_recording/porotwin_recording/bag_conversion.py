@@ -44,6 +44,7 @@ from porotwin_recording import topic_names
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.cut import cut
 from porotwin_recording.experiment_folder import Progress, write_folder
 from porotwin_recording.one_writer import one_writer
 from porotwin_recording.photos import Photo
@@ -148,25 +149,32 @@ def export_bag(
     folder: Path | str,
     *,
     segment: int | None = None,
+    times: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Write the experiment in `bag` as an experiment folder.
+    """Write the experiment in `bag`, or a part of it, as an experiment folder.
 
     The folder appears when it is complete, and not at all after an error. After a kill or an
     interrupt the same call goes on; photographs that are there already are not read again.
 
     Args:
-        bag: the bag, a folder or a file .mcap.
+        bag: the bag, a folder or a file .mcap; an experiment folder too.
         folder: the new experiment folder.
         segment: which experiment of the bag, from 1; None: the longest.
+        times: first and last time of the maps and photographs [s] (`cut`); None: all of them.
         progress: receives the number of finished maps and photographs, and their total.
 
     Raises:
         InputError: one line that names a fault in the bag, or the folder exists.
     """
     recording = open_recording(bag, segment=segment)
+    if times is not None:
+        recording = cut(recording, *times)
     maps = 0 if recording.maps is None else len(recording.maps)
-    source = f'{recording.source.resolve()}, {maps} maps, {len(recording.photos)} photographs'
+    source = (
+        f'{recording.source.resolve()}, times {times}, {maps} maps, '
+        f'{len(recording.photos)} photographs'
+    )
     with _kept_after_interrupt(Path(folder), source) as path:
         write_folder(path, recording, progress=progress)
 

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
 from typing import Final, Self, overload
@@ -130,6 +130,13 @@ class MapSeries:
         maps = self[:]
         return maps if dtype is None else maps.astype(dtype)
 
+    def part(self, first: int, stop: int) -> Self:
+        """Return the maps from number `first` to before `stop`, still on disk."""
+        times = self.times[first:stop]
+        return replace(
+            self, times=times, read=lambda begin, end: self.read(first + begin, first + end)
+        )
+
 
 @dataclass(frozen=True)
 class ConcentrationMaps(MapSeries):
@@ -144,6 +151,12 @@ class ConcentrationMaps(MapSeries):
     deviation: MapSeries | None = None
     systematic: MapSeries | None = None
     origin: MapOrigin = UNKNOWN_ORIGIN
+
+    def part(self, first: int, stop: int) -> Self:
+        """Return the maps from number `first` to before `stop` with their standard deviations."""
+        series = {name: getattr(self, name) for name in DEVIATIONS}
+        parts = {name: one and one.part(first, stop) for name, one in series.items()}
+        return replace(super().part(first, stop), **parts)
 
     def with_deviations(self) -> Iterator[tuple[Maps, Maps | None, Maps | None]]:
         """Yield every map (nz, nx) with its `deviation` and `systematic` part, None where none."""

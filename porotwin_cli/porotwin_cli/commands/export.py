@@ -1,5 +1,6 @@
-"""./porotwin export: a bag into an experiment folder, or a recording into a dataset."""
+"""./porotwin export: a bag into an experiment folder, a recording into a dataset or a part."""
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +13,9 @@ from porotwin_core.errors import InputError
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help='MCAP file or bag folder.')],
+    bag: Annotated[
+        Path, typer.Argument(help='MCAP file, bag folder, or experiment folder to cut.')
+    ],
     folder: Annotated[Path, typer.Argument(help='Experiment folder or dataset to write.')],
     kind: Annotated[
         Literal['folder', 'zarr', 'netcdf'],
@@ -26,13 +29,23 @@ def command(
         int | None,
         typer.Option(help='Which experiment, if the bag holds several. Default: the longest.'),
     ] = None,
+    times: Annotated[
+        str,
+        typer.Option(
+            help='START:END [s]: only the maps and photographs between these times, in an '
+            'experiment folder. Rates before them stay.'
+        ),
+    ] = '',
     as_json: Json = False,
 ) -> None:
     """Convert an MCAP bag into an experiment folder, or a recording into a dataset for notebooks.
 
     The folder holds the data of the experiment. The command lists the topics that it leaves out.
+    With --times it cuts a part out of a bag or of an experiment folder.
 
     Example: ./porotwin export bags/sample sample_experiment
+
+    Example: ./porotwin export experiment morning --times 0:7200
 
     Example: ./porotwin export bags/sample sample.zarr --format zarr
     """
@@ -44,18 +57,38 @@ def command(
             f'{bag}: is a file of maps already; xarray.open_dataset opens it, and '
             './porotwin measure makes a table of it'
         )
+    span = _span(times) if times else None
     if kind != 'folder':
+        if span is not None:
+            raise InputError(f'--times {times}: cuts experiment folders; leave out --format {kind}')
         _export_dataset(bag, folder, kind, segment, as_json=as_json)
         return
-    if (bag / RIG_FILE).is_file():
+    is_folder = (bag / RIG_FILE).is_file()
+    if is_folder and span is None:
         raise InputError(
-            f'{bag}: is an experiment folder already; copy it, or give --format zarr or netcdf'
+            f'{bag}: is an experiment folder already; copy it, cut it with --times, or give '
+            '--format zarr or netcdf'
         )
-    convert(partial(export_bag, segment=segment), bag, folder, as_json=as_json)
-    left_out = topics_left_out(bag)
+    convert(partial(export_bag, segment=segment, times=span), bag, folder, as_json=as_json)
+    left_out = {} if is_folder else topics_left_out(bag)
     if left_out:
         counts = ', '.join(f'{name} ({count})' for name, count in left_out.items())
         say(f'left out, because a folder has no place for them: {counts}')
+
+
+def _span(text: str) -> tuple[float, float]:
+    """Return the times START and END [s].
+
+    Raises:
+        InputError: the text is no such pair.
+    """
+    try:
+        start, end = (float(part) for part in text.split(':'))
+    except ValueError:
+        start, end = math.nan, math.nan
+    if not (math.isfinite(start + end) and start < end):
+        raise InputError(f"--times '{text}': write START:END in seconds, like 0:7200")
+    return start, end
 
 
 def _export_dataset(

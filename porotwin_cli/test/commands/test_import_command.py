@@ -96,3 +96,20 @@ def test_options_that_would_do_nothing_are_refused(experiment: Path, tmp_path: P
         assert result.returncode == 2
         assert f'takes no {option.split("=")[0]}' in result.stderr
         assert not (tmp_path / 'made').exists()
+
+
+def test_a_part_is_cut_out_of_a_folder(experiment: Path, tmp_path: Path) -> None:
+    before = open_recording(experiment)
+    last = float(before.times[-1])
+    words = ('export', experiment, tmp_path / 'part')
+    result = porotwin(*words, '--times', f'{last / 2:g}:{last:g}')
+    assert result.returncode == 0, result.stderr
+    after = open_recording(tmp_path / 'part')
+    late = before.times >= last / 2
+    np.testing.assert_array_equal(after.times, before.times[late])
+    np.testing.assert_array_equal(after.concentration, before.concentration[late])
+    for wrong in ('600', '600:0', 'nan:1', f'{last + 1:g}:{last + 2:g}'):
+        refused = porotwin('export', experiment, tmp_path / 'none', '--times', wrong)
+        assert refused.returncode == 2
+        assert len(refused.stderr.strip().splitlines()) == 1
+        assert not (tmp_path / 'none').exists()

@@ -1,0 +1,59 @@
+"""A part of a recording: its maps and photographs between two times."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import Schedule
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.recording import Recording
+
+
+def cut(recording: Recording, start: float, end: float) -> Recording:
+    """Return the maps and photographs of a recording from `start` to `end` [s], both included.
+
+    Times keep their zero. Rates before `start` stay, because they tell what was injected before.
+    Baselines and dilutions stay too: they belong to the camera.
+
+    Raises:
+        InputError: nothing was recorded between these times.
+    """
+    maps = None if recording.maps is None else _maps_between(recording.maps, start, end)
+    photos = tuple(
+        photo for photo in recording.photos if photo.role != 'state' or start <= photo.time <= end
+    )
+    if not maps and not any(photo.role == 'state' for photo in photos):
+        raise InputError(
+            f'{recording.source}: no map and no photograph from {start:g} to {end:g} s; '
+            f'{_recorded_time(recording)}'
+        )
+    return replace(
+        recording,
+        commanded=_until(recording.commanded, end),
+        measured=_until(recording.measured, end),
+        maps=maps or None,
+        photos=photos,
+    )
+
+
+def _maps_between(maps: ConcentrationMaps, start: float, end: float) -> ConcentrationMaps:
+    first = np.searchsorted(maps.times, start, side='left')
+    stop = np.searchsorted(maps.times, end, side='right')
+    return maps.part(int(first), int(stop))
+
+
+def _until(schedule: Schedule | None, end: float) -> Schedule | None:
+    """Return the rows of a schedule that act before `end` [s]."""
+    if schedule is None:
+        return None
+    return Schedule(tuple(row for row in schedule.rows if row.time <= end))
+
+
+def _recorded_time(recording: Recording) -> str:
+    """Return the times that a recording covers, in words."""
+    times = [photo.time for photo in recording.photos if photo.role == 'state']
+    times += [] if recording.maps is None else recording.maps.times.tolist()
+    if not times:
+        return 'it holds neither maps nor photographs'
+    return f'it covers {min(times):g} to {max(times):g} s'

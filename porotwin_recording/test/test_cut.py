@@ -1,0 +1,54 @@
+"""A part of a recording holds what was recorded between two times, and all rates before."""
+
+import numpy as np
+import pytest
+from recording_examples import SCHEDULE, bench_rig
+
+from porotwin_core.errors import InputError
+from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_recording.cut import cut
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording import open_recording
+
+TIMES = (0.0, 30.0, 60.0, 90.0)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Four maps; the number of a map is its concentration and its deviation in per mille."""
+    folder, rig = tmp_path / 'whole', bench_rig()
+    write_folder(folder, RecordedData(rig, commanded=SCHEDULE))
+    grid = rig.grid(8, 6)
+    with ConcentrationWriter(folder / 'concentration.nc', grid) as maps:
+        for number, time in enumerate(TIMES):
+            values = np.full(grid.shape, 0.1 * number)
+            maps.append(time, values, deviation=0.01 * values)
+    return open_recording(folder)
+
+
+def test_maps_between_two_times_keep_their_times_values_and_deviations(recording):
+    part = cut(recording, 30.0, 60.0)
+    np.testing.assert_array_equal(part.times, [30.0, 60.0])
+    np.testing.assert_allclose(part.concentration[:, 0, 0], [0.1, 0.2], rtol=1e-6)
+    np.testing.assert_allclose(part.maps.deviation[1], 0.002, rtol=1e-6)
+    np.testing.assert_allclose([frame.mean() for frame in part.maps], [0.1, 0.2], rtol=1e-6)
+
+
+def test_rates_before_the_part_stay_and_later_ones_go(recording):
+    assert cut(recording, 60.0, 90.0).commanded == SCHEDULE
+    early = cut(recording, 0.0, 30.0).commanded
+    assert [row.time for row in early.rows] == [0.0, 0.0]
+
+
+def test_a_part_of_a_part_is_the_part(recording, tmp_path):
+    part = cut(cut(recording, 0.0, 60.0), 30.0, 90.0)
+    write_folder(tmp_path / 'part', part)
+    kept = open_recording(tmp_path / 'part')
+    np.testing.assert_array_equal(kept.times, [30.0, 60.0])
+    np.testing.assert_allclose(kept.concentration, part.concentration)
+
+
+def test_a_time_at_which_nothing_was_recorded_is_refused(recording):
+    with pytest.raises(InputError, match=r'no map and no photograph from 100 to 200 s.* 0 to 90 s'):
+        cut(recording, 100.0, 200.0)
