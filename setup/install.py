@@ -91,7 +91,7 @@ def make_environment() -> None:
 def install_packages() -> None:
     run(
         [
-            # Python compiles what it imports; compiling all files of torch costs a minute
+            # all files of torch would cost a minute; Python compiles a file at its import
             *(str(PYTHON), '-m', 'pip', 'install', '--no-compile', '--progress-bar', 'off'),
             *(part for file in REQUIREMENTS for part in ('-r', str(file))),
             *('-c', str(SETUP / 'constraints.txt')),

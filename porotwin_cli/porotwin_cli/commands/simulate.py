@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porotwin_cli.experiment_times import MOST_TIMES, recorded_times
 from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
@@ -18,14 +19,10 @@ if TYPE_CHECKING:
     from porotwin_core.grid import FloatArray, Grid
     from porotwin_recording.recording import Recording
 
-SHORTEST_STEP_S = 30.0
-"""Time between two maps where only the rates are known [s]: the paper's photo interval."""
-
 MOST_CELLS = 10_000_000
 """Most cells of a simulation; it takes 0.4 kB for each, so 4 GB."""
 
-MOST_TIMES = 200
-"""Most maps where only the rates are known; a longer experiment gets longer steps."""
+TIMES_OPTION = '--times START:END:STEP [s], such as 0:1800:60'
 
 MOST_GIVEN_TIMES = 100_000
 """Most maps at given times: four weeks of photographs, one every 25 s."""
@@ -107,7 +104,7 @@ def command(
     recording = open_recording(experiment)
     rig = recording.rig
     schedule = recording.delivered
-    moments = _parse_times(times) if times else _recorded_times(recording)
+    moments = _parse_times(times) if times else recorded_times(recording, option=TIMES_OPTION)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
     effects = parse_effects(effect or [])
@@ -175,34 +172,6 @@ def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | 
     if recording.maps is None or times or recording.grid != grid or len(recording.times) < 2:
         return None
     return LateMaps(recording)
-
-
-def _recorded_times(recording: 'Recording') -> list[float]:
-    """Return the times [s] of the maps, else of the photographs, else of the schedule.
-
-    Raises:
-        InputError: the recording does not say how long the experiment lasts.
-    """
-    if recording.maps is not None:
-        return [float(time) for time in recording.times]
-    photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
-    if photographs:
-        return photographs
-    end = max((row.time for row in recording.delivered.rows), default=0.0)
-    if not end > 0.0:
-        raise InputError(
-            f'{recording.source}: its rates do not say when the experiment ends; add a row with '
-            'the last time to rates.csv, or give --times START:END:STEP [s], such as 0:1800:60'
-        )
-    step = SHORTEST_STEP_S
-    while end / step > MOST_TIMES:
-        step *= 2.0
-    return [*_steps(end, step), end]
-
-
-def _steps(end: float, step: float) -> list[float]:
-    """Return 0, step, ... before `end`."""
-    return [index * step for index in range(math.ceil(end / step - 1e-9))]
 
 
 def _parse_times(text: str) -> list[float]:

@@ -1,0 +1,117 @@
+"""./porotwin rehearse: an experiment on the virtual rig, before it is made on the real one."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from porotwin_cli.experiment_times import SHORTEST_STEP_S, recorded_times
+from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
+from porotwin_core.discovery import module_names
+from porotwin_core.errors import InputError
+from porotwin_core.units import ML
+
+if TYPE_CHECKING:
+    from porotwin_recording.recording import Recording
+
+DURATION_OPTION = '--duration-min, such as 60'
+
+LONGEST_MIN = 60.0 * 24.0 * 31.0
+"""Longest experiment [min]: a month."""
+
+MOST_MAPS = 20_000
+"""Most maps: a week of photographs, one every 30 s."""
+
+
+def command(
+    experiment: Annotated[
+        Path, typer.Argument(help='Folder with rig.yaml and rates.csv, or an MCAP bag.')
+    ],
+    output: Annotated[Path, typer.Option(help='Experiment folder to write.')],
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='An effect that the rig has and its description lacks: NAME:PARAMETER=VALUE,... '
+            'May be given several times. '
+            f'Names: {", ".join(module_names("porotwin_rig.effects"))}. '
+            'docs/effects.md lists the parameters with their units.'
+        ),
+    ] = None,
+    duration_min: Annotated[
+        float | None,
+        typer.Option(
+            help='Length of the experiment. Default: until the last row of rates.csv.',
+            min=0.1,
+            max=LONGEST_MIN,
+        ),
+    ] = None,
+    photo_interval_s: Annotated[
+        float, typer.Option(help='Time between two maps.', min=1.0, max=86400.0)
+    ] = SHORTEST_STEP_S,
+    seed: Annotated[int, typer.Option(help='Seed of the noise of the maps.', min=0)] = 1,
+    as_json: Json = False,
+) -> None:
+    """Make an experiment on a virtual rig, to plan one on the real rig.
+
+    The virtual rig is a simulator of its own, independent of the twin's model. It follows the rates
+    and has the effects of rig.yaml and those given here. The folder looks like a recording of the
+    real rig: rig.yaml, rates.csv, and maps with the noise and blur of an ordinary camera. It does
+    not name the effects given here. `./porotwin diagnose` tells whether it finds them, and so
+    whether these rates would show them.
+
+    Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
+    """
+    from porotwin_recording.recording import open_recording
+    from porotwin_rig.effects import parse_effects
+    from porotwin_rig.made_experiment import make_experiment
+    from porotwin_rig.map_camera import MapNoise
+
+    refuse_existing(output)
+    effects = parse_effects(';'.join(effect or []))
+    recording = open_recording(experiment)
+    duration = _duration(recording, duration_min)
+    if duration / photo_interval_s > MOST_MAPS:
+        raise InputError(
+            f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
+            '--photo-interval-s'
+        )
+    with progress() as bar:
+        task = bar.add_task('running the virtual rig', total=1.0)
+        made = make_experiment(
+            output,
+            recording.rig,
+            commanded=recording.delivered,
+            duration=duration,
+            photo_interval=photo_interval_s,
+            seed=seed,
+            effects=(*recording.rig.effects, *effects),
+            noise=MapNoise(),
+            progress=lambda share: bar.update(task, completed=share),
+        )
+    if as_json:
+        print_json(
+            {
+                'output': output,
+                'maps': len(made.times),
+                'noise_floor': made.noise_floor,
+                'injected_m3': made.injected,
+                'removed_m3': made.removed,
+            }
+        )
+        return
+    print(
+        f'{output}: {len(made.times)} maps over {duration / 60.0:.0f} min; '
+        f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml removed\n'
+        f'next: ./porotwin diagnose {output} --output REPORT'
+    )
+
+
+def _duration(recording: 'Recording', minutes: float | None) -> float:
+    """Return the length of the experiment [s], by the option or by the recording."""
+    if minutes is not None:
+        return 60.0 * minutes
+    last = recorded_times(recording, option=DURATION_OPTION)[-1]
+    if not (math.isfinite(last) and last > 0.0):
+        raise InputError(f'{recording.source}: ends at its start; give {DURATION_OPTION}')
+    return last

@@ -1,0 +1,80 @@
+"""./porotwin rehearse."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from cli_examples import porotwin
+
+from porotwin_core.rig import load_rig
+from porotwin_recording.recording import open_recording
+
+RIG = """
+name: two wells
+width_m: 0.2
+height_m: 0.1
+depth_m: 0.01
+porosity: 0.4
+permeability_m2: 1.0e-10
+viscosity_pa_s: 1.0e-3
+density_kg_m3: 998.0
+boundaries: {top: open, bottom: closed, left: closed, right: closed}
+wells:
+  injector: {x_m: 0.1, z_m: 0.05}
+"""
+RATES = 'time_s,well,rate_ml_h,concentration\n0,injector,200,1\n240,injector,0,\n'
+
+
+def design(folder: Path) -> Path:
+    """Return a folder with the rig and the rates of an experiment to plan."""
+    folder.mkdir()
+    (folder / 'rig.yaml').write_text(RIG)
+    (folder / 'rates.csv').write_text(RATES)
+    return folder
+
+
+def test_a_rehearsal_is_a_recording_that_does_not_name_its_effects(tmp_path: Path) -> None:
+    planned, plain, described = (tmp_path / name for name in ('planned', 'plain', 'described'))
+    folder = design(tmp_path / 'design')
+    words = ('rehearse', folder, '--photo-interval-s', '60')
+    effect = ('--effect', 'leak:x=0.15,z=0.05,rate=-50')
+    result = porotwin(*words, '--output', planned, *effect, '--json')
+    assert result.returncode == 0, result.stderr
+    answer = json.loads(result.stdout)
+    assert answer['maps'] == 5
+    np.testing.assert_allclose(answer['injected_m3'], 200e-6 / 15, rtol=1e-3)
+    assert load_rig(planned).effects == ()
+    assert porotwin(*words, '--output', plain).returncode == 0
+    leaking, tight = open_recording(planned), open_recording(plain)
+    assert list(leaking.times) == [0.0, 60.0, 120.0, 180.0, 240.0]
+    assert leaking.commanded == tight.commanded
+    np.testing.assert_array_equal(leaking.concentration[0], tight.concentration[0])
+    assert np.abs(leaking.concentration[-1] - tight.concentration[-1]).max() > 0.1
+    assert 'leak' not in ''.join(
+        path.read_text(encoding='utf-8') for path in planned.iterdir() if path.suffix != '.nc'
+    )
+    # an effect of the description acts too
+    known = 'effects:\n  - name: porosity\n    parameters: {factor: 0.5}\n'
+    (folder / 'rig.yaml').write_text(RIG + known)
+    assert porotwin(*words, '--output', described).returncode == 0
+    wider = open_recording(described).concentration[-1].sum()
+    assert wider > 1.5 * tight.concentration[-1].sum()
+
+
+def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    folder = design(tmp_path / 'design')
+    output = tmp_path / 'planned'
+    for wrong, complaint in (
+        (('--effect', 'leek:x=1'), "'leek' is not known"),
+        (('--effect', 'leak:q=1'), "unknown parameter 'q'"),
+        (('--duration-min', '40000', '--photo-interval-s', '1'), 'give a larger --photo-interval'),
+    ):
+        result = porotwin('rehearse', folder, '--output', output, *wrong)
+        assert result.returncode == 2
+        assert complaint in result.stderr
+        assert len(result.stderr.strip().splitlines()) == 1
+        assert not output.exists()
+    (folder / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n0,injector,200,1\n')
+    result = porotwin('rehearse', folder, '--output', output)
+    assert result.returncode == 2
+    assert 'give --duration-min' in result.stderr
