@@ -4,6 +4,8 @@ import errno
 import importlib
 import pkgutil
 import sys
+import typing
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -58,10 +60,47 @@ def make_app() -> typer.Typer:
 app = make_app()
 
 
+def path_options(command: Callable[..., object]) -> set[str]:
+    """Return the options of a command that take a path, such as --output."""
+    hints = typing.get_type_hints(command)
+    return {
+        f'--{name.replace("_", "-")}'
+        for name, hint in hints.items()
+        if Path in (hint, *typing.get_args(hint))
+    }
+
+
+def refuse_empty_paths(arguments: Sequence[str]) -> None:
+    """Check that no path on the command line is empty, as with a variable that the shell lacks.
+
+    An empty path would mean the working folder.
+
+    Raises:
+        InputError: one is; the line names its option.
+    """
+    module = command_modules().get(arguments[0]) if arguments else None
+    if module is None or not hasattr(module, 'command'):
+        return
+    paths = path_options(module.command)
+    words = [part for word in arguments[1:] for part in _divided(word)]
+    for before, word in zip(['', *words], words, strict=False):
+        if word == '' and (before in paths or not before.startswith('--')):
+            raise InputError(
+                f'{before or "an argument"}: is empty; name a file or a folder, or . for this one'
+            )
+
+
+def _divided(word: str) -> list[str]:
+    """Return --option=value as two words, and other words as they are."""
+    name, equals, value = word.partition('=')
+    return [name, value] if equals and name.startswith('--') else [word]
+
+
 def main() -> None:
     """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
     show_warnings()
     try:
+        refuse_empty_paths(sys.argv[1:])
         app(prog_name='porotwin')
     except InputError as error:
         print(f'porotwin: {error}', file=sys.stderr)

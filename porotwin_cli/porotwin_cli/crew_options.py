@@ -8,6 +8,7 @@ Workers = Annotated[
     int | None,
     typer.Option(
         min=1,
+        max=1024,
         help='Tasks at a time on this machine. Default: one per core, as far as the memory holds.',
     ),
 ]

@@ -26,6 +26,9 @@ def one_call_for_each_output(
     """Refuse a call of `command` while another call writes the file that its `output` names.
 
     Without this, two calls would mix their maps, tables and pictures.
+
+    Raises:
+        InputError: the output is a folder.
     """
 
     @functools.wraps(command)
@@ -33,6 +36,8 @@ def one_call_for_each_output(
         from porotwin_recording.one_writer import only_writer
 
         output = inspect.signature(command).bind(*args, **kwargs).arguments['output']
+        if output.is_dir():
+            raise InputError(f'{output}: is a folder; name a file in it')
         if not output.parent.is_dir():  # the command says so
             return command(*args, **kwargs)
         with only_writer(output):

@@ -12,7 +12,16 @@ from typer.testing import CliRunner
 
 import porotwin_cli.app
 from porotwin_cli import commands
-from porotwin_cli.app import DISK_FULL, HELP_OPTIONS, INTERRUPTED, app, command_modules, make_app
+from porotwin_cli.app import (
+    DISK_FULL,
+    HELP_OPTIONS,
+    INTERRUPTED,
+    app,
+    command_modules,
+    make_app,
+    refuse_empty_paths,
+)
+from porotwin_core.errors import InputError
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 
@@ -180,3 +189,22 @@ def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert 'is an experiment folder already' in result.stderr
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'refused'),
+    [
+        (('diagnose', 'run', '--output', ''), '--output'),
+        (('diagnose', 'run', '--output='), '--output'),
+        (('diagnose', '', '--output', 'report'), 'an argument'),
+        (('up', '--rig', 'rig.yaml', '--page', ''), ''),
+        (('simulate', 'run', '--effect', '', '--output', 'model.nc'), ''),
+        ((), ''),
+    ],
+)
+def test_an_empty_path_is_refused_because_the_shell_may_lack_a_variable(arguments, refused) -> None:
+    if not refused:
+        refuse_empty_paths(arguments)
+        return
+    with pytest.raises(InputError, match=f'^{refused}: is empty'):
+        refuse_empty_paths(arguments)

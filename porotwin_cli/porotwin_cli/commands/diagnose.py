@@ -252,8 +252,8 @@ def _each(
     refused = [row for row in table if row['refused']]
     for row in refused:
         say(row['refused'])
-    if len(refused) == len(table):
-        raise WorkFailed(f'{output}: no recording could be diagnosed')
+    if refused:
+        raise WorkFailed(f'{output}: {len(refused)} of {len(table)} recordings were refused')
 
 
 def _verdict_words(row: dict[str, object]) -> tuple[str, str]:
