@@ -37,6 +37,22 @@ parameters and a check in the laboratory.
 | W | width of the rig [m] |
 
 `docs/make_effects.py` writes this page.
+
+## Example
+
+Put this block into your `rig.yaml`. The model then has a pump that delivers 8 % too little, and a
+leak that loses 10 ml/h. The well and the place are those of your rig, here of
+[`rigs/small`](../rigs/small/rig.yaml).
+
+```yaml
+effects:
+  - name: rate
+    parameters: {well: injector, factor: 0.92}
+  - name: leak
+    parameters: {x: 0.5, z: 0.2, rate: -10.0}    # m, m, ml/h; a negative rate is a loss
+```
+
+`./porotwin check` draws the place of the leak.
 """
 
 OUTSIDE = """

@@ -16,6 +16,7 @@ from porotwin_hub.objective_registry import OBJECTIVES, make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.odd_recording import remarks_about_recording
 from porotwin_recording.recording import open_recording
+from porotwin_solver.effects_in_force import checked_effects
 from porotwin_solver.simulation import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,6 +77,26 @@ def test_the_shown_objectives_are_valid(text: str) -> None:
 def test_every_objective_is_shown() -> None:
     shown = {yaml.safe_load(text)['objective']['name'] for text in SHOWN_OBJECTIVES}
     assert set(OBJECTIVES) - shown == {'least_water'}  # a part of the sum
+
+
+SHOWN_EFFECTS = re.findall(
+    r'```yaml\n(effects:.*?)```',
+    DOCUMENT + (ROOT / 'docs' / 'effects.md').read_text(encoding='utf-8'),
+    re.DOTALL,
+)
+
+
+def test_both_documents_show_effects() -> None:
+    assert len(SHOWN_EFFECTS) == 2
+
+
+@pytest.mark.parametrize('text', SHOWN_EFFECTS)
+def test_the_shown_effects_complete_a_rig(text: str, tmp_path: Path) -> None:
+    shipped = (ROOT / 'rigs' / 'small' / 'rig.yaml').read_text(encoding='utf-8')
+    (tmp_path / 'rig.yaml').write_text(f'{shipped}\n{text}', encoding='utf-8')
+    rig = load_rig(tmp_path)
+    assert [effect.name for effect in rig.effects] == ['rate', 'leak']
+    assert checked_effects(rig, rig.effects) == rig.effects
 
 
 def test_there_are_rigs_to_copy() -> None:

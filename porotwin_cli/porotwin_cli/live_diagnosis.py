@@ -42,7 +42,7 @@ def diagnose_run_so_far(
 
     Args:
         output: folder for the report.
-        progress: called with the stage and the share that is done, 0 to 1.
+        progress: called with the stage and its position in the work, 0 to 1.
         namespace: namespace of the graph.
 
     Raises:

@@ -12,6 +12,7 @@ from porotwin_cli.rig_drawing import DPI, PANEL_WIDTH, UNSEEN, draw_interfaces, 
 from porotwin_core.errors import writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
+from porotwin_core.time_units import time_unit
 from porotwin_imaging.phase_colours import PHASES
 from porotwin_imaging.phase_measures import SURE
 from porotwin_imaging.phase_segmentation import PhaseMap
@@ -37,6 +38,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
     for axis in axes.flat:
         axis.set_axis_off()
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
+    unit = time_unit(max(maps))
     palette = ListedColormap(list(COLOURS))
     steps = BoundaryNorm(np.arange(len(PHASES) + 1) - 0.5, len(PHASES))
     for (time, found), axis in zip(maps.items(), axes.flat, strict=False):
@@ -49,7 +51,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
         )
         draw_wells(axis, rig)
         draw_interfaces(axis, rig)
-        axis.set_title(f'{time / 60.0:.4g} min')
+        axis.set_title(unit.precise(time))
         axis.set_xlabel('x [m]')
         axis.set_ylabel('z [m]')
     handles = [

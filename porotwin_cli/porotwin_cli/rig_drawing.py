@@ -23,6 +23,8 @@ from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.rig.sand_interfaces import interfaces
+from porotwin_core.time_units import time_unit
+from porotwin_core.well_colours import well_colours
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
@@ -67,9 +69,11 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
 
 
 def draw_wells(axis: Axes, rig: Rig) -> None:
-    """Draw the wells of `rig` on `axis`, with their names."""
+    """Draw the wells of `rig` on `axis` in their colours, with their names."""
+    colours = well_colours(rig)
     for name, well in rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
+        axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=7)
+        axis.plot(well.x_m, well.z_m, 'o', mfc=colours[name], mec='none', ms=4)
         axis.annotate(
             name,
             (well.x_m, well.z_m),
@@ -151,10 +155,11 @@ def sheet_of_maps(
     )
     for axis in axes.flat:
         axis.set_axis_off()
+    unit = time_unit(max(times))
     for time, values, axis in zip(times, maps, axes.flat, strict=False):
         axis.set_axis_on()
         draw_map(axis, rig, values)
-        axis.set_title(f'{time / 60.0:.4g} min')
+        axis.set_title(unit.precise(time))
     scale = ScalarMappable(Normalize(0.0, 1.0), SAND_TO_TRACER)
     figure.colorbar(scale, ax=axes, shrink=0.6, label='concentration: 0 water, 1 tracer stock')
     figure.suptitle(title)

@@ -14,9 +14,9 @@ from porotwin_diagnosis.history.past_findings import (
     prepare_history,
     read_history,
 )
-from porotwin_diagnosis.history.recording_date import date_of_files, parse_date
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.recording import Recording
+from porotwin_recording.recording_date import date_of_files, parse_date
 
 
 class RigPast:

@@ -14,6 +14,7 @@ from porotwin_cli.run_account import RunAccount, TrueTracer
 from porotwin_core.errors import writing
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
+from porotwin_core.well_colours import well_colours
 
 DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
 """Line styles of the wells."""
@@ -49,10 +50,13 @@ def course_picture(
 ) -> None:
     """Draw setpoints, tracer in the zone, prediction errors and cycle times over a run."""
     figure, axes = plt.subplots(4, 1, figsize=(10, 11), sharex=True, layout='constrained')
+    colours = well_colours(rig)
     for number, (well, rates) in enumerate(account.rates_ml_h.items()):
         style = DASHES[number % len(DASHES)]  # equal rates of two wells must both be seen
         minutes = np.array(account.setpoint_times) / 60
-        axes[0].step(minutes, rates, where='post', label=well, linestyle=style, linewidth=2)
+        axes[0].step(
+            minutes, rates, where='post', label=well, color=colours.get(well), ls=style, lw=2
+        )
     axes[0].set_ylabel('setpoint [ml/h]')
     for label, truth, colour in (
         ('with control', controlled, '#12502f'),

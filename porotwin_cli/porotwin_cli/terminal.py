@@ -119,13 +119,38 @@ def seconds_left(task: Task) -> float | None:
     return max(recent, elapsed * (task.remaining or 0.0) / task.completed)
 
 
+def least_seconds_left(task: Task) -> float | None:
+    """Return the remaining time [s] if the field `least_left` of the task is all that is left.
+
+    The field has the unit of its total. The result is that of `seconds_left` without it.
+    """
+    most, least = seconds_left(task), task.fields.get('least_left')
+    if most is None or least is None or not task.remaining:
+        return most
+    return most * min(least / task.remaining, 1.0)
+
+
+def left_in_words(task: Task) -> str:
+    """Return the remaining time of a task, a range where work may be left out; empty: unknown."""
+    most, least = seconds_left(task), least_seconds_left(task)
+    if not most or least is None:
+        return ''
+    high, low = duration_in_words(most), duration_in_words(least)
+    if low == high:
+        return high
+    same_unit = low.split()[1] == high.split()[1]
+    return f'{low.split()[0] if same_unit else low} to {high}'
+
+
 class _TimeLeft(ProgressColumn):
-    """The remaining time as h:mm:ss."""
+    """The remaining time, as h:mm:ss or as a range in words."""
 
     max_refresh = 0.5
 
     def render(self, task: Task) -> Text:
         """Return the column of `task`."""
+        if 'least_left' in task.fields:
+            return Text(left_in_words(task) or '-:--:--')
         left = seconds_left(task)
         return Text('-:--:--' if left is None else str(timedelta(seconds=round(left))))
 
@@ -157,9 +182,8 @@ class _ProgressLines(Progress):
         if passed < (LINE_EACH_S if task.description == self._stage else STAGE_AFTER_S):
             return
         self._told_s, self._stage = self.get_time(), task.description
-        seconds = seconds_left(task)
-        left = f', {duration_in_words(seconds)} left' if seconds else ''
-        say(f'{task.description}: {task.percentage:.0f} %{left}')
+        left = left_in_words(task)
+        say(f'{task.description}: {task.percentage:.0f} %{f", {left} left" if left else ""}')
 
 
 def print_json(result: dict[str, Any]) -> None:

@@ -19,7 +19,8 @@ from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.state_filter import Seen
-from porotwin_core.units import from_ml_h
+from porotwin_core.time_units import MINUTES, TimeUnit, time_unit
+from porotwin_core.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.wells import RateStep, WellRate, planned_rates
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.plume_measures import plume_cells
@@ -46,13 +47,16 @@ MOST_PHOTOGRAPHS = 200
 SAME_MOMENT_S = 1.0
 """A photograph that was taken so much later is still from the moment itself [s]."""
 
-NO_ZONE = 'no zone in this objective: nothing says where tracer must not be'
+NO_ZONE = (
+    'rig.yaml names no zone that tracer must stay out of (control.zone): the picture compares the '
+    'plumes'
+)
 """Told in place of the tracer in the zone."""
 
 REACHED = f"{100.0 * REACHED_SHARE:g} % of the zone's pore volume is tracer"
 """When the zone counts as reached."""
 
-UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
+UNITS_S = {'s': 1.0, 'min': MINUTE_S, 'h': HOUR_S, 'd': DAY_S}
 """Units of a time that a user writes [s]."""
 
 
@@ -95,6 +99,16 @@ class WhatIfStudy:
     rate_factors: dict[str, tuple[float, float]]
     seconds: float
 
+    @property
+    def has_zone(self) -> bool:
+        """Whether the objective has a zone where no tracer must be."""
+        return bool(np.isfinite(self.seen_tracer).all())
+
+    @property
+    def time_unit(self) -> TimeUnit:
+        """The unit of all times, by the end of the forecasts."""
+        return time_unit(self.start + float(self.present.times[-1]))
+
 
 def seconds_of(text: str) -> float:
     """Return a time such as 35min, 0.5h or 2100 in seconds; a number alone is in seconds.
@@ -114,7 +128,7 @@ def seconds_of(text: str) -> float:
         seconds = np.nan
     if not 0.0 <= seconds < np.inf:
         fault = 'is negative; ' if seconds < 0.0 else ''
-        raise InputError(f"time '{text}': {fault}write a number and s, min or h, like 35min")
+        raise InputError(f"time '{text}': {fault}write a number and s, min, h or d, like 35min")
     return seconds
 
 
@@ -230,10 +244,10 @@ def study_what_if(
     times = recording.times
     if start < times[0] - recording_step(times):
         raise InputError(
-            f'{recording.source}: its first map is from {_minutes(times)}; give a later --at'
+            f'{recording.source}: its first map is from {_moment(times[0])}; give a later --at'
         )
     if start > times[-1] + recording_step(times):
-        last = _minutes(times[-1:])
+        last = _moment(times[-1])
         raise InputError(
             f'{recording.source}: its last map is from {last}; give --at {last.replace(" ", "")} '
             'or earlier'
@@ -248,7 +262,8 @@ def study_what_if(
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
     check_balance(proposed, present, recording.rig)
-    objections = objections_to(recording.rig, proposed, present, begin)
+    unit = time_unit(begin + ahead)
+    objections = objections_to(recording.rig, proposed, present, begin, unit)
     for line in objections:
         objected(line)
     maps = recording.grid
@@ -320,8 +335,8 @@ def recording_step(times: FloatArray) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
-def _minutes(times: FloatArray) -> str:
-    return f'{times[0] / 60.0:.4g} min'
+def _moment(time: float) -> str:
+    return time_unit(time).precise(time)
 
 
 def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[RateStep, ...]:
@@ -373,7 +388,11 @@ def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
 
 
 def objections_to(
-    rig: Rig, plan: Sequence[RateStep], present: Sequence[RateStep], begin: float
+    rig: Rig,
+    plan: Sequence[RateStep],
+    present: Sequence[RateStep],
+    begin: float,
+    unit: TimeUnit = MINUTES,
 ) -> tuple[str, ...]:
     """Return the limits of `rig` that a plan breaks, and from when on, one line each.
 
@@ -385,6 +404,7 @@ def objections_to(
         plan: the proposed plan.
         present: the plan of the recording.
         begin: when both plans begin, on the clock of the recording [s].
+        unit: of the times in the lines.
     """
     if rig.control is None:
         return ()
@@ -396,6 +416,6 @@ def objections_to(
         broken = limits.violations(held, held_before)
         for line in limits.violations(rates, before):
             if line not in broken:
-                since.setdefault(line, (begin + start) / 60.0)
+                since.setdefault(line, begin + start)
         before, held_before = rates, held
-    return tuple(f'from {minute:.4g} min: {line}' for line, minute in since.items())
+    return tuple(f'from {unit.precise(time)}: {line}' for line, time in since.items())

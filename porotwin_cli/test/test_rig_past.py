@@ -46,7 +46,9 @@ def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None
     second = past(tmp_path, 'tuesday', '2026-11-24')
     assert len(second.before) == 1
     (line,) = second.compare(summary(1.3))
-    assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
+    assert line.startswith(
+        'porosity factor drifts, a stronger effect now: 1.15 on 2026-11-23, 1.3 now, 0.15 a day'
+    )
 
 
 def test_a_recording_knows_neither_itself_nor_a_later_one(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from porotwin_cli import terminal
 from porotwin_cli.terminal import (
+    left_in_words,
     print_json,
     print_table,
     progress,
@@ -86,3 +87,25 @@ def test_the_remaining_time_grows_while_a_long_stage_makes_no_step() -> None:
         assert seconds_left(task) == pytest.approx(10.0 / 9.0, abs=1.0)  # whole seconds
         now = 900.0
         assert seconds_left(task) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ('fields', 'words'),
+    [
+        ({}, '6 min'),
+        ({'least_left': 20.0}, '2 to 6 min'),
+        ({'least_left': 5.0}, '40 s to 6 min'),
+        ({'least_left': 50.0}, '6 min'),
+    ],
+)
+def test_the_remaining_time_is_a_range_where_work_may_be_left_out(
+    fields: dict[str, float], words: str
+) -> None:
+    now = 0.0
+    with progress() as bar:
+        bar.get_time = lambda: now
+        number = bar.add_task('work', total=100.0, **fields)
+        for completed in (10.0, 30.0, 50.0):
+            now = 7.2 * completed
+            bar.update(number, completed=completed)
+        assert left_in_words(bar.tasks[0]) == words

@@ -1,10 +1,12 @@
 """Outlooks of the siblings from a moment of a recording."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from porotwin_cli.bench_loop_scenarios import demo_scenario
 from porotwin_cli.what_if_picture import what_if_picture
@@ -19,6 +21,7 @@ from porotwin_cli.what_if_study import (
     zone_noise,
 )
 from porotwin_core.errors import InputError
+from porotwin_core.time_units import HOURS, MINUTES
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
@@ -99,6 +102,28 @@ def test_the_picture_is_drawn(found: WhatIfStudy, tmp_path: Path) -> None:
     assert (tmp_path / 'picture.png').stat().st_size > 20_000
 
 
+def test_without_a_zone_only_the_plumes_are_drawn(
+    found: WhatIfStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = found.rig.model_copy(update={'control': None})
+    study = replace(found, rig=rig, seen_tracer=np.full(len(found.seen_times), np.nan))
+    assert found.has_zone
+    assert not study.has_zone
+    drawn: list[Figure] = []
+    monkeypatch.setattr('porotwin_cli.what_if_picture.plt.close', drawn.append)
+    what_if_picture(tmp_path / 'picture.png', study)
+    assert [axis.get_title() for axis in drawn[0].axes] == [
+        'present, at 55 min',
+        'proposed, at 55 min',
+    ]
+    assert 'zone' not in drawn[0].get_supxlabel()
+
+
+def test_a_late_forecast_counts_hours(found: WhatIfStudy) -> None:
+    assert found.time_unit is MINUTES
+    assert replace(found, start=20 * 3600.0).time_unit is HOURS
+
+
 def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
     step = rate_step('control1=900', recording.rig, 1500.0)
     with ThreadPoolExecutor(2) as pool:
@@ -155,7 +180,8 @@ def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
 
 
 @pytest.mark.parametrize(
-    ('text', 'seconds'), [('35min', 2100.0), ('0.5h', 1800.0), ('90s', 90.0), ('600', 600.0)]
+    ('text', 'seconds'),
+    [('35min', 2100.0), ('0.5h', 1800.0), ('2d', 172800.0), ('90s', 90.0), ('600', 600.0)],
 )
 def test_times_have_units(text: str, seconds: float) -> None:
     assert seconds_of(text) == seconds

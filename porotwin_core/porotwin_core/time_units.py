@@ -18,6 +18,10 @@ class TimeUnit(NamedTuple):
         """Return `seconds` in this unit, with its name."""
         return f'{self.number(seconds)} {self.name}'
 
+    def precise(self, seconds: float) -> str:
+        """Return `seconds` to four digits in this unit, with its name."""
+        return f'{seconds / self.seconds:.4g} {self.name}'
+
 
 MINUTES = TimeUnit(60.0, 'min', 0)
 HOURS = TimeUnit(3600.0, 'h', 1)

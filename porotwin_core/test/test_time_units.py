@@ -16,3 +16,5 @@ def test_times_are_written_with_their_unit():
     assert MINUTES.text(4000.0) == '67 min'
     assert HOURS.text(40000.0) == '11.1 h'
     assert DAYS.number(864000.0) == '10.0'
+    assert MINUTES.precise(90.0) == '1.5 min'
+    assert HOURS.precise(98100.0) == '27.25 h'

@@ -25,6 +25,7 @@ from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.progress import WorkClock
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
@@ -231,19 +232,21 @@ def _refusal(error: Exception) -> Diagnose.Result:
 
 
 class _Feedback:
-    """Publishes stage, fraction and an estimate of the remaining time; stops a canceled goal."""
+    """Publishes stage, fraction and the remaining time at most; stops a canceled goal."""
 
     def __init__(self, goal: ServerGoalHandle) -> None:
         self._goal = goal
         self._begin = time.monotonic()
+        self._clock = WorkClock()
 
     def __call__(self, stage: str, fraction: float) -> None:
         if self._goal.is_cancel_requested and fraction < 1.0:  # a finished diagnosis is delivered
             raise CanceledError
         elapsed = time.monotonic() - self._begin
         remaining = float('nan')
-        if fraction > FIRST_ESTIMATE:
-            remaining = elapsed * (1.0 - fraction) / fraction
+        self._clock.reach(fraction)
+        if self._clock.share > FIRST_ESTIMATE:
+            remaining = elapsed * (1.0 - self._clock.share) / self._clock.share
         self._goal.publish_feedback(
             Diagnose.Feedback(stage=stage, fraction=float(fraction), remaining=float(remaining))
         )

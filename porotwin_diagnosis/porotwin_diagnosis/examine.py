@@ -54,7 +54,7 @@ def examine(
         excluded: names of effects to leave out.
         prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
-        progress: called with the stage and the fraction done, below 0.98.
+        progress: called with the stage and its position in the work, below 0.98.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording

@@ -1,5 +1,6 @@
 """Tests of the lines that compare a finding on a rig with the earlier ones."""
 
+import pytest
 from history_examples import MONDAY, TUESDAY, cause, finding, pump, value
 
 from porotwin_diagnosis.history.comparison import compared
@@ -15,14 +16,16 @@ def test_a_second_finding_that_agrees_is_no_drift():
 
 def test_a_difference_beyond_the_intervals_is_a_drift_with_its_rate_and_no_joint_value():
     assert compared([pump(0.7)], pump(0.8, TUESDAY)) == [
-        'rate injector factor drifts: 0.7 on 2026-11-23, 0.8 now, 0.1 a day; '
+        'rate injector factor drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now, 0.1 a day; '
         'believed before: 0.7 (0.68 to 0.72)'
     ]
 
 
 def test_recordings_of_one_hour_give_no_rate_of_a_drift():
     (line,) = compared([pump(0.7)], pump(0.8, MONDAY.replace('10:00:00', '10:00:01')))
-    assert line.startswith('rate injector factor drifts: 0.7 on 2026-11-23, 0.8 now; ')
+    assert line.startswith(
+        'rate injector factor drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now; '
+    )
 
 
 def test_the_drift_of_an_effect_that_monday_could_not_tell_from_another_is_seen():
@@ -31,7 +34,24 @@ def test_the_drift_of_an_effect_that_monday_could_not_tell_from_another_is_seen(
     porous = [cause(name, **{key: value(1.3)}) for name, key in NAMES]
     tuesday = finding(*porous, date=TUESDAY, verdict='porosity', named=('porosity',))
     (line,) = compared([monday], tuesday)
-    assert line.startswith('porosity factor drifts: 1.15 on 2026-11-23, 1.3 now, 0.15 a day')
+    assert line.startswith(
+        'porosity factor drifts, a stronger effect now: 1.15 on 2026-11-23, 1.3 now, 0.15 a day'
+    )
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'way'), [(0.5, 1.5, ', and acts the other way now'), (0.8, 0.6, ', a stronger')]
+)
+def test_a_drift_says_which_way_it_goes(old, new, way):
+    (line,) = compared([pump(old)], pump(new, TUESDAY))
+    assert line.startswith(f'rate injector factor drifts{way}')
+
+
+def test_a_leak_that_moves_is_neither_weaker_nor_stronger():
+    places = [cause('leak', x=value(x)) for x in (0.2, 0.4)]
+    monday, tuesday = (finding(p, date=d) for p, d in zip(places, (MONDAY, TUESDAY), strict=True))
+    (line,) = compared([monday], tuesday)
+    assert line.startswith('leak x drifts: 200 mm on 2026-11-23, 400 mm now')
 
 
 NAMES = (('retardation', 'retardation_factor'), ('porosity', 'factor'))

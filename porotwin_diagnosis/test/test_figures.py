@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.report.figures import where
+from porotwin_core.well_colours import well_colours
+from porotwin_diagnosis.report.figures import MOST_HEIGHT, course, plumes, where
 
 
 @pytest.mark.parametrize(
@@ -19,3 +20,35 @@ def test_the_gap_grows_per_unit_of_the_time_of_the_recording(denser, hours, unit
     assert bar.get_ylabel() == f'gap strength [% of stock per {unit}]'
     drawn = np.ma.getdata(axis.images[0].get_array())
     np.testing.assert_allclose(drawn, 100.0 * seconds * denser.gap.strength, rtol=1e-6)
+
+
+def shaped(result, width_m: float, height_m: float):
+    """Return `result` as if its rig had another shape."""
+    recording = result.recordings[0]
+    rig = recording.rig.model_copy(update={'width_m': width_m, 'height_m': height_m})
+    return replace(result, recordings=(replace(recording, rig=rig),))
+
+
+def test_a_picture_of_a_tall_rig_fits_a_screen(denser) -> None:
+    for draw in (plumes, where):
+        figure = draw(shaped(denser, 0.1, 0.9))
+        assert figure.get_figheight() <= MOST_HEIGHT
+
+
+def test_the_colour_bars_of_a_flat_rig_lie_below_its_maps(denser) -> None:
+    for result, beside in ((denser, True), (shaped(denser, 1.8, 0.15), False)):
+        figure = plumes(result)
+        figure.draw_without_rendering()
+        bars = [
+            axis.get_window_extent() for axis in figure.axes if axis.get_label() == '<colorbar>'
+        ]
+        assert len(bars) == 2
+        assert all((bar.height > bar.width) == beside for bar in bars)
+
+
+def test_a_well_has_its_own_colour_over_time(denser) -> None:
+    _, rates = course(denser).axes
+    colours = well_colours(denser.recordings[0].rig)
+    drawn = {line.get_label(): line.get_color() for line in rates.lines}
+    wells = denser.samples[0].schedule.wells
+    assert {well: drawn[well] for well in wells} == {well: colours[well] for well in wells}

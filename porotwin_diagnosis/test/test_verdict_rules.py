@@ -348,3 +348,9 @@ def test_an_effect_that_leaves_nearly_too_much_is_doubted_for_its_remainder():
 def test_a_scant_recording_is_a_doubt_of_its_own():
     verdict = verdict_on(findings(3.0, ('leak', 0.1), ('porosity', 2.0)), frames=2)
     assert verdict.doubt is Doubt.SCANT
+
+
+def test_a_gap_that_one_effect_alone_can_explain_is_not_doubted_by_an_improbable_rival():
+    verdict = verdict_on(findings(90.0, ('leak', 0.1), ('porosity', 80.0)))
+    assert (verdict.name, verdict.confidence) == ('leak', 0.99)
+    assert verdict.doubt is Doubt.REMAINDER

@@ -20,6 +20,17 @@ def test_an_interval_is_written_to_two_digits_of_its_width():
     assert interval('rate', 'well', {'value': 'a<b'}) == ('a&lt;b', '')
 
 
+def test_the_sentence_and_the_table_state_the_same_number():
+    place = {'x': {'value': 1.2341, 'low': 1.1, 'high': 1.3}, 'z': {'value': 0.2}}
+    for low, high in ((880.0, 912.0), (893.42, 898.31), (600, 1200)):
+        rate = {'value': 896.4, 'low': low, 'high': high}
+        assert interval('leak', 'rate', rate)[0] == '896 ml/h'
+        assert phrase('leak', {**place, 'rate': rate}).endswith('m: 896 ml/h')
+    assert interval('leak', 'x', place['x']) == ('1234 mm', '1100 … 1300 mm')
+    large = {'value': 1234.0, 'low': 1218.0, 'high': 1250.0}
+    assert interval('leak', 'rate', large) == ('1230 ml/h', '1220 … 1250 ml/h')
+
+
 def test_directions_follow_the_sign():
     assert 'lighter' in phrase('buoyancy', {'density_difference': {'value': -0.4}})
     assert '18 s ahead of' in phrase('clock', {'offset': {'value': -18.0}})

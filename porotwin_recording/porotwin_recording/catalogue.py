@@ -21,6 +21,7 @@ from porotwin_recording.experiment_folder import FILES, RIG_FILE, folder_data
 from porotwin_recording.known_verdicts import KnownVerdicts
 from porotwin_recording.mcap_summary import McapSummary, summary_of
 from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording_date import date_of_files
 from porotwin_recording.serialization import SECOND
 
 FIRST_REAL_TIME = 1_262_304_000 * SECOND
@@ -51,6 +52,7 @@ class CatalogueEntry:
             `compressed` (its files are read only as a whole) or `unreadable`.
         size_bytes: size of its files.
         start: when it began, in UTC; None: it does not say.
+        files_date: earliest change of its files, in UTC; copies may be younger. None: unreadable.
         duration_s: from its first to its last message, map, photograph or rate [s].
         rig: name of the rig; empty: not known.
         width_m: width of the rig [m]; 0: not known.
@@ -84,6 +86,12 @@ class CatalogueEntry:
     costa: str = ''
     calibration: str = ''
     remarks: tuple[str, ...] = field(default=())
+    files_date: datetime | None = None
+
+    @property
+    def date(self) -> datetime | None:
+        """When it began, or else the date of its files, in UTC; None: not known."""
+        return self.start or self.files_date
 
 
 def find_recordings(root: Path) -> Iterator[Path]:
@@ -130,7 +138,9 @@ def catalogue_entry(path: Path, verdicts: KnownVerdicts = NO_VERDICTS) -> Catalo
     is_folder = is_experiment(path)
     try:
         entry = _folder_entry(path) if is_folder else _bag_entry(path)
-        return replace(entry, diagnosed=verdicts.of(path))
+        return replace(
+            entry, diagnosed=verdicts.of(path), files_date=date_of_files(path).astimezone(UTC)
+        )
     except (InputError, OSError) as error:
         reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
         line = ' '.join(reason.split())

@@ -7,6 +7,7 @@ from porotwin_solver.effects.definition import words
 def test_numbers_have_significant_digits_and_powers_of_ten() -> None:
     assert words.number(1.4e-8, 2) == '1.4·10<sup>−8</sup>'
     assert words.number(1234.0, 2) == '1200'
+    assert words.number(99.7, 2) == '100'
     assert words.number(-0.5) == '−0.5'
 
 
@@ -21,7 +22,7 @@ def test_directions_and_times() -> None:
     assert words.direction(-0.004, 'right', 'left') == '4 mm left'
     assert words.time_span(18.0) == '18 s'
     assert words.time_span(300.0) == '5 min'
-    assert words.time_span(84000.0) == '23 h'
+    assert words.time_span(84000.0) == '23.3 h'
     assert words.time_span(864000.0) == '10 days'
 
 

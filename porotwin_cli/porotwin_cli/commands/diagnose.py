@@ -17,8 +17,11 @@ from porotwin_core.ros_environment import enter_domain, namespace_of
 from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
     from porotwin_core.rig import Rig
     from porotwin_diagnosis.decision.verdict import Verdict
+    from porotwin_diagnosis.progress import Progress
     from porotwin_recording.recording import Recording
 
 
@@ -119,11 +122,7 @@ def command(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
     with only_writer(folder), pool, progress() as bar:
-        task = bar.add_task('diagnosis', total=100)
-
-        def show(stage: str, fraction: float) -> None:
-            bar.update(task, completed=round(100 * fraction), description=stage)
-
+        show = _shown_on(bar)
         simulations = KeptSimulations(pool, folder)
         if simulations.found:
             say(f'going on with {simulations.found} simulations of an interrupted call')
@@ -152,6 +151,24 @@ def command(
         print(plain(line))
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
+
+
+def _shown_on(bar: 'Bar') -> 'Progress':
+    """Return a function that shows the stages of a diagnosis on `bar`, with the time left."""
+    from porotwin_diagnosis.progress import WorkClock
+
+    task, clock = bar.add_task('diagnosis', total=100), WorkClock()
+
+    def show(stage: str, position: float) -> None:
+        clock.reach(position)
+        bar.update(
+            task,
+            completed=100 * clock.share,
+            least_left=100 * clock.least_left,
+            description=stage,
+        )
+
+    return show
 
 
 def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
@@ -265,12 +282,7 @@ def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
 
     with progress() as bar:
-        task = bar.add_task('diagnosis', total=100)
-        result = diagnose_run_so_far(
-            output,
-            lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
-            namespace=namespace,
-        )
+        result = diagnose_run_so_far(output, _shown_on(bar), namespace=namespace)
     if as_json:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
         return

@@ -22,6 +22,9 @@ AT_ONCE = 8
 HASH_DIGITS = 8
 """Digits of a calibration's hash in the table; --json has all."""
 
+OF_FILES = '†'
+"""Mark of a date that comes from the files of a recording."""
+
 NOTHING = '-'
 
 
@@ -74,6 +77,8 @@ def command(
         print_table(f'{count} in {folder}', titles, zip(*cells, strict=True))
         if 'photos*' in titles:
             print('* without baselines')
+        if any(entry.start is None for entry in readable):
+            print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')
     for entry in entries:
         for remark in entry.remarks:
             say(remark)
@@ -83,7 +88,7 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
     """Return the titles of the columns and their words; a column without words is left out."""
     return {
         'recording': lambda entry: _name(entry.path, folder),
-        'begin (UTC)': lambda entry: f'{entry.start:%Y-%m-%d %H:%M}' if entry.start else '',
+        'date (UTC)': _date,
         'duration': lambda entry: clock_words(entry.duration_s),
         'rig': lambda entry: entry.rig,
         'photos*': lambda entry: str(entry.photographs or ''),
@@ -98,6 +103,12 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
     }
 
 
+def _date(entry: 'CatalogueEntry') -> str:
+    if entry.date is None:
+        return ''
+    return f'{entry.date:%Y-%m-%d %H:%M}{"" if entry.start else OF_FILES}'
+
+
 def _name(path: Path, folder: Path) -> str:
     return str(path.relative_to(folder)) if path != folder else path.name
 
@@ -108,12 +119,13 @@ def _state(entry: 'CatalogueEntry') -> str:
 
 def _order(entry: 'CatalogueEntry') -> tuple[bool, float, str]:
     """Return the key of the order by time; recordings without a time come last."""
-    return entry.start is None, entry.start.timestamp() if entry.start else 0.0, str(entry.path)
+    return entry.date is None, entry.date.timestamp() if entry.date else 0.0, str(entry.path)
 
 
 def _as_json(entry: 'CatalogueEntry') -> dict[str, Any]:
-    start = entry.start.isoformat(timespec='seconds') if entry.start else None
-    return {**vars(entry), 'start': start}
+    dates = {'start': entry.start, 'files_date': entry.files_date, 'date': entry.date}
+    texts = {name: date and date.isoformat(timespec='seconds') for name, date in dates.items()}
+    return {**vars(entry), **texts}
 
 
 def clock_words(seconds: float) -> str:

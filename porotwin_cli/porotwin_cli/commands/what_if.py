@@ -27,7 +27,9 @@ SIBLING_BYTES = 1e8
 
 def command(
     recording: Annotated[Path, typer.Argument(help='Experiment folder or MCAP bag with maps.')],
-    at: Annotated[str, typer.Option(help='Start of the proposed rates: 35min, 0.5h, or seconds.')],
+    at: Annotated[
+        str, typer.Option(help='Start of the proposed rates: 35min, 0.5h, 2d, or seconds.')
+    ],
     rates: Annotated[
         list[str],
         typer.Option(
@@ -119,25 +121,26 @@ def _show(found: 'WhatIfStudy') -> None:
     from porotwin_cli.what_if_study import NO_ZONE, REACHED
     from porotwin_core.units import ML
 
+    unit = found.time_unit
     print('rates in ml/h; @ gives the injected concentration, 1 is tracer stock')
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
         for step in outlook.plan:
-            minute = (found.start + step.start) / 60.0
-            print(f'{name}, from {minute:.4g} min: {_in_words(step.rates)}')
+            moment = unit.precise(found.start + step.start)
+            print(f'{name}, from {moment}: {_in_words(step.rates)}')
     plans = (found.present, found.proposed)
-    if np.isnan(found.seen_tracer[0]):
+    if not found.has_zone:
         print(f'{NO_ZONE}; forecasts computed in {found.seconds:.1f} s')
         return
     rows = []
     for index in np.linspace(0, len(plans[0].times) - 1, TABLE_ROWS).round().astype(int):
-        row = [f'{(found.start + plans[0].times[index]) / 60.0:.1f}']
+        row = [f'{(found.start + plans[0].times[index]) / unit.seconds:.1f}']
         for outlook in plans:
             low, median, high = outlook.zone_tracer[:, index] * ML
             row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']
         rows.append(row)
     print_table(
         f'tracer in the zone [ml], median (90 % band); reached: the probability that {REACHED}',
-        ('time [min]', 'present', 'reached', 'proposed', 'reached'),
+        (f'time [{unit.name}]', 'present', 'reached', 'proposed', 'reached'),
         rows,
     )
 

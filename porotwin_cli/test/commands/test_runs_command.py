@@ -1,6 +1,7 @@
 """Tests of ./porotwin runs."""
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -16,6 +17,7 @@ SAMPLE = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
 
 def test_recordings_are_listed_and_a_broken_one_does_not_stop_the_list(tmp_path: Path) -> None:
     shutil.copytree(SAMPLE, tmp_path / 'morning' / 'sample')
+    os.utime(tmp_path / 'morning' / 'sample' / 'bag_0.mcap', (1.7e9, 1.7e9))
     (tmp_path / 'broken.mcap').write_text('no bag')
     told = porotwin('runs', tmp_path)
     assert told.returncode == 0, told.stderr
@@ -27,6 +29,10 @@ def test_recordings_are_listed_and_a_broken_one_does_not_stop_the_list(tmp_path:
     assert (sample['photographs'], sample['maps'], sample['setpoints']) == (13, 13, 13)
     assert sample['duration_s'] == 360.0
     assert sample['rig'] == 'small'
+    assert sample['start'] is None
+    assert sample['date'] == sample['files_date'] == '2023-11-14T22:13:20+00:00'
+    assert '2023-11-14 22:13†' in told.stdout
+    assert '† date of its files' in told.stdout
 
 
 def test_no_runs_yet_is_no_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -113,14 +113,18 @@ def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:
     ]
 
 
+def share_of(names: Collection[str], probabilities: dict[str, float]) -> float:
+    """Return the sum of the `probabilities` of the effects `names`."""
+    return sum(probabilities.get(name, 0.0) for name in names)
+
+
 def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> float:
     """Return the log-odds of the effects `names`, which look the same, against all others.
 
     log(p / (1 - p)) with the sum p of their `probabilities`, clipped to `SINGLE_SHARE_RANGE`.
     """
-    known = sum(probabilities.get(name, 0.0) for name in names)
     low, high = SINGLE_SHARE_RANGE
-    known = min(max(known, low), high)
+    known = min(max(share_of(names, probabilities), low), high)
     return math.log(known / (1 - known))
 
 

@@ -9,6 +9,7 @@ from porotwin_diagnosis.decision.confidence import (
     pair_log_odds,
     rival_of_pair,
     rival_of_single,
+    share_of,
     single_log_odds,
     sufficient_log_odds,
 )
@@ -26,6 +27,7 @@ from porotwin_diagnosis.thresholds import (
     CONTRADICTED_CONFIDENCE,
     LOST_PLACE_CONFIDENCE,
     SCANT_CONFIDENCE,
+    SINGLE_SHARE_RANGE,
 )
 
 Names = tuple[str, ...]
@@ -100,7 +102,8 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
 
     - Any: that it explains more than the errors that all maps share, or that these are no gap.
     - No effect: that there is no gap.
-    - One effect: that it is the right one, and that it is enough.
+    - One effect: that it is the right one, and that it is enough. The first one is left out if no
+      other explanation is left: the library holds nothing to doubt it by.
     - A pair or a triple: that it is the right one, that fewer effects are not enough (a further one
       may stand for something that the library lacks), which one is the strongest, and that it is
       enough.
@@ -115,6 +118,8 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     misses_nothing = sufficient_log_odds(kept.lack_of_fit, shared_errors=swallowed > 0.0)
     enough = [(misses_nothing, Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
+        if share_of(same, probabilities) >= SINGLE_SHARE_RANGE[1]:
+            return enough
         return [(single_log_odds(same, probabilities), Doubt.RIVAL), *enough]
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))

@@ -15,6 +15,12 @@ DRIFT_DEVIATIONS = 2.6
 """Difference of two findings, in standard deviations of it, from which on it is a drift: chance
 makes one in a hundred as large."""
 
+NO_STRENGTH = {'exchange_rate'}
+"""Scored parameters whose size says nothing about the strength of their effect."""
+
+LEAST_FACTOR = 1e-9
+"""Least factor of an effect, so that its logarithm stays finite [-]."""
+
 LEAST_INTERVAL_S = HOUR_S
 """Least time between two recordings for a rate per day [s]."""
 
@@ -55,9 +61,26 @@ def _of_course(course: CauseCourse) -> Iterator[str]:
             else ''
         )
         yield (
-            f'{what} drifts: {_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
+            f'{what} drifts{_way(cause, name, old.value, value.value)}: '
+            f'{_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
             f'believed before: {believed}'
         )
+
+
+def _way(cause: FoundCause, parameter: str, old: float, new: float) -> str:
+    """Say whether the effect became weaker or stronger from the `old` value to the `new` one.
+
+    Empty for a place, a radius and a speed of exchange, which say little about the strength.
+    """
+    described = EFFECTS[cause.effect].parameters[parameter]
+    if not described.is_scored or parameter in NO_STRENGTH:
+        return ''
+    before, after = old - described.neutral, new - described.neutral
+    if described.is_factor:  # half and twice as much are equally strong
+        before, after = (math.log(max(one, LEAST_FACTOR)) for one in (old, new))
+    if before * after < 0.0:
+        return ', and acts the other way now'
+    return f', a {"stronger" if abs(after) > abs(before) else "weaker"} effect now'
 
 
 def _back(earlier: Sequence[PastFinding], named: Sequence[CauseCourse]) -> Iterator[str]:

@@ -12,11 +12,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.errors import InputError, check_writable, writing
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.whole_file import write_whole
-from porotwin_diagnosis.history.recording_date import parse_date
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.one_writer import only_writer
 from porotwin_recording.recording import Recording
+from porotwin_recording.recording_date import parse_date
 from porotwin_solver.effects import EFFECTS
 
 FILE = 'belief.json'

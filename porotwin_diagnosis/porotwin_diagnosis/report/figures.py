@@ -1,7 +1,8 @@
 """The figures of the report: plumes, where the gap arises, the error over time, the remainder."""
 
+import textwrap
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,9 +11,11 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig
 from porotwin_core.rig.sand_interfaces import interfaces
 from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
+from porotwin_core.well_colours import well_colours
 from porotwin_core.wells import WellRates
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.decision.held_out import HeldOut
@@ -42,8 +45,52 @@ LEAST_DEVIATIONS_TOP = 3.0
 BEFORE, AFTER, OBSERVED = '#c8402f', '#1f6fb4', '0.15'
 """Line colours of the model before and after, and of the observation."""
 
+MOST_HEIGHT = 7.5
+"""Greatest height of a figure of maps [inch]: 680 pixels on the page, which fit a screen."""
+
+MARGIN, BESIDE_PANEL, BELOW_PANEL = 0.65, 1.3, 0.75
+"""Space for titles and labels above and below a map, for labels and a colour bar beside it, and for
+a colour bar below it [inch]."""
+
+LEAST_BAR = 1.7
+"""Height of a map from which on a colour bar with its label stands beside it [inch]."""
+
+TALL = 1.8
+"""Height over width from which on a rig is tall."""
+
+LETTERS_PER_INCH = 9.0
+"""Letters of a title in an inch; some of its width belongs to labels and colour bars."""
+
 FRONT = 0.5
 """Concentration of the line that is drawn as a front, relative to the stock."""
+
+
+class Panels(NamedTuple):
+    """A `figure` of maps.
+
+    Attributes:
+        figure: the figure.
+        bars_beside: whether colour bars stand beside the maps; below flat ones, because their
+            labels are longer than such maps are high.
+        letters: number of letters in a line of a title.
+    """
+
+    figure: Figure
+    bars_beside: bool
+    letters: int
+
+    def bar(self, image: Any, axes: Any, label: str, shrink: float = 0.8) -> None:
+        """Draw the colour bar of `image` for `axes`."""
+        if self.bars_beside:
+            self.figure.colorbar(image, ax=axes, label=label, shrink=shrink)
+        else:
+            self.figure.colorbar(
+                image, ax=axes, label=label, location='bottom', shrink=0.5, aspect=40
+            )
+
+    def title(self, axis: Axes, words: str) -> None:
+        """Give `axis` a title, in as many lines as it needs."""
+        axis.set_title('\n'.join(textwrap.wrap(words, self.letters)), fontsize=10)
 
 
 def plumes(result: Diagnosis, number: int = 0) -> Figure:
@@ -52,40 +99,40 @@ def plumes(result: Diagnosis, number: int = 0) -> Figure:
     if result.verdict.name == NONE:
         return _plumes_without_gap(result, part)
     observed, before, after = part.observed[-1], part.before[-1], part.after[-1]
-    figure, axes = _panels(result, 2, 3)
+    panels, axes = _panels(result, 2, 3)
     titles = ('observed', 'model as it is', _after_title(result))
     for axis, title, shown in zip(axes[0], titles, (observed, before, after), strict=True):
         image = _map(axis, result, shown, **CONCENTRATION)
-        axis.set_title(f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}', fontsize=10)
-    figure.colorbar(image, ax=axes[0], label='tracer [share of stock]', shrink=0.9)
-    _fronts(axes[1, 0], result, part)
+        panels.title(axis, f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}')
+    panels.bar(image, axes[0], 'tracer [share of stock]', 0.9)
+    _fronts(axes[1, 0], result, part, columns=3 if panels.letters > 30 else 1)
     for axis, title, shown in zip(axes[1, 1:], titles[1:], (before, after), strict=True):
         difference = _map(axis, result, observed - shown, **DIFFERENCE)
-        axis.set_title(f'observed − {title}', fontsize=10)
-    figure.colorbar(difference, ax=axes[1], label='difference [share of stock]', shrink=0.9)
-    return figure
+        panels.title(axis, f'observed − {title}')
+    panels.bar(difference, axes[1], 'difference [share of stock]', 0.9)
+    return panels.figure
 
 
 def _plumes_without_gap(result: Diagnosis, part: HeldOut) -> Figure:
-    figure, axes = _panels(result, 1, 3)
+    panels, axes = _panels(result, 1, 3)
     shown = (part.observed[-1], part.before[-1])
     for axis, title, frame in zip(axes[0], ('observed', 'model as it is'), shown, strict=False):
         image = _map(axis, result, frame, **CONCENTRATION)
-        axis.set_title(f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}', fontsize=10)
-    figure.colorbar(image, ax=axes[0, :2], label='tracer [share of stock]', shrink=0.75)
+        panels.title(axis, f'{title}, {time_unit(part.times[-1]).text(part.times[-1])}')
+    panels.bar(image, axes[0, :2], 'tracer [share of stock]', 0.75)
     difference = _map(axes[0, 2], result, shown[0] - shown[1], **DIFFERENCE)
-    axes[0, 2].set_title('observed − model', fontsize=10)
-    figure.colorbar(difference, ax=axes[0, 2], label='difference [share of stock]', shrink=0.75)
-    return figure
+    panels.title(axes[0, 2], 'observed − model')
+    panels.bar(difference, axes[0, 2], 'difference [share of stock]', 0.75)
+    return panels.figure
 
 
 def where(result: Diagnosis) -> Figure:
     """Return the map of the origin of the gap, with hot spots and the place of the effect."""
-    figure, axes = _panels(result, 1, 1, width=7.0)
-    _draw_strength(figure, axes[0, 0], result, 'where the gap arises')
+    panels, axes = _panels(result, 1, 1, width=7.0)
+    _draw_strength(panels, axes[0, 0], result, 'where the gap arises')
     _spots(axes[0, 0], result)
     _places(axes[0, 0], result)
-    return figure
+    return panels.figure
 
 
 def gap(result: Diagnosis) -> Figure:
@@ -96,18 +143,18 @@ def gap(result: Diagnosis) -> Figure:
     """
     part = result.held_out[0]
     alone = arises_in_rig(result)
-    figure, axes = _panels(result, 1, 1 if alone else 2, width=7.0 if alone else 12.0)
+    panels, axes = _panels(result, 1, 1 if alone else 2, width=7.0 if alone else 12.0)
     if not alone:
         named = result.verdict.name != NONE
         title = 'fronts that the camera changes' if named else 'error of one short step'
-        _draw_strength(figure, axes[0, 0], result, title)
+        _draw_strength(panels, axes[0, 0], result, title)
     wrong = _rms(part.observed - part.before)
     image = _map(axes[0, -1], result, wrong, cmap='inferno', vmin=0, vmax=0.5)
-    axes[0, -1].set_title('error of the model as it is, held-out part', fontsize=10)
-    figure.colorbar(image, ax=axes[0, -1], label='rms error [share of stock]', shrink=0.8)
+    panels.title(axes[0, -1], 'error of the model as it is, held-out part')
+    panels.bar(image, axes[0, -1], 'rms error [share of stock]', 0.8)
     if alone:
         _places(axes[0, -1], result)
-    return figure
+    return panels.figure
 
 
 def arises_in_rig(result: Diagnosis) -> bool:
@@ -117,13 +164,13 @@ def arises_in_rig(result: Diagnosis) -> bool:
     return result.verdict.name != NONE and not of_camera
 
 
-def _draw_strength(figure: Figure, axis: Axes, result: Diagnosis, title: str) -> None:
+def _draw_strength(panels: Panels, axis: Axes, result: Diagnosis, title: str) -> None:
     unit = time_unit(result.samples[0].duration)
     strength = 100.0 * unit.seconds * result.gap.strength
     top = max(float(strength.max()), LEAST_COLOUR_TOP if result.verdict.name == NONE else 1e-3)
     image = _map(axis, result, strength, cmap='inferno', vmin=0, vmax=top)
-    axis.set_title(title, fontsize=10)
-    figure.colorbar(image, ax=axis, label=f'gap strength [% of stock per {unit.name}]', shrink=0.8)
+    panels.title(axis, title)
+    panels.bar(image, axis, f'gap strength [% of stock per {unit.name}]')
 
 
 def remainder(result: Diagnosis) -> Figure:
@@ -137,19 +184,19 @@ def remainder(result: Diagnosis) -> Figure:
         width=SMOOTHING_WIDTH,
         point_spread_width=part.point_spread_width,
     )
-    figure, axes = _panels(result, 1, 3)
+    panels, axes = _panels(result, 1, 3)
     fitted = early_part.observed - early
     parts = (('fitted part', fitted), ('held-out part', part.observed - part.after))
     for axis, (title, difference) in zip(axes[0], parts, strict=False):
         image = _map(axis, result, _mean(difference), **MEAN_DIFFERENCE)
-        axis.set_title(f'observed − best model, {title}', fontsize=9)
-    figure.colorbar(image, ax=axes[0, :2], label='mean [share of stock]', shrink=0.75)
+        panels.title(axis, f'observed − best model, {title}')
+    panels.bar(image, axes[0, :2], 'mean [share of stock]', 0.75)
     deviations = _rms(whitened)
     top = max(LEAST_DEVIATIONS_TOP, float(deviations.max()))
     image = _map(axes[0, 2], result, deviations, cmap='inferno', vmin=0, vmax=top)
-    axes[0, 2].set_title('relative to the noise', fontsize=9)
-    figure.colorbar(image, ax=axes[0, 2], label='rms [standard deviations]', shrink=0.75)
-    return figure
+    panels.title(axes[0, 2], 'relative to the noise')
+    panels.bar(image, axes[0, 2], 'rms [standard deviations]', 0.75)
+    return panels.figure
 
 
 def course(result: Diagnosis, number: int = 0) -> Figure:
@@ -160,9 +207,10 @@ def course(result: Diagnosis, number: int = 0) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     unit = time_unit(sample.duration)
     _draw_errors(upper, result, data, unit)
-    for well in sample.schedule.wells:
-        intervals = sample.schedule.intervals(sample.start, sample.end)
-        _draw_rates(lower, intervals, well, unit)
+    rates = list(sample.schedule.intervals(sample.start, sample.end))
+    for well, colour in well_colours(result.recordings[number].rig).items():
+        if well in sample.schedule.wells:
+            _draw_rates(lower, rates, well, colour, unit)
     lower.set(xlabel=f'time [{unit.name}]', ylabel='rate [ml/h]')
     lower.axhline(0, color='0.7', lw=0.8)
     lower.legend(frameon=False, ncols=6, fontsize=8, loc='lower left', bbox_to_anchor=(0, 1))
@@ -195,30 +243,51 @@ def _draw_errors(axis: Axes, result: Diagnosis, data: ErrorCourse, unit: TimeUni
 
 
 def _draw_rates(
-    axis: Axes, intervals: Iterable[tuple[float, float, WellRates]], well: str, unit: TimeUnit
+    axis: Axes,
+    intervals: Iterable[tuple[float, float, WellRates]],
+    well: str,
+    colour: str,
+    unit: TimeUnit,
 ) -> None:
-    """Draw the rate of `well` over time, thick where it injects tracer."""
+    """Draw the rate of `well` over time in its `colour`, thick where it injects tracer."""
     parts = [(start, end, rates.get(well)) for start, end, rates in intervals]
     edges = np.array([parts[0][0], *(end for _, end, _ in parts)]) / unit.seconds
     rates = [0.0 if rate is None else to_ml_h(rate.rate) for _, _, rate in parts]
-    (line,) = axis.step(edges, [*rates, rates[-1]], where='post', lw=1.2, label=well)
+    axis.step(edges, [*rates, rates[-1]], where='post', lw=1.2, color=colour, label=well)
     for start, end, (_, _, rate) in zip(edges[:-1], edges[1:], parts, strict=True):
         if rate is not None and rate.rate > 0 and rate.concentration > 0:
             level = to_ml_h(rate.rate)
-            axis.plot([start, end], [level, level], lw=4, color=line.get_color())
+            axis.plot([start, end], [level, level], lw=4, color=colour)
 
 
-def _panels(result: Diagnosis, rows: int, columns: int, width: float = 12.0) -> tuple[Figure, Any]:
-    """Return a figure of `width` [inch] and its axes, (rows, columns), in the shape of the rig."""
+def _panels(result: Diagnosis, rows: int, columns: int, width: float = 12.0) -> tuple[Panels, Any]:
+    """Return a figure of at most `width` [inch] and its axes (rows, columns), shaped like the rig.
+
+    The figure fits a screen: the rows of a tall rig stand side by side.
+    """
     rig = result.recordings[0].rig
-    height = width / 1.2 / columns * rig.height_m / rig.width_m + 0.65
-    figure = Figure(figsize=(width, rows * height), layout='constrained')
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    ratio = rig.height_m / rig.width_m
+    drawn = (1, rows * columns) if is_tall(rig) else (rows, columns)
+    natural = width / 1.2 / drawn[1] * ratio
+    panel = min(natural, MOST_HEIGHT / drawn[0] - MARGIN)
+    width = min(width, drawn[1] * (1.2 * panel / ratio + BESIDE_PANEL))
+    beside = panel >= LEAST_BAR
+    figure = Figure(
+        figsize=(width, drawn[0] * (panel + MARGIN + (0.0 if beside else BELOW_PANEL))),
+        layout='constrained',
+    )
+    axes = figure.subplots(*drawn, sharex=True, sharey=True, squeeze=False)
     for axis in axes[-1]:
         axis.set_xlabel('x [m]', fontsize=9)
     for axis in axes[:, 0]:
         axis.set_ylabel('z [m]', fontsize=9)
-    return figure, axes
+    letters = int(LETTERS_PER_INCH * width / drawn[1])
+    return Panels(figure, bars_beside=beside, letters=letters), axes.reshape(rows, columns)
+
+
+def is_tall(rig: Rig) -> bool:
+    """Return whether the maps of `rig` stand side by side in one row."""
+    return rig.height_m > TALL * rig.width_m
 
 
 def _map(axis: Axes, result: Diagnosis, values: FloatArray, **style: Any) -> Any:
@@ -243,11 +312,13 @@ def _sands(axis: Axes, result: Diagnosis) -> None:
 
 
 def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
-    """Draw the wells with their names, in white on a `dark` map."""
+    """Draw the wells in their colours, with their names in white on a `dark` map."""
     ink, ground = ('w', 'k') if dark else ('k', 'w')
     rig = result.recordings[0].rig
+    colours = well_colours(rig)
     for name, well in rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', ms=4, mfc='w', mec='k', mew=0.8)
+        axis.plot(well.x_m, well.z_m, 'o', ms=6, mfc='w', mec='k', mew=0.8)
+        axis.plot(well.x_m, well.z_m, 'o', ms=3.5, mfc=colours[name], mec='none')
         right = well.x_m > 0.8 * rig.width_m
         axis.annotate(
             name,
@@ -263,8 +334,11 @@ def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
     axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m), aspect='equal')
 
 
-def _fronts(axis: Axes, result: Diagnosis, part: HeldOut) -> None:
-    """Draw the fronts of the last three maps: observed, before and after."""
+def _fronts(axis: Axes, result: Diagnosis, part: HeldOut, *, columns: int) -> None:
+    """Draw the fronts of the last three maps: observed, before and after.
+
+    The legend above has that many `columns`.
+    """
     rig = result.recordings[0].rig
     grid = rig.grid(*part.observed.shape[:0:-1])
     shown = (
@@ -284,8 +358,8 @@ def _fronts(axis: Axes, result: Diagnosis, part: HeldOut) -> None:
     axis.legend(
         fontsize=7.5,
         loc='lower center',
-        bbox_to_anchor=(0.5, 0.98),
-        ncols=3,
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=columns,
         frameon=False,
         columnspacing=1.0,
         handlelength=1.5,

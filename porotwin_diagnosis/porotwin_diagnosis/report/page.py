@@ -186,7 +186,8 @@ def _plumes_caption(result: Diagnosis, number: int, which: str) -> str:
     first = f'The last map{which}, and the prediction from {inputs(result.samples[number])} alone.'
     if result.verdict.name == NONE:
         return f'{first} Right: the difference. {colours}'
-    return f'{first} Below: the fronts (half of the stock), and the differences. {colours}'
+    place = 'Right' if figures.is_tall(result.recordings[number].rig) else 'Below'
+    return f'{first} {place}: the fronts (half of the stock), and the differences. {colours}'
 
 
 def _where_caption(result: Diagnosis) -> str:

@@ -20,7 +20,7 @@ from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.effect_traits import is_of_camera
-from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT
+from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT, MOST_HEIGHT
 
 STRONGEST_INK = 0.65
 """Opacity of the gap where it is strongest; the photograph stays visible below it."""
@@ -45,7 +45,8 @@ def photograph(content: bytes, result: Diagnosis) -> Figure:
     """
     picture = imread(io.BytesIO(content), format='jpg')  # the reader finds the real format itself
     height, width = picture.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width))
+    scale = min(10.0 / width, MOST_HEIGHT / height)
+    figure = Figure(figsize=(scale * width, scale * height))
     axis = figure.add_axes((0, 0, 1, 1))
     axis.imshow(picture, cmap='gray')
     rig = result.recordings[0].rig

@@ -55,14 +55,15 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         'probability',
     ]
     note = (
-        '<p>Every effect in the table was fitted to the first 70 % of the recording. Without any '
-        f'effect the error of the held-out part is {percent(before)}{_joint_error(result, summary)}'
-        '. These errors come from the cells of the search and differ a little from those of the '
-        'answer. Probabilities follow from the misfit at the fronts of the whole recording: '
-        'a smaller error may be less probable. All members '
-        'of a combination have its probability. The remainder to 100 % is for no '
-        'effect at all, for causes that the library lacks, and for all that this recording is too '
-        f'coarse to tell. “≤”: at or below the noise.{_left_out(result, summary)}</p>'
+        '<p>Every effect in the table was fitted to the first 70 % of the recording. The error is '
+        'that of the last 30 %, the held-out part. Without any effect it is '
+        f'{percent(before)}{_joint_error(result, summary)}. “≤” means at or below the noise. The '
+        'errors differ a little from those of the answer, because the search uses larger '
+        f'cells.{_left_out(result, summary)}</p>'
+        '<p>The probability follows from the misfit at the fronts of the whole recording. So an '
+        'effect with a smaller error may be less probable. All members of a combination have its '
+        'probability. The sum may be below 100 %. The rest is for no effect at all, for causes '
+        'outside the library, and for all that this recording is too coarse to tell.</p>'
     )
     return note + table(head, rows, {4, 5})
 

@@ -12,8 +12,14 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number, reading
 
+DIGITS = 3
+"""Most significant digits of a fitted parameter, in the sentence and in the table alike."""
+
 MOST_DECIMALS = 5
 """Intervals that need more decimals are written with powers of ten."""
+
+COORDINATES = {'x', 'z'}
+"""Places, which are written to the millimetre at most."""
 
 
 def spoken(name: str) -> str:
@@ -21,7 +27,7 @@ def spoken(name: str) -> str:
     return name.replace('_', ' ')
 
 
-def value(effect: str, parameter: str, amount: float, digits: int = 3) -> str:
+def value(effect: str, parameter: str, amount: float, digits: int = DIGITS) -> str:
     """Return `amount` of a parameter of `effect` in the unit of the report, as HTML."""
     factor, unit = reading(EFFECTS[effect].parameters[parameter])
     return f'{number(factor * amount, digits)} {unit}'.strip()
@@ -30,8 +36,8 @@ def value(effect: str, parameter: str, amount: float, digits: int = 3) -> str:
 def interval(effect: str, parameter: str, entry: Mapping[str, Any]) -> tuple[str, str]:
     """Return the value and the 90 % interval of a parameter of `effect`, as HTML.
 
-    Both are written to two digits of the interval's width. The interval is empty where it is not
-    known.
+    Both are written to two digits of the interval's width, but to `DIGITS` significant digits at
+    most, as the phrase of the effect is. The interval is empty where it is not known.
 
     Args:
         effect: name of the effect.
@@ -41,34 +47,64 @@ def interval(effect: str, parameter: str, entry: Mapping[str, Any]) -> tuple[str
     amount = entry['value']
     if isinstance(amount, str):
         return html.escape(amount), ''
-    low, high = entry.get('low'), entry.get('high')
-    if low is None or high is None or low == high:
-        return value(effect, parameter, amount), ''
     factor, unit = reading(EFFECTS[effect].parameters[parameter])
-    low, high = sorted((factor * low, factor * high))
-    decimals = 1 - math.floor(math.log10(high - low))
-    if decimals > MOST_DECIMALS:
-        span = f'{number(low)} … {number(high)} {unit}'.strip()
-        return value(effect, parameter, amount), span
-    texts = [_fixed(part, max(decimals, 0)) for part in (low, high)]
-    middle = f'{_fixed(factor * amount, max(decimals, 0))} {unit}'
+    ends = [factor * end for end in (entry.get('low'), entry.get('high')) if end is not None]
+    decimals = _decimals(effect, parameter, entry)
+    if decimals is None:
+        span = f'{" … ".join(map(number, sorted(ends)))} {unit}' if len(set(ends)) == 2 else ''
+        return value(effect, parameter, amount), span.strip()
+    texts = [_fixed(part, decimals) for part in sorted(ends)]
+    middle = f'{_fixed(factor * amount, decimals)} {unit}'
     return middle.strip(), f'{" … ".join(texts)} {unit}'.strip()
+
+
+def _decimals(effect: str, parameter: str, entry: Mapping[str, Any]) -> int | None:
+    """Return the decimals of a parameter in the unit of the report, see `interval`.
+
+    They are negative where the digits before the point are too many. None: its interval is not
+    known, or it needs powers of ten.
+    """
+    if entry.get('low') is None or entry.get('high') is None or entry['low'] == entry['high']:
+        return None
+    factor = reading(EFFECTS[effect].parameters[parameter]).factor
+    low, high, middle = (factor * entry[key] for key in ('low', 'high', 'value'))
+    by_width = max(1 - _exponent(abs(high - low)), 0)
+    if by_width > MOST_DECIMALS:
+        return None
+    by_size = DIGITS - 1 - _exponent(abs(middle)) if middle else by_width
+    decimals = min(by_width, 0 if parameter in COORDINATES else by_size)
+    return decimals if round(low, decimals) != round(high, decimals) else by_width
+
+
+def _exponent(amount: float) -> int:
+    """Return the power of ten of the first digit of `amount`."""
+    return math.floor(math.log10(amount))
 
 
 def _fixed(amount: float, decimals: int) -> str:
     """Return `amount` with fixed decimals and a real minus sign, which zero never has."""
-    return f'{amount:z.{decimals}f}'.replace('-', '−')
+    return f'{round(amount, decimals):z.{max(decimals, 0)}f}'.replace('-', '−')
+
+
+def _stated(effect: str, parameter: str, entry: Mapping[str, Any]) -> float | str:
+    """Return a parameter of `effect` as the table states it; a name as HTML."""
+    if isinstance(entry['value'], str):
+        return html.escape(entry['value'])
+    decimals = _decimals(effect, parameter, entry)
+    if decimals is None:
+        return float(entry['value'])
+    factor = reading(EFFECTS[effect].parameters[parameter]).factor
+    # a size that rounds to nothing stays: its sign chooses the words
+    return round(factor * entry['value'], decimals) / factor or float(entry['value'])
 
 
 def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the phrase of `effect` with its `parameters` of `diagnosis.json`, as HTML.
 
-    If some intervals hold the value of no effect and others do not, the phrase says which.
+    The numbers are rounded as in the table, see `interval`. If some intervals hold the value of no
+    effect and others do not, the phrase says which.
     """
-    values = {
-        key: html.escape(entry['value']) if isinstance(entry['value'], str) else entry['value']
-        for key, entry in parameters.items()
-    }
+    values = {key: _stated(effect, key, entry) for key, entry in parameters.items()}
     words = EFFECTS[effect].phrase(values)
     known = [key for key, entry in parameters.items() if entry.get('low') is not None]
     neutral = {key: EFFECTS[effect].parameters[key].neutral for key in known}

@@ -202,6 +202,7 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
         return Judgement(levels, pairs)
     unexplained = not pairs or leaves_a_gap(pairs[0])
     if unexplained and score(best) < CORRECTABLE_MISFIT:
+        levels.progress('fitting single effects again', 0.476)
         levels = levels.with_corrected_coarse_cells(best.effects)
         again = refitted_singles(levels, best, screened)
         levels, more = judged_pairs(levels, space, again, best, null)

@@ -31,7 +31,7 @@ from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.library import pumping_wells
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.model.rough_sand import RoughSands, on_rough_sand
-from porotwin_diagnosis.progress import Progress
+from porotwin_diagnosis.progress import Progress, steps_of
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     feasible,
@@ -196,18 +196,19 @@ class Levels:
         Fits that are not feasible are left out. `begin` is the progress at the beginning.
         """
 
-        def refine(number: int) -> Fit:
-            fit = fits[number]
-            self.progress(f'refining {fit.label}', begin + REFINING_PROGRESS * number / len(fits))
-            return self.refining.fit(
-                fit.members,
-                start=fit.scaled_parameters,
-                coarse_steps=0,
-                fine_steps=REFINING_ITERATIONS,
-                updated_slopes=True,
-            )
+        step = steps_of(self.progress, begin, REFINING_PROGRESS, len(fits))
 
-        refined = self.side_by_side(refine, range(len(fits)))
+        def refine(fit: Fit) -> Fit:
+            with step(f'refining {fit.label}'):
+                return self.refining.fit(
+                    fit.members,
+                    start=fit.scaled_parameters,
+                    coarse_steps=0,
+                    fine_steps=REFINING_ITERATIONS,
+                    updated_slopes=True,
+                )
+
+        refined = self.side_by_side(refine, fits)
         return sorted(feasible(refined), key=score)
 
     def judged(self, refined: Sequence[Fit], begin: float) -> list[Fit]:
@@ -217,12 +218,13 @@ class Levels:
         """
         best = close_to_best(refined)[:JUDGED_FITS]
 
-        def judge(number: int) -> Fit:
-            stage, done = f'judging {best[number].label}', JUDGING_PROGRESS * number / JUDGED_FITS
-            self.progress(stage, begin + done)
-            return polished(self.judging, best[number], self.refining)
+        step = steps_of(self.progress, begin, JUDGING_PROGRESS, len(best))
 
-        return self.ranked(feasible(self.side_by_side(judge, range(len(best)))))
+        def judge(fit: Fit) -> Fit:
+            with step(f'judging {fit.label}'):
+                return polished(self.judging, fit, self.refining)
+
+        return self.ranked(feasible(self.side_by_side(judge, best)))
 
     def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> 'Judgement':
         """Return the ranked `fits` judged again on corrected levels.

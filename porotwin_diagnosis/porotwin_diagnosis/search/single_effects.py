@@ -9,6 +9,7 @@ from porotwin_core.errors import InputError
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.progress import steps_of
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.search.ranking import (
@@ -68,14 +69,15 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
         raise InputError('the model cannot run with any effect of the library on this recording')
     limit = UNPROMISING * min(map(score, fits))
 
-    def fitted(number: int) -> Fit:
-        fit = fits[number]
+    step = steps_of(levels.progress, 0.08, 0.06, len(fits))
+
+    def fitted(fit: Fit) -> Fit:
         if score(fit) >= limit:
             return fit
-        levels.progress(f'fitting {fit.label}', 0.08 + 0.06 * number / len(fits))
-        return _continued(levels, fit)
+        with step(f'fitting {fit.label}'):
+            return _continued(levels, fit)
 
-    fits = levels.side_by_side(fitted, range(len(fits)))
+    fits = levels.side_by_side(fitted, fits)
     placed = []
     for effect in space.local_effects:
         levels.progress(f'looking for a place of {effect}', 0.14)
@@ -89,12 +91,13 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
 def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     """Return fits of the effects without a place to coarse residuals, the best score first."""
 
-    def tried(number: int) -> Fit:
-        candidate, share = space.candidates[number], number / len(space.candidates)
-        levels.progress(f'trying {candidate.label}', 0.01 + 0.07 * share)
-        return _fit_from_best_start(levels, candidate)
+    step = steps_of(levels.progress, 0.01, 0.07, len(space.candidates))
 
-    fits = levels.side_by_side(tried, range(len(space.candidates)))
+    def tried(candidate: Candidate) -> Fit:
+        with step(f'trying {candidate.label}'):
+            return _fit_from_best_start(levels, candidate)
+
+    fits = levels.side_by_side(tried, space.candidates)
     return sorted(feasible(fits), key=score)
 
 

@@ -36,8 +36,7 @@ def phrase(values: Values) -> str:
         return 'the tracer fades or is lost at no rate'
     half_life = time_span(math.log(2) / rate)
     return (
-        f'the tracer fades or is lost at {number(3600 * rate, 2)} per hour, '
-        f'half of it in {half_life}'
+        f'the tracer fades or is lost at {number(3600 * rate)} per hour, half of it in {half_life}'
     )
 
 

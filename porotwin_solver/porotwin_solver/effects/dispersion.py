@@ -53,15 +53,15 @@ def phrase(values: Values) -> str:
     if values['longitudinal_dispersivity'] > 0:
         return (
             'the tracer spreads on its way: dispersivity '
-            f'{number(1e3 * values["longitudinal_dispersivity"], 2)} mm along the flow, '
-            f'{number(1e3 * values["transverse_dispersivity"], 2)} mm across'
+            f'{number(1e3 * values["longitudinal_dispersivity"])} mm along the flow, '
+            f'{number(1e3 * values["transverse_dispersivity"])} mm across'
         )
     diffusion = values['diffusion']
     if diffusion < 1.05 * MOLECULAR_DIFFUSION:
         return 'the tracer spreads no more than by molecular diffusion'
     return (
-        f'the tracer spreads as by a diffusion of {number(diffusion, 2)} m²/s, '
-        f'{number(diffusion / MOLECULAR_DIFFUSION, 2)} times the molecular one'
+        f'the tracer spreads as by a diffusion of {number(diffusion)} m²/s, '
+        f'{number(diffusion / MOLECULAR_DIFFUSION)} times the molecular one'
     )
 
 

@@ -53,7 +53,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 def phrase(values: Values) -> str:
     """Say how much water is immobile, and how fast it exchanges."""
     return (
-        f'{number(100 * values["immobile_fraction"], 2)} % of the pore water stand still and '
+        f'{number(100 * values["immobile_fraction"])} % of the pore water stand still and '
         f'exchange tracer with the rest within {time_span(1 / values["exchange_rate"])}'
     )
 

@@ -92,7 +92,7 @@ def phrase(values: Values) -> str:
     """Say where the zone is, how large, and how permeable."""
     more = factor(values['permeability_factor'], 'more', 'less')
     return (
-        f'a zone of {number(1e3 * values["radius"], 2)} mm radius at {place(values)} '
+        f'a zone of {number(1e3 * values["radius"])} mm radius at {place(values)} '
         f'is {more} permeable than the nominal sand'
     )
 

@@ -50,7 +50,7 @@ def phrase(values: Values) -> str:
     """Say how the signal changes in time and across the rig."""
     return (
         f'the tracer’s signal {"grows" if values["drift"] >= 0 else "falls"} by '
-        f'{number(3.6e5 * abs(values["drift"]), 2)} %/h, and is '
+        f'{number(3.6e5 * abs(values["drift"]))} %/h, and is '
         f'{direction(values["gradient"], "stronger", "weaker", "% per 10 cm", 10)} to the right'
     )
 

@@ -75,7 +75,7 @@ def trials(context: SearchContext, centre: tuple[float, float]) -> Sequence[Cand
 def phrase(values: Values) -> str:
     """Say where water enters or is lost, and how much."""
     event = 'water enters' if values['rate'] > 0 else 'water is lost'
-    return f'{event} at {place(values)}: {number(abs(values["rate"]), 2)} ml/h'
+    return f'{event} at {place(values)}: {number(abs(values["rate"]))} ml/h'
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:

@@ -21,7 +21,7 @@ def phrase(values: Values) -> str:
     """Say how much the scheme smears."""
     return (
         'the model itself smears, as by a diffusion of '
-        f'{number(values["model_diffusion"], 2)} m²/s; a sharper scheme closes the gap'
+        f'{number(values["model_diffusion"])} m²/s; a sharper scheme closes the gap'
     )
 
 

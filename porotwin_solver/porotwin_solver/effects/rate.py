@@ -30,7 +30,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how much the pump delivers."""
-    delivered = number(100 * values['factor'], 3)
+    delivered = number(100 * values['factor'])
     return f'pump {values["well"]} delivers {delivered} % of the commanded rate'
 
 

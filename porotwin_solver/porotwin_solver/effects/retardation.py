@@ -28,7 +28,7 @@ def candidates(_context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how fast the tracer travels."""
-    speed = number(100 / values['retardation_factor'], 3)
+    speed = number(100 / values['retardation_factor'])
     return f'the tracer sorbs to the sand and travels at {speed} % of the water’s speed'
 
 

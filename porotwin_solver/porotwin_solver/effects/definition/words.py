@@ -34,7 +34,7 @@ def reading(parameter: Parameter) -> Reading:
 def number(value: float, digits: int = 3) -> str:
     """Return `value` with `digits` significant digits as HTML, powers of ten as exponents."""
     text = f'{value:.{digits}g}'
-    if 1e2 <= abs(value) < 1e5:
+    if 1e2 <= abs(float(text)) < 1e5:  # of the rounded value: 99.7 is 100 to two digits
         text = f'{float(text):.0f}'
     if 'e' not in text:
         return text.replace('-', '−')
@@ -53,26 +53,26 @@ def factor(value: float, more: str, less: str) -> str:
     `less`."""
     if not 1 / MOST_PERCENT < value < MOST_PERCENT:
         times = value if value > 1 else 1 / max(value, 1e-9)
-        return f'{number(times, 2)} times {more if value > 1 else less}'
-    return f'{number(100 * abs(value - 1), 2)} % {more if value >= 1 else less}'
+        return f'{number(times)} times {more if value > 1 else less}'
+    return f'{number(100 * abs(value - 1))} % {more if value >= 1 else less}'
 
 
 def direction(
     value: float, plus: str, minus: str, unit: str = 'mm', unit_factor: float = 1e3
 ) -> str:
     """Return the size of `value` in `unit` and `plus` or `minus` for its sign."""
-    return f'{number(unit_factor * abs(value), 2)} {unit} {plus if value >= 0 else minus}'
+    return f'{number(unit_factor * abs(value))} {unit} {plus if value >= 0 else minus}'
 
 
 def time_span(seconds: float) -> str:
     """Return a time in seconds, minutes, hours or days."""
     if seconds < LONGEST_IN_SECONDS:
-        return f'{number(seconds, 2)} s'
+        return f'{number(seconds)} s'
     if seconds < LONGEST_IN_MINUTES:
-        return f'{number(seconds / MINUTE_S, 2)} min'
+        return f'{number(seconds / MINUTE_S)} min'
     if seconds < LONGEST_IN_HOURS:
-        return f'{number(seconds / HOUR_S, 2)} h'
-    return f'{number(seconds / DAY_S, 2)} days'
+        return f'{number(seconds / HOUR_S)} h'
+    return f'{number(seconds / DAY_S)} days'
 
 
 def place(values: Values) -> str:
