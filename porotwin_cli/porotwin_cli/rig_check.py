@@ -25,7 +25,7 @@ from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_abou
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import ML, to_ml_h
 from porotwin_core.wells import Schedule
-from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_CONFIDENCE
+from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.corner_check import REMEDY, small_rig
@@ -288,9 +288,10 @@ def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     """Return how many maps there are, of which times and cells, and what that means."""
     words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
-    if grid.nx < SCANT_COLUMNS:
+    if max(grid.shape) < SCANT_CELLS:
         words += (
-            f'; below {SCANT_COLUMNS} columns a diagnosis states at most {SCANT_CONFIDENCE:.0%}'
+            f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
+            f'most {SCANT_CONFIDENCE:.0%}'
         )
     return words
 

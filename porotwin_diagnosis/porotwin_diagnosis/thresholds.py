@@ -279,10 +279,10 @@ WORSENED = 1.02
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both
 predictions hardly differ in the held-out part."""
 
-SCANT_COLUMNS, SCANT_FRAMES, SCANT_CONFIDENCE = 80, 4, 0.7
-"""A recording with fewer columns of cells, or fewer frames to fit to, is scant: no verdict on it
-has a higher confidence. On 47 columns a shifted picture passed for a wrong rate, on 70 columns a
-wrong rate passed for unexplained."""
+SCANT_CELLS, SCANT_FRAMES, SCANT_CONFIDENCE = 80, 4, 0.7
+"""A recording with fewer cells along the longer side of the rig, or fewer frames to fit to, is
+scant: no verdict on it has a higher confidence. On 47 columns a shifted picture passed for a wrong
+rate, on 70 columns a wrong rate passed for unexplained."""
 
 LEAST_NUMERICAL_MISFIT = 1.5
 """Misfit of the configured scheme below which its numerical diffusion does not matter: a gap as

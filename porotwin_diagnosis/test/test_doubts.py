@@ -14,7 +14,7 @@ def words(result, **changes):
 
 @pytest.mark.parametrize('doubt', list(Doubt))
 def test_every_doubt_has_words(denser, doubt):
-    few = replace(denser, evidence=replace(denser.evidence, columns=47, fitted_frames=3))
+    few = replace(denser, evidence=replace(denser.evidence, cells_along=47, fitted_frames=3))
     assert words(few, doubt=doubt)
 
 

@@ -13,11 +13,11 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
 
-def evidence(errors=(0.2, 0.05), columns=94, frames=20):
+def evidence(errors=(0.2, 0.05), cells_along=94, frames=20):
     null = fit_of(misfit=5.0)
     findings = Findings(null, null, [], [fit_of('decay', misfit=0.4)], distances=[0.0])
     numerics = Numerics('accurate', 5.0, 5.0)
-    return Evidence(findings, explain(findings), numerics, errors, columns, frames)
+    return Evidence(findings, explain(findings), numerics, errors, cells_along, frames)
 
 
 def test_an_effect_with_which_the_error_grows_is_contradicted():
@@ -30,10 +30,10 @@ def test_an_effect_that_changes_nothing_in_the_held_out_part_is_not_contradicted
     assert not evidence((0.1000, 0.1008)).contradicted
 
 
-@pytest.mark.parametrize(('columns', 'frames'), [(79, 20), (94, 3)])
-def test_large_cells_and_few_frames_are_scant(columns, frames):
-    assert evidence(columns=columns, frames=frames).scant
-    assert not evidence(columns=80, frames=4).scant
+@pytest.mark.parametrize(('cells_along', 'frames'), [(79, 20), (94, 3)])
+def test_large_cells_and_few_frames_are_scant(cells_along, frames):
+    assert evidence(cells_along=cells_along, frames=frames).scant
+    assert not evidence(cells_along=80, frames=4).scant
 
 
 def leaks(deviation_m):

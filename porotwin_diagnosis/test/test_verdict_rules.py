@@ -40,8 +40,8 @@ def findings(null, *singles, pairs=(), distances=None, pair_distances=None, part
     )
 
 
-def evidence(found, *, numerics=SHARP, errors=(0.2, 0.05), columns=94, frames=20):
-    return Evidence(found, explain(found), numerics, errors, columns, frames)
+def evidence(found, *, numerics=SHARP, errors=(0.2, 0.05), cells_along=94, frames=20):
+    return Evidence(found, explain(found), numerics, errors, cells_along, frames)
 
 
 def verdict_on(found, **others):
@@ -246,7 +246,7 @@ def test_an_effect_that_makes_the_held_out_maps_worse_is_not_named():
     )
 
 
-@pytest.mark.parametrize('scant', [{'columns': 79}, {'frames': 3}])
+@pytest.mark.parametrize('scant', [{'cells_along': 79}, {'frames': 3}])
 def test_no_verdict_on_a_scant_recording_is_confident(scant):
     clear = findings(5.0, ('decay', 0.45), ('illumination', 2.4))
     unexplained = findings(30.0, ('rate', 20.0), ('clock', 21.0))

@@ -14,7 +14,7 @@ from porotwin_diagnosis.thresholds import (
     INTERVAL_DEVIATIONS,
     LOST_PLACE,
     PLACING_MISFIT,
-    SCANT_COLUMNS,
+    SCANT_CELLS,
     SCANT_FRAMES,
     WORSENED,
 )
@@ -31,7 +31,7 @@ class Evidence:
         numerics: misfits of the configured and of the accurate scheme.
         held_out_errors: relative L2 errors of the held-out maps before and after, with blur and
             level of the camera.
-        columns: columns of cells of the widest recording.
+        cells_along: cells along the longer side of the rig, of the finest recording.
         fitted_frames: frames that the fits saw, of all recordings.
         place_uncertainty: largest half width [-] of the 90 % interval of a place in the kept model,
             relative to the rig; 0 if it has no leak and no zone.
@@ -41,7 +41,7 @@ class Evidence:
     explanation: Explanation
     numerics: Numerics
     held_out_errors: tuple[float, float]
-    columns: int
+    cells_along: int
     fitted_frames: int
     place_uncertainty: float = 0.0
 
@@ -68,7 +68,7 @@ class Evidence:
     @property
     def scant(self) -> bool:
         """Whether cells are too large, or frames too few, for a confident verdict."""
-        return self.fitted_frames < SCANT_FRAMES or self.columns < SCANT_COLUMNS
+        return self.fitted_frames < SCANT_FRAMES or self.cells_along < SCANT_CELLS
 
 
 def gather(
@@ -84,7 +84,7 @@ def gather(
         explanation,
         numerics,
         camera_errors(held_out),
-        columns=max(sample.grid.nx for sample in samples),
+        cells_along=max(max(sample.grid.shape) for sample in samples),
         fitted_frames=sum(sample.fitted_frames for sample in samples),
         place_uncertainty=place_uncertainty(explanation.model),
     )

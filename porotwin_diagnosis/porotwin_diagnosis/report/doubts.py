@@ -4,7 +4,7 @@ from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Doubt, Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report.wording import spoken
-from porotwin_diagnosis.thresholds import SCANT_COLUMNS, SCANT_FRAMES
+from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_FRAMES
 
 ALWAYS_SAID = {Doubt.CONTRADICTED, Doubt.SCANT}
 """Doubts that the report explains with figures of their own."""
@@ -36,10 +36,10 @@ def doubt_words(result: Diagnosis) -> str:
 def scant(evidence: Evidence) -> str:
     """Say why the confidence is not higher, and name a remedy."""
     parts = []
-    if evidence.columns < SCANT_COLUMNS:
+    if evidence.cells_along < SCANT_CELLS:
         parts.append(
-            f'maps of {evidence.columns} columns of cells are coarser than the {SCANT_COLUMNS} '
-            'that the rules need; make finer maps'
+            f'maps of {evidence.cells_along} cells along the longer side of the rig are coarser '
+            f'than the {SCANT_CELLS} that the rules need; make finer maps'
         )
     if evidence.fitted_frames < SCANT_FRAMES:
         parts.append(

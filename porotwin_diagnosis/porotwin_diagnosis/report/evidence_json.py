@@ -37,7 +37,7 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'pair_distances': findings.pair_distances,
         'numerics': asdict(evidence.numerics),
         'held_out_errors': list(evidence.held_out_errors),
-        'columns': evidence.columns,
+        'cells_along': evidence.cells_along,
         'fitted_frames': evidence.fitted_frames,
         'place_uncertainty': evidence.place_uncertainty,
     }
@@ -57,7 +57,7 @@ def read_evidence(path: Path) -> Evidence:
         explain(findings),
         Numerics(**content['numerics']),
         (before, after),
-        columns=content['columns'],
+        cells_along=content['cells_along'],
         fitted_frames=content['fitted_frames'],
         place_uncertainty=content.get('place_uncertainty', 0.0),
     )
