@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.grid import FloatArray
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
+from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
 from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
@@ -57,6 +59,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     yield from remarks_about_maps(recording)
     maps, rates = recording.present_maps, recording.known_rates
     yield from _frozen(maps)
+    yield from _misplaced(maps, rates)
     yield from _offset(maps)
     chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
     yield from _false(recording.rig, maps, chosen)
@@ -71,7 +74,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         return
     yield from _lost_before(recording, rates)
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
-    yield from _turned(recording.rig, maps, rates, chosen)
+    yield from _misplaced_tracer(recording.rig, maps, rates, chosen)
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
     later = [index for index in chosen if stock and maps.times[index] > stock[0]]
     empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
@@ -134,6 +137,18 @@ def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
         )
 
 
+def _misplaced(maps: ConcentrationMaps, rates: Schedule | None) -> Iterator[Remark]:
+    """Yield a remark if single maps fit neither the map before nor the one after them."""
+    found = misplaced_maps(maps.times.tolist(), maps, rates)
+    if found:
+        named = ', '.join(f'{maps.times[number]:g}' for number in found)
+        yield _remark(
+            f'{len(found)} of {len(maps)} maps fit neither the map before nor the one after them, '
+            f'at {named} s; were they exchanged, or is there a glare? Correct their times, or '
+            'leave them out'
+        )
+
+
 def _false(rig: Rig, maps: ConcentrationMaps, chosen: Sequence[int]) -> Iterator[Remark]:
     """Yield a remark if single cells of the `chosen` maps are far off all others."""
     wells = cells_near(rig.wells.values(), maps.grid)
@@ -147,33 +162,51 @@ def _false(rig: Rig, maps: ConcentrationMaps, chosen: Sequence[int]) -> Iterator
         )
 
 
-def _turned(
+def _misplaced_tracer(
     rig: Rig, maps: ConcentrationMaps, rates: Schedule, chosen: Sequence[int]
 ) -> Iterator[Remark]:
-    """Yield a remark if tracer lies at mirror images of the wells that inject it, not at the wells.
+    """Yield a remark if tracer lies elsewhere than at the wells that inject it.
 
-    A file of rows from the top down is upside down, since z points up.
+    It lies at the wells that take water out if the signs of the rates are exchanged. It lies at
+    mirror images if the maps are turned: a file of rows from the top down is upside down, since z
+    points up.
     """
-    levels: dict[str, list[float]] = {how: [] for how in TURNS}
+    injecting: dict[str, list[float]] = {how: [] for how in TURNS}
+    taking: list[float] = []
     for index in chosen:
-        before = rates.at(float(maps.times[max(index - 1, 0)]))
-        frame = maps[index]
-        for name, rate in rates.at(float(maps.times[index])).items():
-            if rate.rate > 0 and rate.concentration > PURE and before.get(name) == rate:
-                cells = cells_near([rig.wells[name]], maps.grid)
+        before, now = rates.at(float(maps.times[max(index - 1, 0)])), rates.at(maps.times[index])
+        for name in (name for name, rate in now.items() if before.get(name) == rate):
+            cells = cells_near([rig.wells[name]], maps.grid)
+            if now[name].rate < 0:
+                taking += _levels(maps[index], cells)
+            elif now[name].rate > 0 and now[name].concentration > PURE:
                 for how, turn in TURNS.items():
-                    seen = frame[turn(cells)]
-                    levels[how].extend(seen[np.isfinite(seen)])
-    if not all(levels.values()):  # no well injected stock where the maps show it
+                    injecting[how] += _levels(maps[index], turn(cells))
+    if not all(injecting.values()):  # no well injected stock where the maps show it
         return
-    means = {how: float(np.mean(found)) for how, found in levels.items()}
+    means = {how: float(np.mean(found)) for how, found in injecting.items()}
+    if means[''] >= EMPTY_LEVEL:
+        return
     turned = max(means, key=means.__getitem__)
-    if means[turned] > FULL_LEVEL and means[''] < EMPTY_LEVEL:
+    where_they_inject = f'where wells inject stock they show {means[""]:.2g} in the mean'
+    if taking and np.mean(taking) > FULL_LEVEL:
         yield _remark(
-            f'the maps seem to be {turned}: where wells inject stock they show {means[""]:.2g} in '
-            f'the mean, and {means[turned]:.2g} at their mirror images; turn the maps, whose rows '
-            'go from the bottom up and whose columns from left to right'
+            f'the rates seem to have the wrong sign: {where_they_inject}, and '
+            f'{np.mean(taking):.2g} where wells take water out; a positive rate injects'
         )
+    elif means[turned] > FULL_LEVEL:
+        yield _remark(
+            f'the maps seem to be {turned}: {where_they_inject}, and {means[turned]:.2g} at their '
+            'mirror images; turn the maps, whose rows go from the bottom up and whose columns from '
+            'left to right'
+        )
+
+
+def _levels(frame: FloatArray, cells: NDArray[np.bool_]) -> list[float]:
+    """Return the known values of a map (nz, nx) in some cells."""
+    seen = frame[cells]
+    found: list[float] = seen[np.isfinite(seen)].tolist()
+    return found
 
 
 def _offset(maps: ConcentrationMaps) -> Iterator[Remark]:

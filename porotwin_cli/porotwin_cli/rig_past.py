@@ -1,10 +1,12 @@
 """The earlier findings on a rig beside the diagnosis of a new recording of it."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from porotwin_cli.terminal import say
+from porotwin_core.errors import InputError
 from porotwin_diagnosis.history.comparison import compared
 from porotwin_diagnosis.history.past_findings import (
     PastFinding,
@@ -17,6 +19,17 @@ from porotwin_diagnosis.history.past_findings import (
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.recording import Recording
 from porotwin_recording.recording_date import date_of_files, parse_date
+
+
+def _past(date: datetime) -> datetime:
+    """Return the date of a recording, today at the latest.
+
+    Raises:
+        InputError: it lies in the future.
+    """
+    if date.date() > datetime.now().astimezone().date():
+        raise InputError(f'--date {date:%Y-%m-%d}: lies in the future; give the day of recording')
+    return date
 
 
 class RigPast:
@@ -35,7 +48,7 @@ class RigPast:
         self._folder = folder
         self._recordings = recordings
         source = recordings[0].source
-        self._date = parse_date(date) if date else date_of_files(source)
+        self._date = _past(parse_date(date)) if date else date_of_files(source)
         if not date:
             say(
                 f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'

@@ -114,3 +114,31 @@ def test_turned_maps_are_told(turned: Any, named: str) -> None:
     told = [one.why for one in remarks_about_tracer(with_maps(given, values[turned]))]
     seems = [why for why in told if 'seem to be' in why]
     assert [why.split(':')[0] for why in seems] == [f'the maps seem to be {named}'] * bool(named)
+
+
+def test_rates_of_the_wrong_sign_are_told() -> None:
+    wells = {
+        name: RIG.wells['injector'].model_copy(update={'x_m': x_m, 'z_m': 0.1})
+        for name, x_m in (('source', 0.1), ('sink', 0.8))
+    }
+    given = replace(recording(level=0.0), rig=RIG.model_copy(update={'wells': wells}))
+    values = np.array(given.present_maps[:])
+    values[1:, :13, -16:] = 1.0  # at the well that takes water out by the log
+    rates = {'source': from_ml_h(500.0), 'sink': from_ml_h(-500.0)}
+    rows = (ScheduleRow(0.0, well, WellRate(rate, 1.0)) for well, rate in rates.items())
+    odd = replace(with_maps(given, values), commanded=Schedule(tuple(rows)))
+    told = [one for one in remarks_about_tracer(odd) if 'wrong sign' in one.why]
+    assert [one.remedy for one in told] == ['a positive rate injects']
+
+
+def test_exchanged_maps_are_told() -> None:
+    given = recording(level=0.0)
+    values = np.zeros((10, 30, 50), np.float32)
+    for number in range(10):
+        values[number, 4:12, : 2 * number] = 1.0
+    assert not [one for one in remarks_about_tracer(with_maps(given, values)) if 'fit' in one.why]
+    values[[4, 5]] = values[[5, 4]]
+    told = [one for one in remarks_about_tracer(with_maps(given, values)) if 'fit' in one.why]
+    assert [one.why.split(';')[0] for one in told] == [
+        '2 of 10 maps fit neither the map before nor the one after them, at 1600, 2000 s'
+    ]

@@ -40,50 +40,56 @@ def summary(factor: float) -> dict[str, Any]:
 
 
 def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None:
-    first = past(tmp_path, 'monday', '2026-11-23')
+    first = past(tmp_path, 'monday', '2025-11-23')
     assert 'the first belief' in first.compare(summary(1.15))[0]
     first.remember(summary(1.15))
-    second = past(tmp_path, 'tuesday', '2026-11-24')
+    second = past(tmp_path, 'tuesday', '2025-11-24')
     assert len(second.before) == 1
     (line,) = second.compare(summary(1.3))
     assert line.startswith(
-        'porosity factor drifts, a stronger effect now: 1.15 on 2026-11-23, 1.3 now, 0.15 a day'
+        'porosity factor drifts, a stronger effect now: 1.15 on 2025-11-23, 1.3 now, 0.15 a day'
     )
 
 
 def test_a_recording_knows_neither_itself_nor_a_later_one(tmp_path: Path) -> None:
-    past(tmp_path, 'tuesday', '2026-11-24').remember(summary(1.15))
-    assert past(tmp_path, 'tuesday', '2026-11-24').before == []
-    assert past(tmp_path, 'monday', '2026-11-23').before == []
+    past(tmp_path, 'tuesday', '2025-11-24').remember(summary(1.15))
+    assert past(tmp_path, 'tuesday', '2025-11-24').before == []
+    assert past(tmp_path, 'monday', '2025-11-23').before == []
 
 
 def test_findings_of_a_later_date_are_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    past(tmp_path, 'thursday', '2026-11-26').remember(summary(1.1))
-    past(tmp_path, 'monday', '2026-11-23')
-    assert '1 findings on this rig are dated later than 00:00 of 2026-11-23' in (
+    past(tmp_path, 'thursday', '2025-11-26').remember(summary(1.1))
+    past(tmp_path, 'monday', '2025-11-23')
+    assert '1 findings on this rig are dated later than 00:00 of 2025-11-23' in (
         capsys.readouterr().err
     )
 
 
 def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path) -> None:
-    past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
-    mended = past(tmp_path, 'tuesday', '2026-11-24', RIG.with_effects([PORE_EFFECT]))
+    past(tmp_path, 'monday', '2025-11-23').remember(summary(1.15))
+    mended = past(tmp_path, 'tuesday', '2025-11-24', RIG.with_effects([PORE_EFFECT]))
     none = {**summary(1.0), 'verdict': 'none', 'combination': []}
     (line,) = mended.compare(none)
     assert 'with this rig.yaml: this one is the first belief' in line
 
 
 def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> None:
-    past(tmp_path, 'monday', '2026-11-23').remember(summary(1.15))
+    past(tmp_path, 'monday', '2025-11-23').remember(summary(1.15))
     with pytest.raises(InputError, match='findings on another rig'):
-        past(tmp_path, 'tuesday', '2026-11-24', RIG.model_copy(update={'porosity': 0.3}))
+        past(tmp_path, 'tuesday', '2025-11-24', RIG.model_copy(update={'porosity': 0.3}))
 
 
 def test_what_a_replaced_finding_held_besides_is_told(tmp_path: Path) -> None:
     recordings: Any = [Made(tmp_path / 'monday', RIG), Made(tmp_path / 'tuesday', RIG)]
-    RigPast(tmp_path / 'history', recordings, '2026-11-23').remember(summary(1.15))
+    RigPast(tmp_path / 'history', recordings, '2025-11-23').remember(summary(1.15))
     recordings = [Made(tmp_path / 'tuesday', RIG), Made(tmp_path / 'friday', RIG)]
-    *_, line = RigPast(tmp_path / 'history', recordings, '2026-11-27').remember(summary(1.15))
+    *_, line = RigPast(tmp_path / 'history', recordings, '2025-11-27').remember(summary(1.15))
     assert 'monday together with this recording was replaced' in line
+
+
+def test_a_recording_from_the_future_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'--date 2999-01-01: lies in the future'):
+        past(tmp_path, 'monday', '2999-01-01')
+    assert not (tmp_path / 'history').exists()

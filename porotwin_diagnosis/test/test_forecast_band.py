@@ -42,3 +42,8 @@ def test_a_change_is_told_once_and_a_new_model_has_a_new_band():
 def test_missing_errors_do_not_count():
     band = ForecastBand()
     assert not any(band.left_by(float('nan')) for _ in range(50))
+
+
+def test_infinite_errors_leave_the_band_as_very_bad_ones_do():
+    band = ForecastBand()
+    assert [band.left_by(float('inf')) for _ in range(3)] == [False, False, True]

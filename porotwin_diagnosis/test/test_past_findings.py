@@ -58,6 +58,9 @@ def test_a_finding_that_another_call_has_added_stays(tmp_path):
         ({'recordings': []}, '0.recordings'),
         ({'causes': [{'effect': 'foo', 'values': {}}]}, '0.causes.0 .*there is no effect foo'),
         ({'rig': None}, '0.rig'),
+        ({'verdict': 'witchcraft'}, '0 .*there is no effect witchcraft'),
+        ({'named': ['rate', 'foo']}, '0 .*there is no effect foo'),
+        ({'probabilities': {'foo': 0.5}}, '0 .*there is no effect foo'),
         ({'surprise': 1}, '0.surprise'),
     ],
 )

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.errors import InputError, check_writable, writing
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.whole_file import write_whole
+from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
 from porotwin_recording.one_writer import only_writer
@@ -108,6 +109,14 @@ class PastFinding(_Record):
     causes: tuple[FoundCause, ...] = ()
     named: tuple[str, ...] = ()
     probabilities: dict[str, Probability] = Field(default_factory=dict)
+
+    @model_validator(mode='after')
+    def _known(self) -> Self:
+        names = {self.verdict, *self.named, *self.probabilities}
+        unknown = sorted(names - {NONE, UNEXPLAINED, *EFFECTS})
+        if unknown:
+            raise ValueError(f'there is no effect {unknown[0]}')
+        return self
 
     @model_validator(mode='after')
     def _dated(self) -> Self:

@@ -46,12 +46,13 @@ class ForecastBand:
 
         Args:
             error: relative L2 error of the forecast of a photograph; NaN without a forecast.
+                An infinite one counts as a very bad one.
             expected: the error that follows from the deviations of map and forecast [-]; NaN if
                 unknown: the first errors then give the usual error.
         """
-        if not (math.isfinite(error) and error > 0.0):
+        if not error > 0.0:
             return False
-        score = self._score(math.log(error), expected)
+        score = self._score(math.log(error), expected) if math.isfinite(error) else MOST_SCORE
         if score is None:
             return False
         self._sum = max(0.0, self._sum + min(score, MOST_SCORE) - ALLOWANCE)
