@@ -12,8 +12,9 @@ from porotwin_core.rig import Rig
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
-from porotwin_diagnosis.data.initial_tracer import initial_tracer
+from porotwin_diagnosis.data.initial_tracer import LONGEST_LATENESS, initial_tracer
 from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
+from porotwin_diagnosis.data.observed_maps import FILLED_SHARE
 from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
@@ -33,6 +34,9 @@ VISIBLE_TRACER = 0.1
 
 PURE = 0.5
 """Concentration [-] of injected fluid from which on its well is surely seen in the maps."""
+
+REACH = 2.5
+"""Reach of a plume over the radius of a disc of its volume [-]."""
 
 EMPTY_LEVEL, FULL_LEVEL = 0.25, 0.5
 """Mean concentrations [-] around a well without tracer at most, and with tracer at least."""
@@ -73,6 +77,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         yield from _at_the_start(recording, rates, told)
         return
     yield from _lost_before(recording, rates)
+    yield from _elsewhere(recording, rates)
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
     yield from _misplaced_tracer(recording.rig, maps, rates, chosen)
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
@@ -116,6 +121,32 @@ def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
             f'the first map, at {start:g} s, holds {held * ML:.3g} ml of tracer stock, but the '
             f'pumps injected {injected * ML:.3g} ml before it; if the rig was flushed, begin the '
             'rates after that'
+        )
+
+
+def _elsewhere(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+    """Yield a remark if the first map shows tracer that no well can have brought there.
+
+    A volume V of stock fills a disc of radius R = sqrt(V / (pi * pore volume per area)) around its
+    well. Flow stretches it, so that `REACH` R counts, with the volume that a clock may be late for.
+    """
+    maps, rig = recording.present_maps, recording.rig
+    start, end = float(maps.times[0]), float(maps.times[-1])
+    grid = maps.grid
+    pores_per_area = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
+    x, z = np.meshgrid(grid.x, grid.z)
+    far = np.nan_to_num(maps[0]) > VISIBLE_TRACER
+    for name in rates.wells:
+        alone = Schedule(tuple(row for row in rates.rows if row.well == name))
+        late = start + LONGEST_LATENESS * (end - start)
+        radius = np.sqrt(alone.injected_stock(-np.inf, late) / (np.pi * pores_per_area))
+        well = rig.wells[name]
+        far &= np.hypot(x - well.x_m, z - well.z_m) > REACH * radius
+    if far.mean() > FILLED_SHARE:
+        yield _remark(
+            f'the first map, at {start:g} s, shows tracer around x = {x[far].mean():.3g} m, '
+            f'z = {z[far].mean():.3g} m, where no well can have brought it yet; is it from before '
+            'the recording, or a reflection? Begin with a clean rig, or take a new baseline'
         )
 
 

@@ -142,3 +142,22 @@ def test_exchanged_maps_are_told() -> None:
     assert [one.why.split(';')[0] for one in told] == [
         '2 of 10 maps fit neither the map before nor the one after them, at 1600, 2000 s'
     ]
+
+
+def test_an_old_plume_where_no_well_injects_is_told() -> None:
+    given = recording(level=0.0)
+    times = given.present_maps.times + 600.0  # 83 ml were injected before the first map
+    values = np.array(given.present_maps[:])
+    well = RIG.wells['injector']
+    column, row = int(well.x_m / RIG.width_m * 50), int(well.z_m / RIG.height_m * 30)
+    values[:, row - 3 : row + 3, column - 3 : column + 3] = 0.9
+
+    def told(values: NDArray[np.float32]) -> list[str]:
+        maps = ConcentrationMaps(times, RIG.grid(50, 30), lambda a, b: values[a:b])
+        remarks = remarks_about_tracer(replace(given, maps=maps))
+        return [one.why for one in remarks if 'no well can have brought it' in one.why]
+
+    assert told(values) == []
+    values[:, 22:28, 40:49] = 0.5
+    (why,) = told(values)
+    assert why.startswith('the first map, at 600 s, shows tracer around x = 0.831 m, z = 0.468 m')
