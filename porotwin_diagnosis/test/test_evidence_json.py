@@ -37,7 +37,7 @@ def evidence():
 
 
 @pytest.mark.parametrize(
-    'changes', [{}, {'columns': 60}, {'held_out_errors': (0.05, 0.2)}, {'fitted_frames': 2}]
+    'changes', [{}, {'cells_along': 60}, {'held_out_errors': (0.05, 0.2)}, {'fitted_frames': 2}]
 )
 def test_a_verdict_can_be_decided_again_from_the_file(tmp_path, changes):
     before = replace(evidence(), **changes)
