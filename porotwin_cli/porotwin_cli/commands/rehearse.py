@@ -71,6 +71,11 @@ def command(
     effects = parse_effects(';'.join(effect or []))
     recording = open_recording(experiment)
     duration = _duration(recording, duration_min)
+    if photo_interval_s > duration:
+        raise InputError(
+            f'--photo-interval-s {photo_interval_s:g}: is longer than the experiment of '
+            f'{duration:g} s; take a shorter one'
+        )
     if duration / photo_interval_s > MOST_MAPS:
         raise InputError(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '

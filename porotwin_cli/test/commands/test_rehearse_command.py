@@ -67,6 +67,7 @@ def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) 
     for wrong, complaint in (
         (('--effect', 'leek:x=1'), "'leek' is not known"),
         (('--effect', 'leak:q=1'), "unknown parameter 'q'"),
+        (('--photo-interval-s', '500'), 'is longer than the experiment of 240 s'),
         (('--duration-min', '40000', '--photo-interval-s', '1'), 'give a larger --photo-interval'),
     ):
         result = porotwin('rehearse', folder, '--output', output, *wrong)
