@@ -68,7 +68,7 @@ def decide(evidence: Evidence) -> Verdict:
         members, inseparable, alternatives = (), (), ()
     return Verdict(
         name,
-        sure,
+        round(sure, 3),  # as the files state it, so that no two places round it differently
         explanation.model,
         members,
         inseparable,

@@ -28,7 +28,7 @@ LEAST_INTERVAL_S = HOUR_S
 def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     """Return lines that compare a `new` finding with the `earlier` ones, sorted by date."""
     if not earlier:
-        return [f'no finding up to {new.day} with this rig.yaml: this one is the first belief']
+        return [f'No finding up to {new.day} with this rig.yaml: this one is the first belief']
     own = [course for course in courses([*earlier, new]) if course.found[-1][0] is new]
     named = [course for course in own if course.latest.effect in new.named]
     lines = [line for course in named for line in _of_course(course)]

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Rig, Well
 from porotwin_core.rig.sand_interfaces import interfaces
 from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
@@ -311,6 +311,15 @@ def _sands(axis: Axes, result: Diagnosis) -> None:
         )  # fmt: skip
 
 
+def _has_no_room_right(well: Well, rig: Rig) -> bool:
+    """Return whether the edge or another well leaves no room for a name right of a well."""
+    return well.x_m > 0.8 * rig.width_m or any(
+        0.0 < other.x_m - well.x_m < 0.3 * rig.width_m
+        and abs(other.z_m - well.z_m) < 0.08 * rig.height_m
+        for other in rig.wells.values()
+    )
+
+
 def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
     """Draw the wells in their colours, with their names in white on a `dark` map."""
     ink, ground = ('w', 'k') if dark else ('k', 'w')
@@ -319,13 +328,13 @@ def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
     for name, well in rig.wells.items():
         axis.plot(well.x_m, well.z_m, 'o', ms=6, mfc='w', mec='k', mew=0.8)
         axis.plot(well.x_m, well.z_m, 'o', ms=3.5, mfc=colours[name], mec='none')
-        right = well.x_m > 0.8 * rig.width_m
+        to_the_left = _has_no_room_right(well, rig)
         axis.annotate(
             name,
             (well.x_m, well.z_m),
-            xytext=(-4 if right else 4, 3),
+            xytext=(-4 if to_the_left else 4, 3),
             textcoords='offset points',
-            ha='right' if right else 'left',
+            ha='right' if to_the_left else 'left',
             fontsize=7,
             color=ink,
             path_effects=[withStroke(linewidth=2, foreground=ground, alpha=0.5)],
