@@ -1,13 +1,12 @@
 """How far a small density difference moves the tracer of an experiment by itself, in words."""
 
-import math
-
 import numpy as np
 
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.units import GRAVITY
 from porotwin_solver.effects.definition.words import number
+from porotwin_solver.exact_solutions import radial_front
 from porotwin_solver.physics import nominal_physics
 
 DENSITY_DIFFERENCE = 1.0
@@ -36,7 +35,7 @@ def density_words(rig: Rig, grid: Grid, stock: float, seconds: float) -> str:
     )
     speed = permeability * GRAVITY * DENSITY_DIFFERENCE / (physics.viscosity * porosity)
     way = min(speed * seconds, rig.height_m)
-    radius = math.sqrt(stock / (math.pi * porosity * depth))
+    radius = radial_front(stock, thickness=porosity * depth)
     words = (
         f'density: stock that is {DENSITY_DIFFERENCE:g} kg/m3 denser or lighter than water moves '
         f'{number(1e3 * way, 2)} mm by itself in this time; its plume has a radius of '

@@ -1,4 +1,4 @@
-"""The times of maps, by what a recording says about its length."""
+"""The times of maps: by what a recording says about its length, or by the user."""
 
 import math
 from typing import TYPE_CHECKING
@@ -37,9 +37,21 @@ def recorded_times(recording: 'Recording', *, option: str) -> list[float]:
     step = SHORTEST_STEP_S
     while end / step > MOST_TIMES:
         step *= 2.0
-    return [*steps(end, step), end]
+    return [*_steps(end, step), end]
 
 
-def steps(end: float, step: float) -> list[float]:
+def _steps(end: float, step: float) -> list[float]:
     """Return 0, step, ... before `end`."""
     return [index * step for index in range(math.ceil(end / step - 1e-9))]
+
+
+def times_in(text: str, count: int) -> tuple[float, ...]:
+    """Return the `count` numbers that colons divide in `text`; NaN for all if it has no such form.
+
+    A comparison with NaN is false, so that the check of the numbers refuses a wrong form too.
+    """
+    try:
+        times = tuple(map(float, text.split(':')))
+    except ValueError:
+        times = ()
+    return times if len(times) == count else (math.nan,) * count

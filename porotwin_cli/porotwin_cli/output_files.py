@@ -36,8 +36,7 @@ def one_call_for_each_output(
         from porotwin_recording.one_writer import only_writer
 
         output = inspect.signature(command).bind(*args, **kwargs).arguments['output']
-        if output.is_dir():
-            raise InputError(f'{output}: is a folder; name a file in it')
+        _refuse_folder(output)
         if not output.parent.is_dir():  # the command says so
             return command(*args, **kwargs)
         with only_writer(output):
@@ -72,8 +71,7 @@ def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:
         InputError: `output` is an input, would replace a file of one, is a folder, or lies in a
             folder that does not exist or may not be written.
     """
-    if output.is_dir():
-        raise InputError(f'{output}: is a folder; name a file in it')
+    _refuse_folder(output)
     if not output.parent.is_dir():
         raise InputError(f'{output}: there is no folder {output.parent}; make it, or name another')
     check_writable(output)
@@ -88,6 +86,11 @@ def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:
             raise InputError(
                 f'{output}: is a file of the input {path}; name another output or remove it'
             )
+
+
+def _refuse_folder(output: Path) -> None:
+    if output.is_dir():
+        raise InputError(f'{output}: is a folder; name a file in it')
 
 
 def _made(file: Path, command: str) -> bool:

@@ -19,6 +19,7 @@ from porotwin_imaging.mass_check import excess_remark
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.odd_recording import remarks_about_maps
 from porotwin_recording.recording import Recording
+from porotwin_solver.exact_solutions import radial_front
 
 LOOKED_AT = 8
 """Maps of a recording that are compared with the injected tracer."""
@@ -62,8 +63,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     """
     yield from remarks_about_maps(recording)
     maps, rates = recording.present_maps, recording.known_rates
-    yield from _frozen(maps)
-    yield from _misplaced(maps, rates)
+    yield from _out_of_order(maps, rates)
     yield from _offset(maps)
     chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
     yield from _false(recording.rig, maps, chosen)
@@ -77,9 +77,9 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
         yield from _at_the_start(recording, rates, told)
         return
     yield from _lost_before(recording, rates)
-    yield from _elsewhere(recording, rates)
+    yield from _beyond_reach(recording, rates)
     yield from list(map(_remark, filter(None, map(excess, chosen))))[:1]
-    yield from _misplaced_tracer(recording.rig, maps, rates, chosen)
+    yield from _not_at_wells(recording.rig, maps, rates, chosen)
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
     later = [index for index in chosen if stock and maps.times[index] > stock[0]]
     empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
@@ -124,22 +124,22 @@ def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
         )
 
 
-def _elsewhere(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+def _beyond_reach(recording: Recording, rates: Schedule) -> Iterator[Remark]:
     """Yield a remark if the first map shows tracer that no well can have brought there.
 
-    A volume V of stock fills a disc of radius R = sqrt(V / (pi * pore volume per area)) around its
-    well. Flow stretches it, so that `REACH` R counts, with the volume that a clock may be late for.
+    The stock of a well fills a disc around it (`radial_front`). Flow stretches the disc, so that
+    `REACH` of its radius counts, with the volume that a clock may be late for.
     """
     maps, rig = recording.present_maps, recording.rig
     start, end = float(maps.times[0]), float(maps.times[-1])
+    late = start + LONGEST_LATENESS * (end - start)
     grid = maps.grid
-    pores_per_area = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
+    thickness = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
     x, z = np.meshgrid(grid.x, grid.z)
     far = np.nan_to_num(maps[0]) > VISIBLE_TRACER
     for name in rates.wells:
         alone = Schedule(tuple(row for row in rates.rows if row.well == name))
-        late = start + LONGEST_LATENESS * (end - start)
-        radius = np.sqrt(alone.injected_stock(-np.inf, late) / (np.pi * pores_per_area))
+        radius = radial_front(alone.injected_stock(-np.inf, late), thickness=thickness)
         well = rig.wells[name]
         far &= np.hypot(x - well.x_m, z - well.z_m) > REACH * radius
     if far.mean() > FILLED_SHARE:
@@ -150,33 +150,47 @@ def _elsewhere(recording: Recording, rates: Schedule) -> Iterator[Remark]:
         )
 
 
-def _frozen(maps: ConcentrationMaps) -> Iterator[Remark]:
-    """Yield a remark if maps repeat another one to the last bit: their noise always differs."""
-    known: dict[bytes, float] = {}
-    same = []
-    for time, values in zip(maps.times, maps, strict=True):
-        now = hashlib.sha256(values.tobytes()).digest()
-        if now in known and values.any():
-            same.append((time, known[now]))
-        known.setdefault(now, time)
-    if same:
-        time, other = same[0]
+def _out_of_order(maps: ConcentrationMaps, rates: Schedule | None) -> Iterator[Remark]:
+    """Yield remarks about maps that repeat another one, or fit neither of their neighbours.
+
+    One reading of the maps serves both.
+    """
+    digests: list[bytes] = []
+
+    def noted() -> Iterator[FloatArray]:
+        for values in maps:
+            digests.append(hashlib.sha256(values.tobytes()).digest() if values.any() else b'')
+            yield values
+
+    misplaced = misplaced_maps(maps.times.tolist(), noted(), rates)
+    yield from _frozen(maps.times, digests)
+    if misplaced:
+        named = ', '.join(f'{maps.times[number]:g}' for number in misplaced)
         yield _remark(
-            f'{len(same)} of {len(maps)} maps repeat another one to the last bit, the first at '
-            f'{time:g} s that at {other:g} s; did the camera or its program stand still? Leave '
-            'them out'
+            f'{len(misplaced)} of {len(maps)} maps fit neither the map before nor the one after '
+            f'them, at {named} s; were they exchanged, or is there a glare? Correct their times, '
+            'or leave them out'
         )
 
 
-def _misplaced(maps: ConcentrationMaps, rates: Schedule | None) -> Iterator[Remark]:
-    """Yield a remark if single maps fit neither the map before nor the one after them."""
-    found = misplaced_maps(maps.times.tolist(), maps, rates)
-    if found:
-        named = ', '.join(f'{maps.times[number]:g}' for number in found)
+def _frozen(times: FloatArray, digests: Sequence[bytes]) -> Iterator[Remark]:
+    """Yield a remark if maps repeat another one to the last bit: their noise always differs.
+
+    A map that is zero everywhere has an empty digest and may repeat.
+    """
+    known: dict[bytes, float] = {}
+    same = []
+    for time, digest in zip(times, digests, strict=True):
+        if digest in known:
+            same.append((time, known[digest]))
+        if digest:
+            known.setdefault(digest, time)
+    if same:
+        time, other = same[0]
         yield _remark(
-            f'{len(found)} of {len(maps)} maps fit neither the map before nor the one after them, '
-            f'at {named} s; were they exchanged, or is there a glare? Correct their times, or '
-            'leave them out'
+            f'{len(same)} of {len(digests)} maps repeat another one to the last bit, the first at '
+            f'{time:g} s that at {other:g} s; did the camera or its program stand still? Leave '
+            'them out'
         )
 
 
@@ -193,7 +207,7 @@ def _false(rig: Rig, maps: ConcentrationMaps, chosen: Sequence[int]) -> Iterator
         )
 
 
-def _misplaced_tracer(
+def _not_at_wells(
     rig: Rig, maps: ConcentrationMaps, rates: Schedule, chosen: Sequence[int]
 ) -> Iterator[Remark]:
     """Yield a remark if tracer lies elsewhere than at the wells that inject it.

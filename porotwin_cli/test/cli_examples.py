@@ -13,6 +13,23 @@ TIMEOUT_S = 200
 """Longest time for a command of a test [s]."""
 
 
+def one_well_rig(width_m: float, height_m: float) -> str:
+    """Return the rig.yaml of a rig that is open at the top, with an injector at half height."""
+    return f"""
+name: one well
+width_m: {width_m}
+height_m: {height_m}
+depth_m: 0.01
+porosity: 0.4
+permeability_m2: 1.0e-10
+viscosity_pa_s: 1.0e-3
+density_kg_m3: 998.0
+boundaries: {{top: open, bottom: closed, left: closed, right: closed}}
+wells:
+  injector: {{x_m: 0.1, z_m: {height_m / 2}}}
+"""
+
+
 def porotwin(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run `./porotwin` with these arguments in this process, which has its libraries at hand.
 

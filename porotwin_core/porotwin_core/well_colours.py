@@ -2,19 +2,8 @@
 
 from porotwin_core.rig import Rig
 
-COLOURS = (
-    '#1f77b4',
-    '#ff7f0e',
-    '#2ca02c',
-    '#d62728',
-    '#9467bd',
-    '#8c564b',
-    '#e377c2',
-    '#7f7f7f',
-    '#bcbd22',
-    '#17becf',
-)
-"""Colours of the first wells; further wells begin anew."""
+COLOURS = tuple(f'C{number}' for number in range(10))
+"""Colours of the first wells, by the names of matplotlib's cycle; further wells begin anew."""
 
 
 def well_colours(rig: Rig) -> dict[str, str]:

@@ -39,8 +39,7 @@ class WorkClock:
         """
         if position <= self._position:
             return
-        end = next((end for end in STAGE_ENDS if self._position < end), 1.0)
-        self._done += share_of_time(min(position, end)) - share_of_time(self._position)
+        self._done += share_of_time(min(position, self._stage_end)) - share_of_time(self._position)
         self._position = position
 
     @property
@@ -52,9 +51,14 @@ class WorkClock:
     def least_left(self) -> float:
         """Share of the work that is left, if the search ends with the present stage."""
         finish = 1.0 - share_of_time(STAGE_ENDS[-1])
-        end = next((end for end in STAGE_ENDS if self._position < end), 1.0)
-        least = min(share_of_time(end) - share_of_time(self._position) + finish, self._left)
+        stage = share_of_time(self._stage_end) - share_of_time(self._position)
+        least = min(stage + finish, self._left)
         return least / (self._done + self._left)
+
+    @property
+    def _stage_end(self) -> float:
+        """Position at which the present stage ends."""
+        return next((end for end in STAGE_ENDS if self._position < end), 1.0)
 
     @property
     def _left(self) -> float:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from porotwin_cli.conversion import convert
+from porotwin_cli.experiment_times import times_in
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.errors import InputError
 
@@ -82,10 +83,7 @@ def _span(text: str) -> tuple[float, float]:
     Raises:
         InputError: the text is no such pair.
     """
-    try:
-        start, end = (float(part) for part in text.split(':'))
-    except ValueError:
-        start, end = math.nan, math.nan
+    start, end = times_in(text, 2)
     if not (math.isfinite(start + end) and start < end):
         raise InputError(f"--times '{text}': write START:END in seconds, like 0:7200")
     return start, end

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.experiment_times import MOST_TIMES, recorded_times
+from porotwin_cli.experiment_times import MOST_TIMES, recorded_times, times_in
 from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
@@ -178,10 +178,7 @@ def _parse_times(text: str) -> list[float]:
     """Return the times START, START + STEP, ... END [s]."""
     import numpy as np
 
-    try:
-        start, end, step = (float(part) for part in text.split(':'))
-    except ValueError:
-        start, end, step = math.nan, math.nan, math.nan
+    start, end, step = times_in(text, 3)
     if not (math.isfinite(start + end + step) and start <= end and step > 0.0):
         raise InputError(f"times '{text}': write START:END:STEP in seconds, like 0:4800:30")
     if start < 0.0:

@@ -4,24 +4,12 @@ import json
 from pathlib import Path
 
 import numpy as np
-from cli_examples import porotwin
+from cli_examples import one_well_rig, porotwin
 
 from porotwin_core.rig import load_rig
 from porotwin_recording.recording import open_recording
 
-RIG = """
-name: two wells
-width_m: 0.2
-height_m: 0.1
-depth_m: 0.01
-porosity: 0.4
-permeability_m2: 1.0e-10
-viscosity_pa_s: 1.0e-3
-density_kg_m3: 998.0
-boundaries: {top: open, bottom: closed, left: closed, right: closed}
-wells:
-  injector: {x_m: 0.1, z_m: 0.05}
-"""
+RIG = one_well_rig(0.2, 0.1)
 RATES = 'time_s,well,rate_ml_h,concentration\n0,injector,200,1\n240,injector,0,\n'
 
 

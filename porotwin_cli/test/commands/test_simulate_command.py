@@ -7,7 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 import yaml
-from cli_examples import porotwin
+from cli_examples import one_well_rig, porotwin
 
 from porotwin_cli.commands import simulate
 from porotwin_cli.workspace import small_rig
@@ -34,19 +34,7 @@ def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     assert error < 0.1
 
 
-RIG = """
-name: two wells
-width_m: 0.3
-height_m: 0.2
-depth_m: 0.01
-porosity: 0.4
-permeability_m2: 1.0e-10
-viscosity_pa_s: 1.0e-3
-density_kg_m3: 998.0
-boundaries: {top: open, bottom: closed, left: closed, right: closed}
-wells:
-  injector: {x_m: 0.1, z_m: 0.1}
-"""
+RIG = one_well_rig(0.3, 0.2)
 
 
 def test_simulate_takes_its_times_from_the_rates(tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def gap(result: Diagnosis) -> Figure:
     wrong = _rms(part.observed - part.before)
     image = _map(axes[0, -1], result, wrong, cmap='inferno', vmin=0, vmax=0.5)
     panels.title(axes[0, -1], 'error of the model as it is, held-out part')
-    panels.bar(image, axes[0, -1], 'rms error [share of stock]', 0.8)
+    panels.bar(image, axes[0, -1], 'rms error [share of stock]')
     if alone:
         _places(axes[0, -1], result)
     return panels.figure
