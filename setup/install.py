@@ -91,7 +91,8 @@ def make_environment() -> None:
 def install_packages() -> None:
     run(
         [
-            # all files of torch would cost a minute; Python compiles a file at its import
+            # All files of torch would cost a minute. Python compiles a file at its first import,
+            # and ./porotwin makes it keep the result.
             *(str(PYTHON), '-m', 'pip', 'install', '--no-compile', '--progress-bar', 'off'),
             *(part for file in REQUIREMENTS for part in ('-r', str(file))),
             *('-c', str(SETUP / 'constraints.txt')),
@@ -148,7 +149,7 @@ def link_packages() -> None:
     site = next((VENV / 'lib').glob('python3*/site-packages'))
     (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
     command = VENV / 'bin' / 'porotwin'
-    command.write_text(f'#!/bin/sh\nexec {PYTHON} -m porotwin_cli "$@"\n')
+    command.write_text(f'#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\nexec {PYTHON} -m porotwin_cli "$@"\n')
     command.chmod(0o755)
 
 

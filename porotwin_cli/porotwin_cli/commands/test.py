@@ -30,7 +30,8 @@ AGAIN = ['--reruns', '1', '-raR']
 """A failed test of real processes runs once more, because other work on this machine may starve
 them. The output says RERUN."""
 
-WITHOUT_NODES = ('tests', [*ON_ALL_CORES, '-m', 'not graph'])
+WITHOUT_NODES = ('tests', [*ON_ALL_CORES, '--timeout', '900', '-m', 'not graph'])
+"""These tests give way to nodes, so that a test may take several times as long as alone."""
 
 OF_NODES = (
     ('tests of ROS 2 nodes', [*WITH_NODES, *AGAIN, '-m', 'graph and not slow']),
