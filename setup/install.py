@@ -149,7 +149,9 @@ def link_packages() -> None:
     site = next((VENV / 'lib').glob('python3*/site-packages'))
     (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
     command = VENV / 'bin' / 'porotwin'
-    command.write_text(f'#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\nexec {PYTHON} -m porotwin_cli "$@"\n')
+    command.write_text(
+        f'#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\nexec {PYTHON} -m porotwin_cli "$@"\n'
+    )
     command.chmod(0o755)
 
 
