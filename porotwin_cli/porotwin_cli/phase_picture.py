@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
-from porotwin_cli.rig_drawing import DPI, PANEL_WIDTH, UNSEEN, draw_interfaces, draw_wells
+from porotwin_cli.rig_drawing import DPI, INTERFACE, PANEL_WIDTH, UNSEEN
 from porotwin_core.errors import writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
+from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
 from porotwin_core.time_units import time_unit
 from porotwin_imaging.phase_colours import PHASES
 from porotwin_imaging.phase_measures import SURE
@@ -50,7 +51,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
             _doubt(found), origin='lower', extent=extent, cmap=ListedColormap([DOUBT]), alpha=0.6
         )
         draw_wells(axis, rig)
-        draw_interfaces(axis, rig)
+        draw_interfaces(axis, rig, colour=INTERFACE)
         axis.set_title(unit.precise(time))
         axis.set_xlabel('x [m]')
         axis.set_ylabel('z [m]')

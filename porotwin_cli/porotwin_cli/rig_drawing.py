@@ -14,7 +14,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from porotwin_cli.output_files import maker
@@ -22,9 +21,8 @@ from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig.sand_interfaces import interfaces
+from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
 from porotwin_core.time_units import time_unit
-from porotwin_core.well_colours import well_colours
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
@@ -61,27 +59,11 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
     )
     draw_zones(axis, rig)
     draw_wells(axis, rig)
-    draw_interfaces(axis, rig)
+    draw_interfaces(axis, rig, colour=INTERFACE)
     axis.set_xlim(0.0, rig.width_m)
     axis.set_ylim(0.0, rig.height_m)
     axis.set_xlabel('x [m]')
     axis.set_ylabel('z [m]')
-
-
-def draw_wells(axis: Axes, rig: Rig) -> None:
-    """Draw the wells of `rig` on `axis` in their colours, with their names."""
-    colours = well_colours(rig)
-    for name, well in rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=7)
-        axis.plot(well.x_m, well.z_m, 'o', mfc=colours[name], mec='none', ms=4)
-        axis.annotate(
-            name,
-            (well.x_m, well.z_m),
-            (3, 4),
-            textcoords='offset points',
-            fontsize=7,
-            path_effects=[withStroke(linewidth=1.5, foreground='white')],
-        )
 
 
 def draw_zones(axis: Axes, rig: Rig) -> None:
@@ -93,16 +75,6 @@ def draw_zones(axis: Axes, rig: Rig) -> None:
         axis.add_patch(hatched)
         for outline in zone.outlines:
             axis.plot(*outline.T, color=colour, lw=1.2)
-
-
-def draw_interfaces(axis: Axes, rig: Rig) -> None:
-    """Draw the interfaces between the sands of `rig`."""
-    found = interfaces(rig)
-    if found is not None:
-        axis.contour(
-            found.grid.x, found.grid.z, found.logarithm, levels=found.levels, colors=INTERFACE,
-            linestyles='-', linewidths=0.8,
-        )  # fmt: skip
 
 
 def percent_scale(axis: Axes) -> None:

@@ -11,8 +11,8 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.rig import Rig, Well
-from porotwin_core.rig.sand_interfaces import interfaces
+from porotwin_core.rig import Rig
+from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
 from porotwin_core.time_units import TimeUnit, time_unit
 from porotwin_core.units import to_ml_h
 from porotwin_core.well_colours import well_colours
@@ -41,6 +41,9 @@ MEAN_DIFFERENCE = {'cmap': DIFFERENCE_COLOURS, 'vmin': -0.25, 'vmax': 0.25}
 
 LEAST_DEVIATIONS_TOP = 3.0
 """Least upper end of the colours of whitened residuals, in standard deviations."""
+
+INTERFACES = '0.6'
+"""Colour of the interfaces between sands."""
 
 BEFORE, AFTER, OBSERVED = '#c8402f', '#1f6fb4', '0.15'
 """Line colours of the model before and after, and of the observation."""
@@ -296,49 +299,15 @@ def _map(axis: Axes, result: Diagnosis, values: FloatArray, **style: Any) -> Any
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
     image = axis.imshow(values, origin='lower', extent=extent, **style)
     axis.set_facecolor('0.6')
-    _sands(axis, result)
+    draw_interfaces(axis, result.recordings[0].rig, colour=INTERFACES)
     _wells(axis, result, dark=style['cmap'] != DIFFERENCE_COLOURS)
     return image
 
 
-def _sands(axis: Axes, result: Diagnosis) -> None:
-    """Draw where the nominal permeability changes."""
-    found = interfaces(result.recordings[0].rig)
-    if found is not None:
-        axis.contour(
-            found.grid.x, found.grid.z, found.logarithm, levels=found.levels, colors='0.6',
-            linewidths=0.6, linestyles='-',
-        )  # fmt: skip
-
-
-def _has_no_room_right(well: Well, rig: Rig) -> bool:
-    """Return whether the edge or another well leaves no room for a name right of a well."""
-    return well.x_m > 0.8 * rig.width_m or any(
-        0.0 < other.x_m - well.x_m < 0.3 * rig.width_m
-        and abs(other.z_m - well.z_m) < 0.08 * rig.height_m
-        for other in rig.wells.values()
-    )
-
-
 def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
-    """Draw the wells in their colours, with their names in white on a `dark` map."""
-    ink, ground = ('w', 'k') if dark else ('k', 'w')
+    """Draw the wells and the limits of the rig, with names in white on a `dark` map."""
     rig = result.recordings[0].rig
-    colours = well_colours(rig)
-    for name, well in rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', ms=6, mfc='w', mec='k', mew=0.8)
-        axis.plot(well.x_m, well.z_m, 'o', ms=3.5, mfc=colours[name], mec='none')
-        to_the_left = _has_no_room_right(well, rig)
-        axis.annotate(
-            name,
-            (well.x_m, well.z_m),
-            xytext=(-4 if to_the_left else 4, 3),
-            textcoords='offset points',
-            ha='right' if to_the_left else 'left',
-            fontsize=7,
-            color=ink,
-            path_effects=[withStroke(linewidth=2, foreground=ground, alpha=0.5)],
-        )
+    draw_wells(axis, rig, dark=dark)
     axis.tick_params(labelsize=8)
     axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m), aspect='equal')
 
@@ -361,7 +330,7 @@ def _fronts(axis: Axes, result: Diagnosis, part: HeldOut, *, columns: int) -> No
                 grid.x, grid.z, frame, [FRONT], colors=colour, linestyles=line, linewidths=width
             )
         axis.plot([], [], color=colour, ls=line, lw=width, label=label)
-    _sands(axis, result)
+    draw_interfaces(axis, result.recordings[0].rig, colour=INTERFACES)
     _wells(axis, result)
     axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m))
     axis.legend(
