@@ -55,6 +55,12 @@ def test_a_recording_that_the_model_explains_has_no_gap():
     assert verdict.members == ()
 
 
+def test_an_effect_that_helps_less_than_chance_is_not_named():
+    verdict = verdict_on(findings(0.705, ('illumination', 0.685), ('background_flow', 0.7)))
+    assert (verdict.name, verdict.doubt, verdict.members) == ('none', Doubt.NO_GAP, ())
+    assert verdict.confidence < 0.6
+
+
 def test_a_gap_that_only_the_errors_of_all_maps_close_makes_none_unsure():
     found = findings(0.4, ('saturation', 0.38))
     swallowed = replace(found.null, unshared_misfit=(0.9, 1.1))

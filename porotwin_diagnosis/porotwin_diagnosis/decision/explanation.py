@@ -7,7 +7,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from porotwin_diagnosis.decision.confidence import strengths
+from porotwin_diagnosis.decision.confidence import share_of, strengths
+from porotwin_diagnosis.decision.probabilities import effect_probabilities
+from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import (
@@ -59,7 +61,9 @@ def explain(findings: Findings) -> Explanation:
     """Return the best explanation among `findings`."""
     model = kept_model(findings)
     lack = lack_of_fit(model, findings.null)
-    if not model.members or lack > 1.0:
+    if not model.members:
+        return Explanation(model, min(lack, 1.0))  # it is kept only as enough
+    if lack > 1.0:
         return Explanation(model, lack)
     members = _strongest_first(model, findings)
     if len(members) == 1:
@@ -84,6 +88,8 @@ def kept_model(findings: Findings) -> Fit:
     4. The best triple, if its further effects earn their place. The true triple may contain no pair
        that is better than its best member.
     5. Otherwise the pair, or the single effect if the second effect has not earned its place.
+    6. Instead of a single effect the model without effects, if the effect suffices, has not earned
+       its place and is less probable than none.
     """
     null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT or _nothing_helps(findings):
@@ -94,7 +100,17 @@ def kept_model(findings: Findings) -> Fit:
         best = combinations[0] if combinations else kept
         if earns_its_place(best, kept, _gain(best, kept, null)):
             kept = best
-    return kept
+    return null if _is_less_probable_than_none(kept, findings) else kept
+
+
+def _is_less_probable_than_none(kept: Fit, findings: Findings) -> bool:
+    """Return whether a sufficient single effect explains hardly more than no effect does."""
+    null = findings.null
+    if len(kept.members) > 1 or lack_of_fit(kept, null) > 1.0 or earns_its_place(kept, null):
+        return False
+    probabilities = effect_probabilities(findings)
+    same = (kept.members[0].effect, *_inseparable_singles(findings))
+    return share_of(same, probabilities) < probabilities[NONE]
 
 
 def _nothing_helps(findings: Findings) -> bool:
