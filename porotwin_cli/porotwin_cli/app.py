@@ -90,6 +90,18 @@ def refuse_empty_paths(arguments: Sequence[str]) -> None:
             )
 
 
+def refuse_unreadable_names(arguments: Sequence[str]) -> None:
+    """Check that all arguments are UTF-8, which reports and pictures are written in.
+
+    Raises:
+        InputError: one is not, such as the name of a file from another system.
+    """
+    for word in arguments:
+        shown = word.encode('utf-8', 'backslashreplace').decode()
+        if shown != word:
+            raise InputError(f'{shown}: this name is not UTF-8; rename the file or folder')
+
+
 def _divided(word: str) -> list[str]:
     """Return --option=value as two words, and other words as they are."""
     name, equals, value = word.partition('=')
@@ -100,6 +112,7 @@ def main() -> None:
     """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
     show_warnings()
     try:
+        refuse_unreadable_names(sys.argv[1:])
         refuse_empty_paths(sys.argv[1:])
         app(prog_name='porotwin')
     except InputError as error:
@@ -109,13 +122,29 @@ def main() -> None:
         print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
         sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
-        full = isinstance(error, OSError) and error.errno in FULL
-        print(f'porotwin: {DISK_FULL if full else error}', file=sys.stderr)
+        print(f'porotwin: {_failure_words(error)}', file=sys.stderr)
         sys.exit(1)
     except SystemExit as end:  # typer turns Ctrl-C into a status without a word
         if end.code == INTERRUPTED:
             say('porotwin: interrupted')
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not _is_interrupt(error):
+            raise
         say('porotwin: interrupted')
         sys.exit(INTERRUPTED)
+
+
+def _failure_words(error: WorkFailed | OSError) -> str:
+    if not isinstance(error, OSError):
+        return str(error)
+    if error.errno in FULL:
+        return DISK_FULL
+    return f'{error.filename}: {error.strerror}' if error.filename else str(error)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Return whether Ctrl-C caused `error`. Compiled code turns it into a SystemError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None

@@ -221,6 +221,8 @@ def refuse_existing(path: Path) -> None:
     Raises:
         InputError: `path` exists, or its folder may not be written.
     """
+    if path.is_symlink() and not path.exists():
+        raise InputError(f'{path} is a link to nothing; name another output or remove it')
     if path.exists():
         raise InputError(f'{path} exists already; name another output or remove it')
     check_writable(path)

@@ -20,6 +20,7 @@ from porotwin_cli.app import (
     command_modules,
     make_app,
     refuse_empty_paths,
+    refuse_unreadable_names,
 )
 from porotwin_core.errors import InputError
 
@@ -181,6 +182,39 @@ def test_a_full_disk_ends_with_one_line(
         porotwin_cli.app.main()
     assert end.value.code == 1
     assert capsys.readouterr().err.strip() == f'porotwin: {DISK_FULL}'
+
+
+def test_ctrl_c_in_compiled_code_is_told_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted() -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as pressed:
+            raise SystemError('returned a result with an exception set') from pressed
+
+    monkeypatch.setattr(porotwin_cli.app, 'app', lambda **_: interrupted())
+    monkeypatch.setattr(sys, 'argv', ['porotwin'])
+    with pytest.raises(SystemExit) as end:
+        porotwin_cli.app.main()
+    assert end.value.code == INTERRUPTED
+    assert capsys.readouterr().err.strip() == 'porotwin: interrupted'
+
+
+def test_another_error_of_compiled_code_is_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(**_: object) -> None:
+        raise SystemError('null argument')
+
+    monkeypatch.setattr(porotwin_cli.app, 'app', broken)
+    monkeypatch.setattr(sys, 'argv', ['porotwin'])
+    with pytest.raises(SystemError, match='null argument'):
+        porotwin_cli.app.main()
+
+
+def test_a_name_that_is_not_utf_8_is_refused_before_any_work() -> None:
+    refuse_unreadable_names(['simulate', 'Messung Süd', '--output', 'Modell.nc'])
+    with pytest.raises(InputError, match=r'^caf\\udce9: this name is not UTF-8'):
+        refuse_unreadable_names(['check', b'caf\xe9'.decode(errors='surrogateescape')])
 
 
 def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
