@@ -6,13 +6,16 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from porotwin_core.plausibility import Remark
-from porotwin_core.units import MINUTE_S, to_ml_h
+from porotwin_core.units import HOUR_S, MINUTE_S, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_recording.rates import remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
 SAME_END = (0.7, 1.3)
 """Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
+
+TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
+"""Units that times may be written in by mistake [s]."""
 
 LATE_BEGIN = 0.5
 """Begin over end of maps above which they are late as a whole: no other unit explains that."""
@@ -212,9 +215,10 @@ def _times(data: RecordedData) -> Iterator[Remark]:
         (last, end, 'the maps and photographs', 'rates.csv'),
         (end, last, 'the rates', 'concentration.nc or imaging.csv'),
     ):
-        if one > 0 and low * other < one * MINUTE_S < high * other:
-            why = f'its times end at {one:g} s, {what} at {other:g} s'
-            yield Remark(key, '', why, 'were its times in minutes? write seconds')
+        for unit, seconds in TIME_UNITS.items():
+            if one > 0 and low * other < one * seconds < high * other:
+                why = f'its times end at {one:g} s, {what} at {other:g} s'
+                yield Remark(key, '', why, f'were its times in {unit}? write seconds')
 
 
 def _beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
