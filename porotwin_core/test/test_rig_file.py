@@ -39,6 +39,7 @@ def test_defaults_agree_with_the_experiment_folder_format() -> None:
 @pytest.mark.parametrize(
     ('change', 'named'),
     [
+        ({'name': 'two\nlines'}, 'write one line without control characters'),
         ({'porosty': 0.3}, "unknown key 'porosty'"),
         ({'porosity': -0.1}, 'porosity = -0.1'),
         ({'porosity': 1.2}, 'porosity 1.2'),

@@ -33,6 +33,9 @@ LONG_STEP = 10.0
 FEW_CELLS = 1e-3
 """Share of the cells of maps that are single ones."""
 
+MOST_PERCENT = 130.0
+"""Value above which a map is not in percent."""
+
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
 
@@ -72,7 +75,11 @@ def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
         return
     largest = float(np.nanmax(values))
     if largest > MOST_STOCK:
-        remedy = 'was this in percent? 1 is the tracer stock' if largest > 10 else 'scale the maps'
+        remedy = 'scale the maps'
+        if largest > MOST_PERCENT:
+            remedy = 'are these grey values of pictures? Make maps with image, or scale them'
+        elif largest > 10:
+            remedy = 'was this in percent? 1 is the tracer stock'
         if np.nanmean(values > MOST_STOCK) < FEW_CELLS:
             remedy = 'single cells, such as a glare: write NaN there'
         yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)

@@ -116,7 +116,8 @@ def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], named:
 
 
 @pytest.mark.parametrize(
-    ('value', 'named'), [(50.0, 'percent'), (np.nan, 'missing'), (2.0, 'scale')]
+    ('value', 'named'),
+    [(50.0, 'percent'), (255.0, 'grey values'), (np.nan, 'missing'), (2.0, 'scale')],
 )
 def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> None:
     (remark,) = remarks_about_maps(recording(value=value))

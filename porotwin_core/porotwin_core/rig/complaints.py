@@ -20,6 +20,7 @@ _REASONS = {
     'string_type': 'write a text; put numbers and dates in quotes',
     'float_type': 'write a number',
     'string_too_short': 'write at least one letter',
+    'string_pattern_mismatch': 'write one line without control characters',
 }
 """Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
 

@@ -84,7 +84,9 @@ class Rig(Section):
     sands and measured depths are kept there as well.
     """
 
-    name: str = Field(min_length=1, description='a word for the rig')
+    name: str = Field(
+        min_length=1, pattern=r'^[^\x00-\x1f\x7f]*$', description='a word for the rig'
+    )
     width_m: Positive = Field(description='width of the sand [m], from left to right')
     height_m: Positive = Field(description='height of the sand [m]')
     depth_m: Depth = Field(
