@@ -236,11 +236,10 @@ class Pumped(NamedTuple):
 
 
 def pumped_in(data: RecordedData) -> Pumped:
-    """Return what all wells inject until the last time of the recording."""
-    rows = () if data.commanded is None else data.commanded.rows
-    times = [row.time for row in rows] + [photo.time for photo in data.photos]
+    """Return what all wells inject until the last time of the recording, by the delivered rates."""
+    schedule = Recording(source=Path(), **vars(data)).known_rates or Schedule()
+    times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
     end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
-    schedule = Schedule(tuple(rows))
     injected = [
         (high - low, well)
         for low, high, rates in schedule.intervals(0.0, end)
@@ -258,7 +257,7 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
-    if checked.data is not None and checked.data.commanded is not None:
+    if checked.data is not None and (checked.data.commanded or checked.data.measured):
         pumped = pumped_in(checked.data)
         share = pumped.volume / checked.rig.pore_volume
         lines.append(

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from porotwin_cli.rig_check import (
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
 from porotwin_recording.experiment_folder import folder_data, write_folder
 from porotwin_recording.photos import Photo
@@ -206,6 +208,16 @@ def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
     words = '\n'.join(in_words(check(tmp_path)))
     assert 'injected: 250 ml of fluid, 100 ml of stock, until 1800 s' in words
     assert ', 1 time step' in words
+
+
+def test_the_injected_stock_is_that_of_the_rates_that_drive_the_model(tmp_path: Path) -> None:
+    data = pumped(tmp_path, '500 500').data
+    assert data is not None
+    assert data.commanded is not None
+    half = [replace(row.rate, rate=row.rate.rate / 2) for row in data.commanded.rows]
+    rows = zip(data.commanded.rows, half, strict=True)
+    measured = Schedule(tuple(replace(row, rate=rate) for row, rate in rows))
+    assert pumped_in(replace(data, measured=measured)).stock == pytest.approx(125e-6)
 
 
 def photo(time: float, role: str = 'state') -> Photo:
