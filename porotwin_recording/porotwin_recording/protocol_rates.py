@@ -36,6 +36,9 @@ NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""
 
 
+NO_SHARE = 'write a number, or a negative rate if this well takes water out'
+"""Remedy for an injection without a concentration."""
+
 START = ('start', 'begin', 'start_time', 'datetime', 'date_time', 'timestamp', 'time')
 END = ('end', 'stop', 'end_time', 'stop_time')
 PLACE_X = ('location_x', 'x')
@@ -160,7 +163,8 @@ def _ends(
         zoned = [names_zone(table.columns[each]) for each in (start, title)]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
-                f'{table.path}: only one of {start} and {title} names a time zone; give '
+                f'{table.path}: only one of {table.spelt(start)} and {table.spelt(title)} names a '
+                'time zone; give '
                 '--time-zone, such as Europe/Oslo, the zone of the times that name none'
             )
         return protocol_moments(table, title, answers, told)
@@ -220,7 +224,7 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
         if table.find(*PLACE_X) is None:
             raise InputError(
                 f'{table.path}: has no column of wells; rename one to well (names of rig.yaml), or '
-                f'two to location_x and location_y [m]. Its columns are {", ".join(table.columns)}'
+                f'two to location_x and location_y [m]. Its columns are {table.titles}'
             )
         x, z = table.needed(*PLACE_X), table.needed('location_y', 'location_z', 'y', 'z')
         places = list(zip(table.numbers(x), table.numbers(z), strict=True))
@@ -251,7 +255,7 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     if not titles:
         raise InputError(f'{table.path}: has no column of rates; name one rate [ml/min]')
     title = table.only(titles)
-    where = f'{table.path}: {title}'
+    where = f'{table.path}: {table.spelt(title)}'
     unit = answers.rate_unit or unit_in(title)
     if 'sccm' in unit:
         raise InputError(f'{where}: is of a gas at standard conditions; write the rate of a liquid')
@@ -295,7 +299,8 @@ def _concentrations(
     title = table.find('concentration')
     if title is not None:
         factor = share_factor(unit_in(title), f'{table.path}: {title}')
-        found = [factor * value for value in table.numbers(title, [rate > 0 for rate in rates])]
+        injects = [rate > 0 for rate in rates]
+        found = [factor * value for value in table.numbers(title, injects, remedy=NO_SHARE)]
         for row, share in enumerate(found, 2):
             if not 0.0 <= share <= 1.0:
                 raise InputError(

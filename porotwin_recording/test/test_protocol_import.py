@@ -427,6 +427,31 @@ def test_gaps_of_a_measured_log_are_told(folder: Path) -> None:
     )
 
 
+def test_an_assumption_about_the_clock_is_told_once(folder: Path) -> None:
+    (folder / 'measured_protocol.csv').write_text(INJECTION)
+    _, told = imported(folder)
+    assert ['zone' in line for line in told].count(True) == 1
+
+
+def test_titles_are_told_as_the_file_spells_them(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(INJECTION.replace('start', 'Datum'))
+    with pytest.raises(InputError, match='columns are id, location_x, location_y, Datum, end'):
+        imported(folder)
+    (folder / 'injection_protocol.csv').write_text(
+        INJECTION.replace('rate_ml/min', 'Rate [ml/min]').replace(',2\n', ',two\n')
+    )
+    with pytest.raises(InputError, match=r"csv:2: Rate \[ml/min\] is 'two'; write a number, its"):
+        imported(folder)
+
+
+def test_a_producing_pump_without_a_minus_is_asked_for_it(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(CHASED.replace('-3,', '3,'))
+    with pytest.raises(
+        InputError, match=r"concentration is ''; .* or a negative rate if this well"
+    ):
+        imported(folder)
+
+
 def test_maps_beside_protocols_are_told_to_be_left_out(folder: Path) -> None:
     (folder / 'maps.nc').write_bytes(b'')
     _, told = imported(folder)
