@@ -134,9 +134,7 @@ def check(
         remarks += remarks_about_recording(data)
         if data.maps is not None:
             remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
-        remarks += [
-            Remark('recording', '', text, 'see the log of the run') for text in data.remarks
-        ]
+        remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
     if not any(remark.refused for remark in remarks):
@@ -185,6 +183,14 @@ def _as_remark(key: str, error: InputError) -> Remark:
     """Return the message of a refusal as a remark."""
     why, _, remedy = str(error).rpartition('; ')
     return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
+
+
+def _told(text: str, kind: Kind) -> Remark:
+    """Return the remark for a line of a reader; the remedy of a bag is the log of its run."""
+    why, _, remedy = text.partition('; ')
+    if kind == 'bag' or not remedy:
+        why, remedy = text, 'see the log of the run'
+    return Remark('recording', '', why, remedy)
 
 
 def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:

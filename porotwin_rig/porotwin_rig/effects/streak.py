@@ -43,10 +43,10 @@ EFFECT = AssetEffect(
     name='streak',
     order=200,
     parameters={
-        'x': Parameter(unit='m', default=0.0),
-        'z': Parameter(unit='m', default=0.0),
-        'x_end': Parameter(unit='m', default=0.0),
-        'z_end': Parameter(unit='m', default=0.0),
+        'x': Parameter(unit='m'),
+        'z': Parameter(unit='m'),
+        'x_end': Parameter(unit='m'),
+        'z_end': Parameter(unit='m'),
         'width': Parameter(unit='m', low=0.0, default=0.006),
         'permeability_factor': Parameter(
             unit='-',
@@ -56,6 +56,7 @@ EFFECT = AssetEffect(
             neutral=1.0,
         ),
     },
+    shape=('x', 'z', 'x_end', 'z_end', 'width'),
     on_rig=change_line,
     is_repeatable=True,
     blind_draw=draw,
