@@ -107,7 +107,7 @@ class ForeignTable:
         Args:
             title: of the column.
             needed: whether a row must have a number; elsewhere an empty word is 0. Empty: all must.
-            remedy: what to do about a missing number.
+            remedy: for a missing number.
 
         Raises:
             InputError: a word is no number; the message names the line.
@@ -186,8 +186,8 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
     _check_repeated(path, spelt)
     words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
     found = decimal or _decimal(path, (word for column in words for word in column))
-    columns, spelling = (dict(zip(titles, each, strict=True)) for each in (words, spelt))
-    return ForeignTable(path, columns, found, spelling)
+    spelling = dict(zip(titles, spelt, strict=True))
+    return ForeignTable(path, dict(zip(titles, words, strict=True)), found, spelling)
 
 
 def _check_repeated(path: Path, titles: Sequence[str]) -> None:

@@ -67,9 +67,9 @@ def moments(
         raise InputError(f'{where}: some times have a zone and some have none; write them alike')
     if found and not any(zoned):
         told.append(
-            f'times without a zone: taken as those of {zone}'
+            f'times without a zone: taken as times of {zone}'
             if zone
-            else 'times without a zone: taken as those of one clock; --time-zone names its zone'
+            else 'times without a zone: taken as times of one clock; --time-zone names its zone'
         )
     times = [
         _moment(match, day_first, zone, f'{where}:{number}')

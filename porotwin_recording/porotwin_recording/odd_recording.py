@@ -181,7 +181,7 @@ def _other_fluid(commanded: Schedule, measured: Schedule, name: str) -> Iterator
                     f"{name}: concentration of well '{well}' at {time:g} s",
                     f'{rate.concentration:g}',
                     f'rates.csv says {own.concentration:g}',
-                    'write what was injected; a change of the fluid needs a row of its own',
+                    'write the injected one; a change of the fluid needs its own row',
                 )
                 return
 

@@ -120,7 +120,7 @@ def _pieces(
 
 
 def _changes_of_share(commanded: list[PumpedRate], well: str) -> list[tuple[datetime, float]]:
-    """Return when the injections of `well` change their concentration, and to which one.
+    """Return the changes of concentration of the injections of `well`: time, new value.
 
     The first pair is its first injection; there is none if it never injects.
     """

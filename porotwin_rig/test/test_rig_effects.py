@@ -221,10 +221,11 @@ def test_stain_lags_behind_the_tracer() -> None:
 @pytest.mark.parametrize('name', EFFECTS)
 def test_neutral_parameters_are_no_effect(name: str) -> None:
     parameters: dict[str, float | str] = {
-        key: 'injector' if parameter.is_name else parameter.neutral
+        key: parameter.neutral if parameter.default is None else parameter.default
         for key, parameter in EFFECTS[name].parameters.items()
     }
-    parameters |= {key: 0.3 for key in ('x', 'z', 'radius', 'period') if key in parameters}
+    parameters |= {key: 0.3 for key in ('x', 'z', 'radius') if key in parameters}
+    parameters |= {key: 'injector' for key in ('well',) if key in parameters}
     with pytest.raises(InputError, match=f'effect {name}: changes nothing with'):
         refuse_idle([EffectDescription(name=name, parameters=parameters)], make_rig())
     effect = EffectDescription(name=name, parameters=parameters)

@@ -30,7 +30,6 @@ EFFECT = AssetEffect(
             low=0.0,
             high=MOST_DIFFUSION,
             default=MOLECULAR_DIFFUSION,
-            neutral=MOLECULAR_DIFFUSION,
         ),
     },
     on_rig=change,

@@ -52,7 +52,6 @@ EFFECT = AssetEffect(
             unit='-',
             low=LEAST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
-            default=0.01,
             neutral=1.0,
         ),
     },

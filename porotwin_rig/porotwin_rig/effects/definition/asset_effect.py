@@ -44,7 +44,7 @@ class AssetEffect:
 
     Args:
         name: name of the effect and of its module.
-        parameters: its parameters.
+        parameters: its parameters; a default changes nothing.
         shape: those that say where or how it acts, not how much.
         on_rig: acts on the coefficients of the simulation.
         rate_factor: acts on the rate of one well.
@@ -108,9 +108,8 @@ class AssetEffect:
 
     def changes_nothing(self, values: Values) -> bool:
         """Return whether the effect has no consequence with all its `values`."""
-        strengths = [
-            key
+        return all(
+            values[key] in (parameter.neutral, parameter.default)
             for key, parameter in self.parameters.items()
             if not parameter.is_name and key not in self.shape
-        ]
-        return all(values[key] == self.parameters[key].neutral for key in strengths)
+        )
