@@ -23,7 +23,7 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
-from porotwin_core.units import ML, to_ml_h
+from porotwin_core.units import ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
@@ -241,9 +241,14 @@ class Pumped(NamedTuple):
     end: float
 
 
+def delivered_rates(data: RecordedData) -> Schedule:
+    """Return the rates that drive the model: measured ones where there are any; empty: none."""
+    return Recording(source=Path(), **vars(data)).known_rates or Schedule()
+
+
 def pumped_in(data: RecordedData) -> Pumped:
     """Return what all wells inject until the last time of the recording, by the delivered rates."""
-    schedule = Recording(source=Path(), **vars(data)).known_rates or Schedule()
+    schedule = delivered_rates(data)
     times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
     end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
     injected = [
@@ -296,7 +301,7 @@ def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     if max(grid.shape) < SCANT_CELLS:
         words += (
             f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
-            f'most {SCANT_CONFIDENCE:.0%}'
+            f'most {percent(SCANT_CONFIDENCE)}'
         )
     return words
 
@@ -315,7 +320,8 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             break
     volume, pores = pumped_in(data).volume, data.rig.pore_volume
     if 0.0 < volume < LITTLE_INJECTED * pores:
-        why = f'all wells inject {volume * 1e6:.3g} ml, {volume / pores:.2%} of the pore volume'
+        share = percent(volume / pores, 2)
+        why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
         yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')
 
 
