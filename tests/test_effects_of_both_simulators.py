@@ -23,6 +23,7 @@ def test_both_give_an_effect_the_same_parameters_units_and_ranges(name: str) -> 
         other = theirs[key]
         assert (one.unit, one.is_name, one.neutral) == (other.unit, other.is_name, other.neutral)
         assert (one.above, one.low, one.high) == (other.above, other.low, other.high)
+        assert one.default == other.default
 
 
 @pytest.mark.parametrize('name', sorted(RIG_EFFECTS.keys() - SOLVER_EFFECTS.keys()))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.rates_in_force import same_rates
+from porotwin_core.units import percent
 from porotwin_core.wells import WellRates
 from porotwin_hub.setpoint_limits import Limits
 
@@ -33,9 +34,9 @@ class Operator:
         if self.late:
             return f'operator late by {self.late}'
         if self.slips:
-            return f'operator sets other rates ({self.slips:.0%})'
+            return f'operator sets other rates ({percent(self.slips)})'
         if self.refuses:
-            return f'operator refuses ({self.refuses:.0%})'
+            return f'operator refuses ({percent(self.refuses)})'
         return 'operator prompt'
 
 

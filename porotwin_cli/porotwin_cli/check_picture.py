@@ -1,7 +1,7 @@
 """One picture of a rig: sands, wells, zones, and the photograph with the corners drawn over it."""
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from porotwin_cli.output_files import maker
-from porotwin_cli.rig_check import CheckedRig
+from porotwin_cli.rig_check import CheckedRig, delivered_rates
 from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.wells import Schedule, WellRate
 from porotwin_imaging.geometry import Geometry
 
 DPI = 120
@@ -48,22 +49,29 @@ Shading = Callable[[Any], FloatArray]
 
 ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
+FLOWS = {'injects stock': '#b03a2e', 'injects water': '#2471a3', 'takes out': '#7d3c98'}
+COLOURS = {**ROLES, **FLOWS}
+"""Colours of wells by their part in a control section, and by what they do in a recording."""
+
 CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
 LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
+BESIDE_LEGEND = 0.72
+"""Share of the width that the legend leaves to the rig."""
+
 LINES_SHOWN = 8
 """Most remarks below the picture; the command prints all."""
 
 LINE_CHARACTERS = 125
 """Characters of a line below the picture."""
 
-LINE_IN = 0.19
+LINE_IN = 0.15
 """Height of such a line [inches]."""
 
 
 def check_picture(path: Path, checked: CheckedRig, words: Sequence[str] = ()) -> None:
     """Draw `checked` into the PNG file `path`, with its remarks and further `words` below it."""
     lines = _lines(checked, words)
-    heights = [WIDTH_IN * 0.86 * _flat(checked.rig.height_m / checked.rig.width_m)]
+    heights = [WIDTH_IN * BESIDE_LEGEND * _flat(checked.rig.height_m / checked.rig.width_m)]
     if checked.photograph is not None:
         rows, columns = checked.photograph.shape[:2]
         heights.append(WIDTH_IN * 0.86 * _flat(rows / columns))
@@ -71,10 +79,11 @@ def check_picture(path: Path, checked: CheckedRig, words: Sequence[str] = ()) ->
     figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.9 * len(heights) + text))
     figure.set_layout_engine('constrained')
     axes = figure.subplots(len(heights) + 1, 1, squeeze=False, height_ratios=[*heights, text])[:, 0]
-    _draw_rig(axes[0], checked.rig)
+    roles = well_roles(checked)
+    _draw_rig(axes[0], checked.rig, roles)
     _draw_effects(axes[0], checked.effects)
     if checked.photograph is not None:
-        _draw_photograph(axes[1], checked)
+        _draw_photograph(axes[1], checked, roles)
     axes[-1].axis('off')
     axes[-1].text(0.0, 1.0, '\n'.join(lines), va='top', fontsize=8, transform=axes[-1].transAxes)
     with writing(path):
@@ -93,7 +102,7 @@ def _lines(checked: CheckedRig, words: Sequence[str]) -> list[str]:
     return [line for row in (*rows, *words) for line in textwrap.wrap(row, LINE_CHARACTERS)]
 
 
-def _draw_rig(axis: Axes, rig: Rig) -> None:
+def _draw_rig(axis: Axes, rig: Rig, roles: Mapping[str, str]) -> None:
     permeability = np.atleast_2d(np.asarray(rig.nominal_map('permeability_m2'), dtype=float))
     shade = shading(permeability)
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
@@ -103,9 +112,9 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     _draw_sides(axis, rig)
     draw_zones(axis, rig)
     for name, well in rig.wells.items():
-        role = _role(rig, name)
-        axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
-        axis.plot(well.x_m, well.z_m, 'o', mfc='none', mec=ROLES[role], ms=11)
+        colour = COLOURS[roles[name]]
+        axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=colour))
+        axis.plot(well.x_m, well.z_m, 'o', mfc='none', mec=colour, ms=11)
         axis.annotate(name, (well.x_m, well.z_m), (8, 6), textcoords='offset points', fontsize=8)
     axis.set(xlabel='x [m]', ylabel='z [m]')
     axis.set_title(f'{rig.name}: {rig.width_m:g} m x {rig.height_m:g} m, {_depth_words(rig)}')
@@ -113,7 +122,7 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     axis.set_xlim(-margin, rig.width_m + margin)
     axis.set_ylim(-margin, rig.height_m + margin)
     axis.legend(
-        handles=[*handles, *_role_handles(rig)], fontsize=7, loc='upper left',
+        handles=[*handles, *_role_handles(rig, roles)], fontsize=7, loc='upper left',
         bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
     )  # fmt: skip
 
@@ -160,11 +169,10 @@ def _sand_handles(rig: Rig, shade: Shading) -> list[Patch]:
     return [patch(float(k), f'{k:.3g} m$^2$') for k in chosen]
 
 
-def _role_handles(rig: Rig) -> list[Line2D]:
-    roles = dict.fromkeys(_role(rig, name) for name in rig.wells)
+def _role_handles(rig: Rig, roles: Mapping[str, str]) -> list[Line2D]:
     handles = [
-        Line2D([], [], marker='o', ls='', mfc='none', mec=ROLES[role], label=f'well: {role}')
-        for role in roles
+        Line2D([], [], marker='o', ls='', mfc='none', mec=COLOURS[role], label=f'well: {role}')
+        for role in dict.fromkeys(roles.values())
     ]
     handles += [
         Line2D([], [], color=ZONE_STYLES[kind][0], label=f'zone: {kind}')
@@ -173,6 +181,26 @@ def _role_handles(rig: Rig) -> list[Line2D]:
     if not rig.closed:
         handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
     return handles
+
+
+def well_roles(checked: CheckedRig) -> dict[str, str]:
+    """Return the part of every well: in the control section, or else in the recording."""
+    rates = Schedule() if checked.data is None else delivered_rates(checked.data)
+    roles = {name: _role(checked.rig, name) for name in checked.rig.wells}
+    return {
+        name: _flow([row.rate for row in rates.rows if row.well == name])
+        if role == 'other'
+        else role
+        for name, role in roles.items()
+    }
+
+
+def _flow(rates: Sequence[WellRate]) -> str:
+    """Return what a well with these `rates` does in a recording."""
+    injected = [rate.concentration for rate in rates if rate.rate > 0.0]
+    if injected:
+        return 'injects stock' if max(injected) > 0.0 else 'injects water'
+    return 'takes out' if any(rate.rate < 0.0 for rate in rates) else 'other'
 
 
 def _role(rig: Rig, name: str) -> str:
@@ -217,7 +245,7 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         )
 
 
-def _draw_photograph(axis: Axes, checked: CheckedRig) -> None:
+def _draw_photograph(axis: Axes, checked: CheckedRig, roles: Mapping[str, str]) -> None:
     rig, camera = checked.rig, checked.rig.camera
     assert camera is not None
     assert checked.photograph is not None
@@ -246,7 +274,7 @@ def _draw_photograph(axis: Axes, checked: CheckedRig) -> None:
         column, row = geometry.to_pixels(np.array(well.x_m), np.array(well.z_m))
         place = (float(column), float(row))
         axis.plot(*place, 'o', mfc='none', mec='white', ms=11, mew=4)
-        axis.plot(*place, 'o', mfc='none', mec=ROLES[_role(rig, name)], ms=11, mew=2)
+        axis.plot(*place, 'o', mfc='none', mec=COLOURS[roles[name]], ms=11, mew=2)
         axis.annotate(name, place, (8, 6), textcoords='offset points', fontsize=8, bbox=LABEL_BOX)
     for kind, zone in control_zones(rig):
         for outline in zone.outlines:

@@ -12,6 +12,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.parallel import crew
 from porotwin_core.rig import Rig
+from porotwin_core.units import percent
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
@@ -184,7 +185,7 @@ def account_of(
 def _shares_in_words(shares: Mapping[str, float]) -> list[str]:
     if not shares:
         return []
-    parts = ', '.join(f'{name} {share:.0%}' for name, share in shares.items())
+    parts = ', '.join(f'{name} {percent(share)}' for name, share in shares.items())
     return [f'squared gap of the kept free runs: {parts}']
 
 

@@ -21,7 +21,8 @@ def density_words(rig: Rig, grid: Grid, stock: float, seconds: float) -> str:
 
     The speed of pore water that density alone drives is u = k g (rho - rho_water) / (mu porosity)
     (Bear, Dynamics of Fluids in Porous Media, section 5.2). A round plume of the volume V has the
-    radius sqrt(V / (pi porosity depth)). The median of permeability and depth counts.
+    radius sqrt(V / (pi porosity depth)). The most permeable sand counts, or else the median of all
+    cells; and the median of the depth.
 
     Args:
         rig: the rig.
@@ -30,15 +31,20 @@ def density_words(rig: Rig, grid: Grid, stock: float, seconds: float) -> str:
         seconds: duration of the experiment [s].
     """
     physics = nominal_physics(rig, grid)
-    permeability, depth, porosity = (
-        float(np.median(field)) for field in (physics.permeability, physics.depth, physics.porosity)
-    )
+    sand = max(rig.placed_sands, key=rig.permeability_of_sand, default='')
+    if sand:
+        permeability, porosity = rig.permeability_of_sand(sand), rig.sands[sand].porosity
+    else:
+        permeability = float(np.median(physics.permeability))
+        porosity = float(np.median(physics.porosity))
+    depth = float(np.median(physics.depth))
     speed = permeability * GRAVITY * DENSITY_DIFFERENCE / (physics.viscosity * porosity)
     way = min(speed * seconds, rig.height_m)
     radius = radial_front(stock, thickness=porosity * depth)
     words = (
         f'density: stock that is {DENSITY_DIFFERENCE:g} kg/m3 denser or lighter than water moves '
-        f'{number(1e3 * way, 2)} mm by itself in this time; its plume has a radius of '
+        f'{number(1e3 * way, 2)} mm by itself in this time'
+        f'{f" in the most permeable sand, {sand}" if sand else ""}; its plume has a radius of '
         f'{number(1e3 * radius, 2)} mm'
     )
     if way > NOTABLE * radius:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.units import percent
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
@@ -47,10 +48,10 @@ class FreeRunErrors:
     def __str__(self) -> str:
         """Return the errors in words."""
         return (
-            f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
-            f'{self.error:.1%}, or {self.blurred_error:.1%} with fronts blurred as in the maps '
-            f'(--blur {self.blur_cells:.2f}); the noise of the maps alone, without blur, makes '
-            f'{self.noise:.1%}' + (LACKS_START if self.lacks_start else '')
+            f'free run beside the maps of the recording, last {percent(HELD_OUT_SHARE)}: error '
+            f'{percent(self.error, 1)}, or {percent(self.blurred_error, 1)} with fronts blurred as '
+            f'in the maps (--blur {self.blur_cells:.2f}); the noise of the maps alone, without '
+            f'blur, makes {percent(self.noise, 1)}' + (LACKS_START if self.lacks_start else '')
         )
 
 

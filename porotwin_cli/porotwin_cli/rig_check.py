@@ -23,7 +23,7 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
-from porotwin_core.units import ML, to_ml_h
+from porotwin_core.units import ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
@@ -134,9 +134,7 @@ def check(
         remarks += remarks_about_recording(data)
         if data.maps is not None:
             remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
-        remarks += [
-            Remark('recording', '', text, 'see the log of the run') for text in data.remarks
-        ]
+        remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
     if not any(remark.refused for remark in remarks):
@@ -187,6 +185,14 @@ def _as_remark(key: str, error: InputError) -> Remark:
     return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
 
 
+def _told(text: str, kind: Kind) -> Remark:
+    """Return the remark for a line of a reader; the remedy of a bag is the log of its run."""
+    why, _, remedy = text.partition('; ')
+    if kind == 'bag' or not remedy:
+        why, remedy = text, 'see the log of the run'
+    return Remark('recording', '', why, remedy)
+
+
 def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
     """Yield the remarks about the grid of plans and siblings, which is coarser than `grid`."""
     coarse = coarse_grid(rig, grid)
@@ -235,12 +241,16 @@ class Pumped(NamedTuple):
     end: float
 
 
+def delivered_rates(data: RecordedData) -> Schedule:
+    """Return the rates that drive the model: measured ones where there are any; empty: none."""
+    return Recording(source=Path(), **vars(data)).known_rates or Schedule()
+
+
 def pumped_in(data: RecordedData) -> Pumped:
-    """Return what all wells inject until the last time of the recording."""
-    rows = () if data.commanded is None else data.commanded.rows
-    times = [row.time for row in rows] + [photo.time for photo in data.photos]
+    """Return what all wells inject until the last time of the recording, by the delivered rates."""
+    schedule = delivered_rates(data)
+    times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
     end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
-    schedule = Schedule(tuple(rows))
     injected = [
         (high - low, well)
         for low, high, rates in schedule.intervals(0.0, end)
@@ -258,7 +268,7 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
-    if checked.data is not None and checked.data.commanded is not None:
+    if checked.data is not None and (checked.data.commanded or checked.data.measured):
         pumped = pumped_in(checked.data)
         share = pumped.volume / checked.rig.pore_volume
         lines.append(
@@ -291,7 +301,7 @@ def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     if max(grid.shape) < SCANT_CELLS:
         words += (
             f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
-            f'most {SCANT_CONFIDENCE:.0%}'
+            f'most {percent(SCANT_CONFIDENCE)}'
         )
     return words
 
@@ -310,7 +320,8 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             break
     volume, pores = pumped_in(data).volume, data.rig.pore_volume
     if 0.0 < volume < LITTLE_INJECTED * pores:
-        why = f'all wells inject {volume * 1e6:.3g} ml, {volume / pores:.2%} of the pore volume'
+        share = percent(volume / pores, 2)
+        why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
         yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')
 
 

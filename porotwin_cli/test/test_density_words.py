@@ -1,12 +1,14 @@
 """Tests of the words about density: a rig whose speed and radius are known."""
 
 import math
+from pathlib import Path
 
 import pytest
+import yaml
 from box_rig import box_rig
 
 from porotwin_cli.density_words import density_words
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Rig, load_rig
 from porotwin_core.units import GRAVITY
 from porotwin_solver.effects.definition.words import number
 
@@ -30,3 +32,22 @@ def test_only_a_notable_way_asks_for_a_measurement(permeability, warned):
     box = rig(permeability)
     words = density_words(box, box.default_grid(), 1e-5, 3600.0)
     assert ('weigh stock' in words) is warned
+
+
+def test_the_sand_is_the_most_permeable_one(tmp_path: Path):
+    described = {
+        **box_rig().model_dump(include={'name', 'width_m', 'height_m', 'depth_m'}),
+        'viscosity_pa_s': 1e-3,
+        'density_kg_m3': 998.0,
+        'wells': {'in': {'x_m': 0.05, 'z_m': 0.05}},
+        'sands': {
+            'fine': {'porosity': 0.3, 'permeability_m2': 1e-11},
+            'coarse': {'porosity': 0.4, 'permeability_m2': 1e-9},
+        },
+        'sand_layers': [{'sand': 'coarse', 'top_m': 0.02}, {'sand': 'fine'}],
+    }
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump(described))
+    found = load_rig(tmp_path)
+    words = density_words(found, found.default_grid(), 1e-5, 60.0)
+    way = number(1e3 * 1e-9 * GRAVITY / (1e-3 * 0.4) * 60.0, 2)
+    assert f'{way} mm by itself in this time in the most permeable sand, coarse;' in words

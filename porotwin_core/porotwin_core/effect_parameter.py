@@ -1,11 +1,13 @@
 """Parameters of effects: unit, range, default and neutral value, and how a report states them."""
 
+import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from porotwin_core.errors import InputError
+from porotwin_core.plausibility import LENGTHS
 
 Values = Mapping[str, Any]
 """Parameters of one effect by name: floats in the declared units, or the name of a well."""
@@ -79,6 +81,49 @@ class Parameter:
             bound = f'at least {self.low:g}' if number < self.low else f'at most {self.high:g}'
             raise InputError(f'{where} = {number:.6g}: must be {bound}')
         return number
+
+
+FAR = 5.0
+"""Place over size of the rig above which a place is probably in another unit."""
+
+ALIKE = 0.7
+"""Likeness of two names from which one may be meant by the other."""
+
+SIDES = {'x': 'wide', 'x_end': 'wide', 'z': 'high', 'z_end': 'high'}
+"""The side of the rig along which a parameter is a place."""
+
+
+def check_places(effect: str, given: Mapping[str, object], width: float, height: float) -> None:
+    """Check that the places of an effect are in m.
+
+    Args:
+        effect: its name.
+        given: its parameters.
+        width: of the rig [m].
+        height: of the rig [m].
+
+    Raises:
+        InputError: one is so far outside the rig that it is in another unit.
+    """
+    for key, value in given.items():
+        side = SIDES.get(key)
+        if side is None or not isinstance(value, int | float):
+            continue
+        size = width if side == 'wide' else height
+        if abs(value) > FAR * size:
+            units = [name for name, factor in LENGTHS if abs(value) * factor <= size]
+            asked = f'was this in {" or ".join(units)}? ' if units else ''
+            raise InputError(
+                f'effect {effect}: {key} = {value:g}: the rig is {size:g} m {side}; '
+                f'{asked}write it in m'
+            )
+
+
+def known_effects(name: str, known: Iterable[str]) -> str:
+    """Return the remedy for an effect `name` that is not among the `known` ones."""
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=ALIKE)
+    return f"did you mean '{near[0]}'?" if near else f'choose from {", ".join(names)}'
 
 
 def checked_values(

@@ -61,3 +61,8 @@ def permeability_of(conductivity: float, viscosity: float, density: float) -> fl
         density: rho [kg/m^3].
     """
     return conductivity * viscosity / (density * GRAVITY)
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """Return a share [-] in per cent, with a space as in all texts of the program: 45.0 %."""
+    return f'{100.0 * share:.{digits}f} %'

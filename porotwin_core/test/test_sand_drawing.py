@@ -106,7 +106,7 @@ def test_a_picture_gives_every_place_its_sand_and_travels_with_the_rig(tmp_path:
 @pytest.mark.parametrize(
     ('legend', 'named'),
     [
-        ({'#c87828': 'coarse'}, '50% of the picture has colours such as #f0f0dc'),
+        ({'#c87828': 'coarse'}, '50 % of the picture has colours such as #f0f0dc'),
         ({'#c87828': 'coarse', 'sandy': 'fine'}, "write colours like '#c08040'"),
         ({'#c87828': 'gravel'}, "sand 'gravel' is unknown; sands has coarse, fine"),
     ],

@@ -23,6 +23,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver, StepModel
+from porotwin_core.units import percent
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate, WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import LearntStep, corrective_source
@@ -276,7 +277,7 @@ def _decision(gate: Mapping[str, Any]) -> str:
     applied = [
         *(['learnt physics'] if gate['physics'] else []),
         *([f'the scheme {gate["scheme"]}'] if gate['scheme'] else []),
-        *([f'{gate["trust"]:.0%} of the network'] if gate['trust'] else []),
+        *([f'{percent(gate["trust"])} of the network'] if gate['trust'] else []),
     ]
     rates = ', '.join(f'{factor:g}' for factor in gate['rates_passed'])
     tested = f'; also at {rates} times the rates' if rates else ''

@@ -19,6 +19,7 @@ from porotwin_core.grid import FloatArray, fill_unseen
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.rig import Rig
+from porotwin_core.units import percent
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import corrective_source
@@ -78,8 +79,9 @@ class LookAlikes:
         """One line for a person."""
         if not self.shares:
             return 'what the network learnt looks like no known effect'
-        named = ', '.join(f'{share:.0%} {name}' for name, share in self.shares.items())
-        return f'what the network learnt looks like {named}, {self.unexplained:.0%} like no effect'
+        named = ', '.join(f'{percent(share)} {name}' for name, share in self.shares.items())
+        rest = percent(self.unexplained)
+        return f'what the network learnt looks like {named}, {rest} like no effect'
 
 
 def look_alikes(

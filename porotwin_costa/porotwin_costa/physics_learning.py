@@ -22,6 +22,7 @@ from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
+from porotwin_core.units import percent
 from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
@@ -206,9 +207,9 @@ def learn_physics(
         name = found.learnt.parts[-1].name
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
-            say(f'no more physics to learn: {name} takes {max(kept_gain, 0.0):.0%} of the gap')
+            say(f'no more physics to learn: {name} takes {percent(max(kept_gain, 0.0))} of the gap')
             break
-        say(f'learnt {name}: takes {kept_gain:.0%} of the squared gap of the kept free runs')
+        say(f'learnt {name}: takes {percent(kept_gain)} of the squared gap of the kept free runs')
         best = found
     if not best.learnt.parts:
         say('the model lacks no physics that these maps show')

@@ -9,7 +9,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.plausibility import plausible_rate_ml_h
 from porotwin_core.rates_in_force import KnownRates, balanced
 from porotwin_core.rig import Rig
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import percent, to_ml_h
 from porotwin_core.wells import WellRates
 
 LEAST_SEEN_SHARE = 0.1
@@ -64,7 +64,7 @@ class Door:
             )
         seen = float(np.mean(np.isfinite(concentration)))
         if seen < LEAST_SEEN_SHARE:
-            raise InputError(f'its map shows {seen:.0%} of the rig; is the camera covered?')
+            raise InputError(f'its map shows {percent(seen)} of the rig; is the camera covered?')
 
     def known_rates(self, start: float, end: float, rates: WellRates) -> KnownRates:
         """Return the `rates` that were measured from `start` to `end` [s].

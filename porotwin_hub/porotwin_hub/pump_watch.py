@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.units import percent
 
 WATCH_S = 120.0
 """Time between two tests [s]; each takes a prediction for every pumping well."""
@@ -125,7 +126,7 @@ class PumpWatch:
             return []
         stands = share < STOPPED_SHARE
         self.faults[well] = Fault(NOTHING if stands else share)
-        told = 'nothing' if stands else f'about {share:.0%} of its rate'
+        told = 'nothing' if stands else f'about {percent(share)} of its rate'
         line = f'{well} seems to deliver {told}, by the photographs: check its pump and tube'
         return [f'{line}; the plan goes on without it' if stands else line]
 

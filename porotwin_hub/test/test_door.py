@@ -30,8 +30,8 @@ def test_a_map_with_holes_is_let_in(door: Door, toy_grid: Grid) -> None:
 @pytest.mark.parametrize(
     ('shape', 'seen', 'text'),
     [
-        ((20, 10), 0.0, 'its map shows 0% of the rig; is the camera covered?'),
-        ((20, 10), 0.05, 'its map shows 5% of the rig'),
+        ((20, 10), 0.0, 'its map shows 0 % of the rig; is the camera covered?'),
+        ((20, 10), 0.05, 'its map shows 5 % of the rig'),
         ((10, 5), 1.0, 'its map is 10x5 over 1.0 x 0.5 m, the hub works on 20x10'),
     ],
 )

@@ -35,7 +35,7 @@ def test_a_stopped_pump_is_told_once_after_two_photographs() -> None:
 def test_a_pump_at_a_part_of_its_rate_is_told_with_that_part() -> None:
     watch = PumpWatch()
     (line,) = told(watch, photograph(USUAL + 0.6 * PUSH))
-    assert 'about 40% of its rate' in line
+    assert 'about 40 % of its rate' in line
     assert watch.share('push') == pytest.approx(0.4, abs=0.02)
 
 

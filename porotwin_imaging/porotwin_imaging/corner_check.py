@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from porotwin_core.units import percent
+
 SMALL_IN_PHOTOGRAPH = 0.1
 """Part of a photograph below which the rig is suspiciously small in it."""
 
@@ -27,4 +29,4 @@ def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> 
     quarter = ', all in one quarter of it' if in_one_half.all() else ''
     if part >= SMALL_IN_PHOTOGRAPH and not quarter:
         return ''
-    return f'the rig covers {part:.0%} of the photograph of {size[0]} x {size[1]} px{quarter}'
+    return f'the rig covers {percent(part)} of the photograph of {size[0]} x {size[1]} px{quarter}'

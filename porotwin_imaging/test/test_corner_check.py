@@ -12,10 +12,10 @@ SIZE = (1000, 700)
     ('factor', 'shift', 'words'),
     [
         (1.0, 0.0, ''),
-        (0.5, 0.0, 'the rig covers 14% of the photograph of 1000 x 700 px, all in one quarter'),
-        (0.25, 0.0, 'the rig covers 4% of'),
+        (0.5, 0.0, 'the rig covers 14 % of the photograph of 1000 x 700 px, all in one quarter'),
+        (0.25, 0.0, 'the rig covers 4 % of'),
         (0.5, 250.0, ''),  # in the middle of a wide view
-        (0.3, 300.0, 'the rig covers 5% of the photograph of 1000 x 700 px'),
+        (0.3, 300.0, 'the rig covers 5 % of the photograph of 1000 x 700 px'),
     ],
 )
 def test_corners_of_a_smaller_copy_are_odd(factor: float, shift: float, words: str) -> None:

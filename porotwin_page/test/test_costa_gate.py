@@ -24,7 +24,7 @@ def test_the_gate_and_its_gain_are_told() -> None:
     ]
     assert _told(GATE, *cycles) == [
         GATE,
-        'newest 2 forecasts: error 1.0%, 4.0% without COSTA',
+        'newest 2 forecasts: error 1.0 %, 4.0 % without COSTA',
     ]
 
 

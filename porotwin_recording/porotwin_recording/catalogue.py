@@ -49,7 +49,8 @@ class CatalogueEntry:
         path: the bag or experiment folder.
         kind: `bag` or `folder`.
         state: `complete`, `truncated` (no end, or files are missing), `recording` (no end yet),
-            `compressed` (its files are read only as a whole) or `unreadable`.
+            `unfinished` (a folder whose maps are not complete), `compressed` (its files are read
+            only as a whole) or `unreadable`.
         size_bytes: size of its files.
         start: when it began, in UTC; None: it does not say.
         files_date: earliest change of its files, in UTC; copies may be younger. None: unreadable.
@@ -169,6 +170,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
     return CatalogueEntry(
         path,
         'folder',
+        'unfinished' if data.remarks else 'complete',
         size_bytes=_size_of(files),
         duration_s=_duration(data),
         rig=data.rig.name,
@@ -179,6 +181,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         setpoints=len({row.time for row in data.commanded.rows}) if data.commanded else 0,
         effects=tuple(effect.name for effect in data.rig.effects),
         calibration=origin.calibration if origin else '',
+        remarks=tuple(f'{path}: {text}' for text in data.remarks),
     )
 
 

@@ -1,5 +1,6 @@
 """A part of a recording: its maps and photographs between two times."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ def cut(recording: Recording, start: float, end: float) -> Recording:
     )
     if not maps and not any(photo.role == 'state' for photo in photos):
         raise InputError(
-            f'{recording.source}: no map and no photograph from {start:g} to {end:g} s; '
+            f'{recording.source}: no map and no photograph{_span_words(start, end)}; '
             f'{_recorded_time(recording)}'
         )
     return replace(
@@ -35,6 +36,12 @@ def cut(recording: Recording, start: float, end: float) -> Recording:
         maps=maps or None,
         photos=photos,
     )
+
+
+def _span_words(start: float, end: float) -> str:
+    """Return a span of time [s] in words; one end may be infinite."""
+    begin = f' from {start:g} s on' if end == math.inf else f' from {start:g}'
+    return begin if end == math.inf else f'{begin if start > -math.inf else ""} to {end:g} s'
 
 
 def _maps_between(maps: ConcentrationMaps, start: float, end: float) -> ConcentrationMaps:

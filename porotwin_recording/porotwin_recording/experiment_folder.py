@@ -40,6 +40,8 @@ def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
         InputError: one line that names the file, the line or value, and the remedy.
     """
     data = folder_data(folder, rig)
+    for text in data.remarks:
+        LOG.warning('%s: %s', folder, text)
     for remark in remarks_about_recording(data):
         if remark.refused:
             raise InputError(f'{folder}: {remark}')
@@ -74,6 +76,18 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
+        remarks=_unfinished(maps),
+    )
+
+
+def _unfinished(maps: Path) -> tuple[str, ...]:
+    """Return a remark if the file `maps` of a folder is missing, and a part of it is there."""
+    part = maps.with_name(f'{maps.name}.partial')
+    if maps.exists() or not part.exists():
+        return ()
+    return (
+        f'{part.name} is the beginning of maps that are not complete; wait for the command that '
+        'writes them, or run it again',
     )
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -16,6 +16,9 @@ Decimal = Literal['point', 'comma']
 
 SEPARATORS = ';\t,'
 """Separators of columns, the surest first: a comma may be a decimal comma."""
+
+WRITE_NUMBER = 'write a number, its unit in the title'
+"""Remedy for a word that is no number."""
 
 _NUMBER = re.compile(r'[+-]?[\d.,\s\u00a0\u202f\']*\d[\d.,]*(?:[eE][+-]?\d+)?')
 _THOUSANDS = re.compile(r'[+-]?[1-9]\d{0,2},\d{3}')
@@ -34,16 +37,27 @@ class ForeignTable:
         path: the file.
         columns: words of every column by its title, which is in small letters.
         decimal: how its numbers are written.
+        spelling: how the file spells a title, by its title in small letters.
     """
 
     path: Path
     columns: dict[str, list[str]]
     decimal: Decimal
+    spelling: dict[str, str] = field(default_factory=dict)
 
     @property
     def length(self) -> int:
         """Number of rows."""
         return len(next(iter(self.columns.values()), []))
+
+    def spelt(self, title: str) -> str:
+        """Return a title as the file spells it."""
+        return self.spelling.get(title, title)
+
+    @property
+    def titles(self) -> str:
+        """All titles, as the file spells them."""
+        return ', '.join(map(self.spelt, self.columns))
 
     def find(self, *names: str) -> str | None:
         """Return the title of the first column that is one of `names`, without its unit.
@@ -65,7 +79,8 @@ class ForeignTable:
         """
         if len(titles) > 1:
             raise InputError(
-                f"{self.path}: which column is meant, '{titles[0]}' or '{titles[1]}'? delete the "
+                f"{self.path}: which column is meant, '{self.spelt(titles[0])}' or "
+                f"'{self.spelt(titles[1])}'? delete the "
                 'other one, or put another word before its title, such as note'
             )
         return titles[0]
@@ -80,16 +95,19 @@ class ForeignTable:
         if found is None:
             raise InputError(
                 f"{self.path}: has no column '{names[0]}'; rename the one that holds it. Its "
-                f'columns are {", ".join(self.columns)}'
+                f'columns are {self.titles}'
             )
         return found
 
-    def numbers(self, title: str, needed: Sequence[bool] = ()) -> list[float]:
+    def numbers(
+        self, title: str, needed: Sequence[bool] = (), *, remedy: str = WRITE_NUMBER
+    ) -> list[float]:
         """Return the numbers of a column.
 
         Args:
             title: of the column.
             needed: whether a row must have a number; elsewhere an empty word is 0. Empty: all must.
+            remedy: for a missing number.
 
         Raises:
             InputError: a word is no number; the message names the line.
@@ -97,11 +115,13 @@ class ForeignTable:
         words = self.columns[title]
         rows = zip(words, needed or [True] * len(words), strict=True)
         return [
-            self._number(word, f'{self.path}:{row}', title) if word or must else 0.0
+            self._number(word, f'{self.path}:{row}: {self.spelt(title)}', '' if word else remedy)
+            if word or must
+            else 0.0
             for row, (word, must) in enumerate(rows, 2)
         ]
 
-    def _number(self, word: str, where: str, title: str) -> float:
+    def _number(self, word: str, where: str, remedy: str) -> float:
         value = number_in(word, self.decimal)
         if math.isfinite(value):
             return value
@@ -109,10 +129,10 @@ class ForeignTable:
         otherwise = number_in(word, other)
         if math.isfinite(otherwise):
             raise InputError(
-                f"{where}: {title} is '{word}', no number with a decimal {self.decimal}; "
+                f"{where} is '{word}', no number with a decimal {self.decimal}; "
                 f'write it with one, or give --decimal {other} for {otherwise:g}'
             )
-        raise InputError(f"{where}: {title} is '{word}'; write a number, its unit in the title")
+        raise InputError(f"{where} is '{word}'; {remedy or WRITE_NUMBER}")
 
 
 def bare_title(title: str) -> str:
@@ -158,20 +178,23 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
         raise InputError(f'{path}: not readable as CSV: {error}') from None
     if len(lines) < 2:
         raise InputError(f'{path}: has no rows below its titles')
-    titles = [' '.join(title.split()).lower() for title in lines[0]]
+    spelt = [' '.join(title.split()) for title in lines[0]]
+    titles = [title.lower() for title in spelt]
     for number, line in enumerate(lines[1:], 2):
         if len(line) != len(titles):
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
-    _check_repeated(path, titles)
+    _check_repeated(path, spelt)
     words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
     found = decimal or _decimal(path, (word for column in words for word in column))
-    return ForeignTable(path, dict(zip(titles, words, strict=True)), found)
+    spelling = dict(zip(titles, spelt, strict=True))
+    return ForeignTable(path, dict(zip(titles, words, strict=True)), found, spelling)
 
 
 def _check_repeated(path: Path, titles: Sequence[str]) -> None:
     """Refuse two columns of one title: nothing says which is meant. Empty titles do not count."""
+    small = [title.lower() for title in titles]
     for second, title in enumerate(titles):
-        first = titles.index(title)
+        first = small.index(title.lower())
         if title and first < second:
             raise InputError(
                 f"{path}: the columns {first + 1} and {second + 1} are both titled '{title}'; "

@@ -67,9 +67,9 @@ def moments(
         raise InputError(f'{where}: some times have a zone and some have none; write them alike')
     if found and not any(zoned):
         told.append(
-            f'{where}: times of the zone {zone}'
+            f'times without a zone: taken as times of {zone}'
             if zone
-            else f'{where}: times without a zone, taken as one clock; --time-zone names one'
+            else 'times without a zone: taken as times of one clock; --time-zone names its zone'
         )
     times = [
         _moment(match, day_first, zone, f'{where}:{number}')

@@ -1,5 +1,6 @@
 """Looks for oddities in a recording: rates, times and photographs that do not fit together."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from porotwin_core.plausibility import Remark
 from porotwin_core.units import HOUR_S, MINUTE_S, to_ml_h
-from porotwin_core.wells import Schedule
+from porotwin_core.wells import Schedule, WellRate
 from porotwin_recording.rates import remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
@@ -137,20 +138,21 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
         {row.well for row in data.commanded.rows if row.rate.rate and row.well not in measured}
     )
     if missing:
-        why = f'rates.csv lets {" and ".join(missing)} pump, and nothing was measured there'
-        yield Remark(name, '', why, 'the commanded rates count there')
+        yield Remark(name, '', _unmeasured(missing), 'the commanded rates count there')
     later = [row for row in data.commanded.rows if row.time > end and row.well in measured]
     if later:
-        why = f'it ends at {end:g} s, and rates.csv changes {later[0].well} at {later[0].time:g} s'
+        changed = f"well '{later[0].well}' at {later[0].time:g} s"
+        why = f'it ends at {end:g} s, and rates.csv changes {changed}'
         yield Remark(name, '', why, 'add the later lines; until then the commanded rates count')
     stopped = data.commanded.rows[-1].time
     if rows[0].time > max(stopped, 0.0):
         why = f'it begins at {rows[0].time:g} s, after the last row of rates.csv at {stopped:g} s'
         yield Remark(name, '', why, 'compare the dates and clocks of both')
+    yield from _other_fluid(data.commanded, data.measured, name)
     ratios_of_wells = list(_ratios(data.commanded, data.measured))
     turned = _turned(ratios_of_wells)
     if turned:
-        why = f'the rates of {" and ".join(turned)} have the other sign in rates.csv'
+        why = f'the rates of {quoted(turned)} have the other sign in rates.csv'
         yield Remark(name, '', why, 'write produced water with a minus in both')
     ratios = [abs(ratio) for _, ratio in ratios_of_wells]
     ratio = float(np.median(ratios)) if ratios else 1.0
@@ -158,6 +160,40 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
         per_minute = SAME_END[0] < ratio * MINUTE_S < SAME_END[1]
         unit = 'were they in ml/min? write ml/h' if per_minute else 'compare both files'
         yield Remark(name, '', f'its rates are {ratio:.3g} times those of rates.csv', unit)
+
+
+def quoted(wells: Iterable[str]) -> str:
+    """Return names of wells in words: 'left' and 'right'."""
+    return ' and '.join(f"'{well}'" for well in wells)
+
+
+def _unmeasured(wells: list[str]) -> str:
+    """Say that `wells` pump and have no measured rates."""
+    if len(wells) > 1:
+        return f'wells {quoted(wells)} pump by rates.csv, but have no measured rates'
+    return f'well {quoted(wells)} pumps by rates.csv, but has no measured rates'
+
+
+def _other_fluid(commanded: Schedule, measured: Schedule, name: str) -> Iterator[Remark]:
+    """Yield a remark for the first well that injects another fluid than commanded."""
+    asked: dict[str, WellRate] = {}
+    found: dict[str, WellRate] = {}
+    rows = [(row.time, 0, row) for row in commanded.rows if row.time < measured.rows[-1].time]
+    rows += [(row.time, 1, row) for row in measured.rows]
+    both = itertools.groupby(sorted(rows, key=lambda item: item[:2]), key=lambda item: item[0])
+    for time, changes in both:
+        for _, is_measured, row in changes:
+            (found if is_measured else asked)[row.well] = row.rate
+        for well, rate in found.items():
+            own = asked.get(well, WellRate())
+            if min(rate.rate, own.rate) > 0.0 and own.concentration != rate.concentration:
+                yield Remark(
+                    f"{name}: concentration of well '{well}' at {time:g} s",
+                    f'{rate.concentration:g}',
+                    f'rates.csv says {own.concentration:g}',
+                    'write the injected one; a change of the fluid needs its own row',
+                )
+                return
 
 
 def wells_with_turned_sign(commanded: Schedule, measured: Schedule) -> list[str]:

@@ -36,7 +36,7 @@ def protocol_moments(
     table: ForeignTable, title: str, answers: ProtocolAnswers, told: list[str]
 ) -> list[datetime]:
     """Return the times in the column `title`; tell the assumptions about them."""
-    where = f'{table.path}: {title}'
+    where = f'{table.path}: {table.spelt(title)}'
     found, remarks = moments(
         table.columns[title], where, order=answers.date_order, zone=answers.time_zone
     )

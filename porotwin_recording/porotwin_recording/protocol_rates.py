@@ -24,7 +24,7 @@ from porotwin_recording.foreign_units import (
     share_factor,
     unit_in,
 )
-from porotwin_recording.odd_recording import wells_with_turned_sign
+from porotwin_recording.odd_recording import quoted, wells_with_turned_sign
 from porotwin_recording.protocol_answers import (
     INJECTION_PROTOCOL,
     MEASURED_PROTOCOL,
@@ -35,6 +35,9 @@ from porotwin_recording.protocol_answers import (
 NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""
 
+
+NO_SHARE = 'write a number, or a negative rate if this well takes water out'
+"""Remedy for an injection without a concentration."""
 
 START = ('start', 'begin', 'start_time', 'datetime', 'date_time', 'timestamp', 'time')
 END = ('end', 'stop', 'end_time', 'stop_time')
@@ -68,10 +71,10 @@ def pumped_rates(
     wells = _wells(table, rig, told)
     ends = _ends(table, starts, wells, answers, told)
     rates = _rates(table, rig, answers, told)
-    if commanded and table.find('concentration') is None:
+    as_commanded = commanded and table.find('concentration') is None
+    if as_commanded:
         told.append(f'{path}: no column concentration: {INJECTION_PROTOCOL} tells it')
-        places = zip(wells, starts, strict=True)
-        shares = [_commanded_share(commanded, well, start) for well, start in places]
+        shares = [1.0] * table.length
     else:
         shares = _concentrations(table, wells, rates, answers, told)
     rows = []
@@ -84,7 +87,50 @@ def pumped_rates(
     _check_overlap(path, rows)
     if path.name == MEASURED_PROTOCOL:
         told += _gaps(path, rows)
-    return rows
+    return with_commanded_shares(rows, commanded) if commanded and as_commanded else rows
+
+
+def with_commanded_shares(rows: list[PumpedRate], commanded: list[PumpedRate]) -> list[PumpedRate]:
+    """Return measured `rows` with the `commanded` concentrations; both are sorted by start.
+
+    A row is split where the commanded concentration of its well changes, up to the last time in
+    `rows`: after it the commanded rates count.
+    """
+    last = max(row.end or row.start for row in rows)
+    changes = {well: _changes_of_share(commanded, well) for well in {row.well for row in rows}}
+    pieces = [piece for row in rows for piece in _pieces(row, changes[row.well], last)]
+    return sorted(pieces, key=lambda row: row.start)
+
+
+def _pieces(
+    row: PumpedRate, changes: list[tuple[datetime, float]], last: datetime
+) -> Iterator[PumpedRate]:
+    """Yield the parts of `row` between the `changes` of the concentration before `last`."""
+    if row.rate.rate <= 0:
+        yield row
+        return
+    begun = [share for start, share in changes if start <= row.start] or [
+        changes[0][1] if changes else 1.0
+    ]
+    inside = [(start, share) for start, share in changes if row.start < start < (row.end or last)]
+    starts = [(row.start, begun[-1]), *inside]
+    ends = [start for start, _ in inside] + [row.end]
+    for (start, share), end in zip(starts, ends, strict=True):
+        yield PumpedRate(start, end, row.well, replace(row.rate, concentration=share))
+
+
+def _changes_of_share(commanded: list[PumpedRate], well: str) -> list[tuple[datetime, float]]:
+    """Return the changes of concentration of the injections of `well`: time, new value.
+
+    The first pair is its first injection; there is none if it never injects.
+    """
+    changes: list[tuple[datetime, float]] = []
+    for row in commanded:
+        if row.well == well and row.rate.rate > 0:
+            share = row.rate.concentration
+            if not changes or share != changes[-1][1]:
+                changes.append((row.start, share))
+    return changes
 
 
 def _gaps(path: Path, rows: list[PumpedRate]) -> list[str]:
@@ -99,7 +145,7 @@ def _gaps(path: Path, rows: list[PumpedRate]) -> list[str]:
     first, well = min(gaps)
     return [
         f'{path}: {len(gaps)} gaps between rates count as a stopped pump, the first at '
-        f'{first:%Y-%m-%d %H:%M:%S} (well {well}); add rows if the pump ran'
+        f"{first:%Y-%m-%d %H:%M:%S} (well '{well}'); add rows if the pump ran"
     ]
 
 
@@ -117,7 +163,8 @@ def _ends(
         zoned = [names_zone(table.columns[each]) for each in (start, title)]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
-                f'{table.path}: only one of {start} and {title} names a time zone; give '
+                f'{table.path}: only one of {table.spelt(start)} and {table.spelt(title)} names a '
+                'time zone; give '
                 '--time-zone, such as Europe/Oslo, the zone of the times that name none'
             )
         return protocol_moments(table, title, answers, told)
@@ -133,14 +180,6 @@ def _ends(
     return ends
 
 
-def _commanded_share(commanded: list[PumpedRate], well: str, start: datetime) -> float:
-    """Return the concentration of the last injection of `well` that begins by `start`, or else of
-    its first one; 1 if it never injects."""
-    own = [row for row in commanded if row.well == well and row.rate.rate > 0]
-    begun = [row for row in own if row.start <= start]
-    return (begun[-1:] or own[:1])[0].rate.concentration if own else 1.0
-
-
 def _check_overlap(path: Path, rows: list[PumpedRate]) -> None:
     """Check that no two rates of one well in `rows`, sorted by start, overlap.
 
@@ -150,7 +189,7 @@ def _check_overlap(path: Path, rows: list[PumpedRate]) -> None:
     for well, earlier, later in _successors(rows):
         if later.start == earlier.start or (earlier.end and later.start < earlier.end):
             raise InputError(
-                f'{path}: two rates of well {well} overlap at '
+                f"{path}: two rates of well '{well}' overlap at "
                 f'{later.start:%Y-%m-%d %H:%M:%S}; correct start or end'
             )
 
@@ -185,7 +224,7 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
         if table.find(*PLACE_X) is None:
             raise InputError(
                 f'{table.path}: has no column of wells; rename one to well (names of rig.yaml), or '
-                f'two to location_x and location_y [m]. Its columns are {", ".join(table.columns)}'
+                f'two to location_x and location_y [m]. Its columns are {table.titles}'
             )
         x, z = table.needed(*PLACE_X), table.needed('location_y', 'location_z', 'y', 'z')
         places = list(zip(table.numbers(x), table.numbers(z), strict=True))
@@ -205,7 +244,7 @@ def _nearest(place: tuple[float, float], table: ForeignTable, rig: Rig, told: li
             f'{table.path}: no well of the rig is at {at}; the nearest, {name}, is '
             f'{100 * distances[name]:.1f} cm away: correct the location (m, upward) or rig.yaml'
         )
-    line = f'{table.path}: {at} is well {name}'
+    line = f"{table.path}: {at} is well '{name}'"
     told += [] if line in told else [line]
     return name
 
@@ -216,7 +255,7 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     if not titles:
         raise InputError(f'{table.path}: has no column of rates; name one rate [ml/min]')
     title = table.only(titles)
-    where = f'{table.path}: {title}'
+    where = f'{table.path}: {table.spelt(title)}'
     unit = answers.rate_unit or unit_in(title)
     if 'sccm' in unit:
         raise InputError(f'{where}: is of a gas at standard conditions; write the rate of a liquid')
@@ -260,7 +299,8 @@ def _concentrations(
     title = table.find('concentration')
     if title is not None:
         factor = share_factor(unit_in(title), f'{table.path}: {title}')
-        found = [factor * value for value in table.numbers(title, [rate > 0 for rate in rates])]
+        injects = [rate > 0 for rate in rates]
+        found = [factor * value for value in table.numbers(title, injects, remedy=NO_SHARE)]
         for row, share in enumerate(found, 2):
             if not 0.0 <= share <= 1.0:
                 raise InputError(
@@ -271,7 +311,7 @@ def _concentrations(
     inject = {well for well, rate in zip(wells, rates, strict=True) if rate > 0}
     if answers.concentration is None and len(inject) > 1:
         raise InputError(
-            f'{table.path}: no column concentration, and {" and ".join(sorted(inject))} inject; '
+            f'{table.path}: no column concentration, and {quoted(sorted(inject))} inject; '
             'add the column, 1 for tracer stock and 0 for water, or give --concentration for all'
         )
     if answers.concentration is None:
@@ -322,7 +362,7 @@ def check_measured(path: Path, commanded: Schedule, measured: Schedule, *, is_ov
     turned = wells_with_turned_sign(commanded, measured)
     if turned:
         raise InputError(
-            f'{path}: the rates of {" and ".join(turned)} have the other sign in '
+            f'{path}: the rates of {quoted(turned)} have the other sign in '
             f'{INJECTION_PROTOCOL}; write produced water with a minus in both'
         )
     first, last = measured.rows[0].time if measured.rows else 0.0, commanded.rows[-1].time

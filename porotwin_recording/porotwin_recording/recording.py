@@ -129,6 +129,8 @@ class Recording(RecordedData):
                 f'{make.format("FOLDER")} the maps'
             )
         ways = [f'make them with {make.format(self.source)}'] if self.photos else []
+        if self.remarks:
+            return self.remarks[0]
         if found := files_with_maps(self.source):
             ways.insert(0, f'if {" or ".join(found)} holds them, name it {MAPS_FILE}')
         return ', or '.join(ways) or f'write them as {self.source / MAPS_FILE}'

@@ -152,13 +152,16 @@ def measured(*rows: tuple[float, str, float]) -> RecordedData:
     [
         (
             [(0.0, 'in', 520.0), (1800.0, 'in', 0.0)],
-            'lets out pump, and nothing was measured there',
+            "well 'out' pumps by rates.csv, but has no measured rates",
         ),
-        ([(0.0, 'in', 520.0), (1200.0, 'out', -520.0)], r'it ends at 1200 s, and .* in at 1800 s'),
+        (
+            [(0.0, 'in', 520.0), (1200.0, 'out', -520.0)],
+            r"ends at 1200 s, and .* 'in' at 1800 s",
+        ),
         ([(0.0, 'in', 8.7), (0.0, 'out', -8.7), (1801.0, 'in', 0.0)], 'were they in ml/min'),
         (
             [(0.0, 'in', 523.2), (0.0, 'out', 523.2), (1801.0, 'in', 0.0)],
-            'the rates of out have the other sign in rates.csv; write produced water with a minus',
+            "the rates of 'out' have the other sign in rates.csv; write produced water with a",
         ),
         ([(86400.0, 'in', 523.2), (86400.0, 'out', -523.2)], 'begins at 86400 s, after the last'),
     ],
@@ -168,6 +171,22 @@ def test_incomplete_or_far_measured_rates_are_named(rows, named: str) -> None:
         str(one) for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key
     )
     assert re.search(named, found)
+
+
+def test_a_measured_change_of_fluid_that_is_missing_is_odd() -> None:
+    def fluids(*rows: tuple[float, float, float]) -> Schedule:
+        return Schedule(tuple(ScheduleRow(t, 'in', WellRate(q, share)) for t, q, share in rows))
+
+    asked = fluids((0.0, 1e-7, 1.0), (600.0, 1e-7, 0.0), (1800.0, 0.0, 0.0))
+    wrong = fluids((0.0, 9e-8, 1.0), (900.0, 9e-8, 1.0), (1800.0, 0.0, 1.0))
+    right = fluids((0.0, 9e-8, 1.0), (600.0, 9e-8, 0.0), (1800.0, 0.0, 0.0))
+    for seen, expected in (
+        (wrong, ["rates_measured.csv: concentration of well 'in' at 600 s"]),
+        (right, []),
+    ):
+        data = replace(recording(), commanded=asked, measured=seen)
+        found = [one.key for one in remarks_about_recording(data) if 'measured' in one.key]
+        assert found == expected
 
 
 def test_measured_rates_that_cover_everything_are_not_odd() -> None:

@@ -59,7 +59,7 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
     for words in (
         'in ml/min',
         'without a zone',
-        'is well in',
+        "is well 'in'",
         'taken as tracer stock',
         'time zero',
     ):
@@ -69,7 +69,7 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
 def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None:
     protocol = folder / 'injection_protocol.csv'
     protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
-    with pytest.raises(InputError, match='no column concentration, and in and out inject'):
+    with pytest.raises(InputError, match="no column concentration, and 'in' and 'out' inject"):
         imported(folder)
     recording, _ = imported(folder, replace(PLAIN, concentration=1.0))
     assert recording.schedule.at(70.0)['out'].concentration == 1.0
@@ -262,6 +262,45 @@ def test_the_log_of_a_flow_meter_becomes_measured_rates(folder: Path) -> None:
     assert 'no column concentration: injection_protocol.csv tells it' in '\n'.join(told)
 
 
+CHASED = (
+    'well,start,end,rate_ml/min,concentration\n'
+    'in,2024-05-31 10:00,2024-05-31 10:30,3,1\n'
+    'in,2024-05-31 10:30,2024-05-31 10:45,3,0\n'
+    'out,2024-05-31 10:00,2024-05-31 10:45,-3,\n'
+)
+"""Stock, then water from the same pump."""
+
+
+def test_measured_rates_are_split_where_the_commanded_concentration_changes(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(CHASED)
+    (folder / 'measured_protocol.csv').write_text(
+        'start,well,rate [ml/min]\n'
+        '2024-05-31 10:00,in,2.9\n'
+        '2024-05-31 10:15,in,2.95\n'
+        '2024-05-31 10:45,in,0\n'
+    )
+    recording, _ = imported(folder)
+    measured = recording.measured
+    assert measured is not None
+    shares = [(row.time, row.rate.concentration) for row in measured.rows]
+    assert shares == [(0.0, 1.0), (900.0, 1.0), (1800.0, 0.0), (2700.0, 0.0)]
+    assert to_ml_h(measured.at(1800.0)['in'].rate) == pytest.approx(177.0)
+    stock = recording.delivered.injected_stock(0.0, 2700.0)
+    assert stock == pytest.approx(1e-6 * (15 * 2.9 + 15 * 2.95))
+
+
+def test_a_measured_log_is_not_split_after_its_end(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(CHASED)
+    (folder / 'measured_protocol.csv').write_text(
+        'start,well,rate [ml/min]\n2024-05-31 10:00,in,2.9\n2024-05-31 10:20,out,-2.9\n'
+    )
+    recording, _ = imported(folder)
+    assert recording.measured is not None
+    assert [row.time for row in recording.measured.rows] == [0.0, 1200.0]
+    after = recording.delivered.at(1800.0)['in']  # as commanded, after the end of the log
+    assert (to_ml_h(after.rate), after.concentration) == (pytest.approx(180.0), 0.0)
+
+
 def test_measured_rates_before_the_first_command_are_told(folder: Path) -> None:
     (folder / 'measured_protocol.csv').write_text(MEASURED.replace('59:50;0', '59:50;30'))
     recording, told = imported(folder, replace(PLAIN, date_order='day-first'))
@@ -285,7 +324,10 @@ def test_without_commands_the_measured_log_gives_the_rates(folder: Path) -> None
 @pytest.mark.parametrize(
     ('change', 'complaint'),
     [
-        ((';-88', ';88'), 'rates of out have the other sign in injection_protocol.csv; write pro'),
+        (
+            (';-88', ';88'),
+            "rates of 'out' have the other sign in injection_protocol.csv; write",
+        ),
         (('31.05.', '01.06.'), 'has no rate in the time of injection_protocol.csv; compare their'),
         (('31.05.', '30.05.'), 'has no rate in the time of injection_protocol.csv'),
         (('31.05.2024', '31.05.2023'), 'has no rate in the time of injection_protocol.csv'),
@@ -383,6 +425,31 @@ def test_gaps_of_a_measured_log_are_told(folder: Path) -> None:
     assert '1 gaps between rates count as a stopped pump, the first at 2024-05-31 10:00:30' in (
         '\n'.join(told)
     )
+
+
+def test_an_assumption_about_the_clock_is_told_once(folder: Path) -> None:
+    (folder / 'measured_protocol.csv').write_text(INJECTION)
+    _, told = imported(folder)
+    assert ['zone' in line for line in told].count(True) == 1
+
+
+def test_titles_are_told_as_the_file_spells_them(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(INJECTION.replace('start', 'Datum'))
+    with pytest.raises(InputError, match='columns are id, location_x, location_y, Datum, end'):
+        imported(folder)
+    (folder / 'injection_protocol.csv').write_text(
+        INJECTION.replace('rate_ml/min', 'Rate [ml/min]').replace(',2\n', ',two\n')
+    )
+    with pytest.raises(InputError, match=r"csv:2: Rate \[ml/min\] is 'two'; write a number, its"):
+        imported(folder)
+
+
+def test_a_producing_pump_without_a_minus_is_asked_for_it(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(CHASED.replace('-3,', '3,'))
+    with pytest.raises(
+        InputError, match=r"concentration is ''; .* or a negative rate if this well"
+    ):
+        imported(folder)
 
 
 def test_maps_beside_protocols_are_told_to_be_left_out(folder: Path) -> None:

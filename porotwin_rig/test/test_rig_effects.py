@@ -11,7 +11,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRates
-from porotwin_rig.effects import EFFECTS, parse_effects
+from porotwin_rig.effects import EFFECTS, parse_effects, refuse_idle
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.effects.freundlich import dissolved_in_equilibrium
 from porotwin_rig.virtual_rig import VirtualRig
@@ -221,12 +221,13 @@ def test_stain_lags_behind_the_tracer() -> None:
 @pytest.mark.parametrize('name', EFFECTS)
 def test_neutral_parameters_are_no_effect(name: str) -> None:
     parameters: dict[str, float | str] = {
-        key: 'injector' if parameter.is_name else parameter.default
+        key: parameter.neutral if parameter.default is None else parameter.default
         for key, parameter in EFFECTS[name].parameters.items()
     }
-    parameters |= {key: 0.3 for key in ('x', 'z') if key in parameters}
-    if 'permeability_factor' in parameters:
-        parameters['permeability_factor'] = 1.0
+    parameters |= {key: 0.3 for key in ('x', 'z', 'radius') if key in parameters}
+    parameters |= {key: 'injector' for key in ('well',) if key in parameters}
+    with pytest.raises(InputError, match=f'effect {name}: changes nothing with'):
+        refuse_idle([EffectDescription(name=name, parameters=parameters)], make_rig())
     effect = EffectDescription(name=name, parameters=parameters)
     asset = VirtualRig(make_rig(), effects=[effect], cell=0.012)
     plain = VirtualRig(make_rig(), cell=0.012)
@@ -248,6 +249,10 @@ def test_neutral_parameters_are_no_effect(name: str) -> None:
         ('decay:rate=nan', 'decay: rate = nan: give a finite number'),
         ('well_position:well=injector,dx=-0.285', r"'injector' at \(-0.05, 0.235\) m lies outside"),
         ('leak:x=0.3,z=0.6,rate=-10', "'leak' at .* lies outside the rig of 0.934 x 0.562 m"),
+        ('leek:x=0.3', "'leek' is not known; did you mean 'leak'"),
+        ('leak:x=0.3,z=0.2', r"parameter 'rate' \[ml/h\] is missing; it needs x, z, rate"),
+        ('leak:x=300,z=0.2,rate=-9', r'x = 300: the rig is 0.934 m wide; was this in mm\? write'),
+        ('heterogeneity:x=0.3,z=20', 'the rig is 0.562 m high; was this in mm or cm'),
         ('porosity:factor=0', 'factor = 0: must be at least 0.01'),
         ('porosity:factor=3', 'porosity 1.125: must not exceed 1'),
         ('viscosity:viscosity_ratio=0', 'viscosity_ratio = 0: must be at least 0.001'),
@@ -255,7 +260,7 @@ def test_neutral_parameters_are_no_effect(name: str) -> None:
         ('dual_porosity:immobile_fraction=1.2', 'immobile_fraction = 1.2: must be at most 0.95'),
         ('retardation:retardation_factor=0.5', 'retardation_factor = 0.5: must be at least 1'),
         ('buoyancy:density_difference=1e12', r'difference = 1e\+12: must be at most 1000'),
-        ('pulsation:well=injector,period=0', 'period = 0: must be greater than 0'),
+        ('pulsation:well=injector,amplitude=0.1,period=0', 'period = 0: must be greater than 0'),
     ],
 )
 def test_wrong_effects_are_refused_by_name(text: str, complaint: str) -> None:

@@ -75,15 +75,17 @@ class PredictionCost:
         many = self.steps != 1
         split = f', each split into {each:.2g} on average' if each >= SPLIT else ''
         return (
-            f'{self.cells:,} cells, {self.steps:,} time step{"s" * many}{split}; about '
-            f'{in_words(self.seconds)} for a prediction, '
+            f'{self.cells:,} cells, {self.steps:,} time step{"s" * many}{split}; '
+            f'{"about " if self.seconds >= 1e-3 else ""}{in_words(self.seconds)} for a prediction, '
             f'after {in_words(self.preparation_seconds)} of preparation at the start'
         )
 
 
 def in_words(seconds: float) -> str:
-    """Return a duration in a unit that fits: 0.02 s, 12 s, 3 min, 5 h."""
+    """Return a duration in a unit that fits: 0.02 s, 12 s, 3 min, 5 h; or less than 1 ms."""
     minute, hour = 60.0, 3600.0
+    if seconds < 1e-3:
+        return 'less than 1 ms'
     if seconds < 2 * minute:
         return f'{seconds:.1g} s' if seconds < 10 else f'{seconds:.0f} s'
     if seconds < 2 * hour:

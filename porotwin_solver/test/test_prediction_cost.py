@@ -8,6 +8,7 @@ from porotwin_solver.engine import LONGEST_STEP, State
 from porotwin_solver.local_time_steps import tape_length
 from porotwin_solver.model import Model
 from porotwin_solver.prediction_cost import (
+    PredictionCost,
     in_words,
     prediction_cost,
     slowness_of_this_machine,
@@ -50,3 +51,8 @@ def test_this_machine_is_timed() -> None:
 )
 def test_a_duration_is_told_in_a_unit_that_fits(seconds: float, words: str) -> None:
     assert in_words(seconds) == words
+
+
+def test_a_cost_below_a_millisecond_is_told_in_words() -> None:
+    cost = PredictionCost(100, 1, 1, 100, 6e-5, 0.02)
+    assert '; less than 1 ms for a prediction, after 0.02 s of preparation' in str(cost)

@@ -34,7 +34,7 @@ def command(
         str,
         typer.Option(
             help='START:END [s]: only the maps and photographs between these times, in an '
-            'experiment folder. Rates before them stay.'
+            'experiment folder. START: and :END leave one end open. Rates before them stay.'
         ),
     ] = '',
     as_json: Json = False,
@@ -78,14 +78,26 @@ def command(
 
 
 def _span(text: str) -> tuple[float, float]:
-    """Return the times START and END [s].
+    """Return the times START and END [s]; infinite where an end is open.
 
     Raises:
         InputError: the text is no such pair.
     """
-    start, end = times_in(text, 2)
-    if not (math.isfinite(start + end) and start < end):
-        raise InputError(f"--times '{text}': write START:END in seconds, like 0:7200")
+    first, _, last = text.partition(':')
+    start, end = times_in(f'{first.strip() or 0}:{last.strip() or 0}', 2)
+    both_open = not (first.strip() or last.strip())
+    if both_open or ':' not in text or not math.isfinite(start + end):
+        raise InputError(
+            f"--times '{text}': write START:END in seconds, like 0:7200, 1800: or :7200"
+        )
+    start = start if first.strip() else -math.inf
+    end = end if last.strip() else math.inf
+    if not start < end:
+        raise InputError(
+            f"--times '{text}': END lies before START; write the earlier time first"
+            if end < start
+            else f"--times '{text}': END is START; write a later END"
+        )
     return start, end
 
 

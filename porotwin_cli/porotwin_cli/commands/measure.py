@@ -11,6 +11,7 @@ import typer
 from porotwin_cli.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
+from porotwin_core.units import percent
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
@@ -111,9 +112,9 @@ def _hidden(rows: list[dict[str, Any]]) -> str:
         return ''
     time, share = min(seen.items(), key=lambda item: item[1])
     return (
-        f'{len(seen)} of {len(rows)} maps hide more than {1.0 - LEAST_SEEN:.0%} of the rig '
-        f'(the one at {time:g} s {1.0 - share:.0%}): hidden tracer is neither counted nor in the '
-        'deviations'
+        f'{len(seen)} of {len(rows)} maps hide more than {percent(1.0 - LEAST_SEEN)} of the rig '
+        f'(the one at {time:g} s {percent(1.0 - share)}): hidden tracer is neither counted nor in '
+        'the deviations'
     )
 
 
@@ -184,7 +185,7 @@ def _uncalibrated(rows: list[dict[str, Any]]) -> str:
         row['tracer_deviation_ml'] / row['tracer_ml'] for row in rows if row['tracer_ml'] > 0.0
     ]
     known = [ratio for ratio in ratios if ratio == ratio]
-    about = f', known to about {statistics.median(known):.0%}' if known else ''
+    about = f', known to about {percent(statistics.median(known))}' if known else ''
     return (
         f'uncalibrated maps: tracer_ml is on a default scale{about}; '
         './porotwin calibrate measures the scale from a known injection'

@@ -1,6 +1,9 @@
 """./porotwin rehearse: an experiment on the virtual rig, before it is made on the real one."""
 
 import math
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +16,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.units import ML
 
 if TYPE_CHECKING:
+    from porotwin_core.rig import EffectDescription
     from porotwin_recording.recording import Recording
 
 DURATION_OPTION = '--duration-min, such as 60'
@@ -35,7 +39,8 @@ def command(
             help='An effect that the rig has and its description lacks: NAME:PARAMETER=VALUE,... '
             'May be given several times. '
             f'Names: {", ".join(module_names("porotwin_rig.effects"))}. '
-            'docs/effects.md lists the parameters with their units.'
+            'docs/effects.md lists the parameters with their units. '
+            'Viscosity and buoyancy take several times longer than the others.'
         ),
     ] = None,
     duration_min: Annotated[
@@ -63,13 +68,15 @@ def command(
     Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
     """
     from porotwin_recording.recording import open_recording
-    from porotwin_rig.effects import parse_effects
+    from porotwin_rig.effects import parse_effects, refuse_idle
     from porotwin_rig.made_experiment import make_experiment
     from porotwin_rig.map_camera import MapNoise
 
     refuse_existing(output)
     effects = parse_effects(';'.join(effect or []))
+    _refuse_rig_alone(experiment)
     recording = open_recording(experiment)
+    refuse_idle(effects, recording.rig)
     duration = _duration(recording, duration_min)
     if photo_interval_s > duration:
         raise InputError(
@@ -81,10 +88,10 @@ def command(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
             '--photo-interval-s'
         )
-    with progress() as bar:
+    with _renamed_at_end(output) as unfinished, progress() as bar:
         task = bar.add_task('running the virtual rig', total=1.0)
         made = make_experiment(
-            output,
+            unfinished,
             recording.rig,
             commanded=recording.delivered,
             duration=duration,
@@ -102,14 +109,67 @@ def command(
                 'noise_floor': made.noise_floor,
                 'injected_m3': made.injected,
                 'removed_m3': made.removed,
+                'hidden': effect or [],
             }
         )
         return
+    ways = ' or '.join(_ways_out(recording, effects))
     print(
         f'{output}: {len(made.times)} maps over {duration / 60.0:.0f} min; '
-        f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml removed\n'
-        f'next: ./porotwin diagnose {output} --output REPORT'
+        f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml of it removed'
+        + (f' by {ways}' if made.removed > 0.0 and ways else '')
     )
+    if effect:
+        print(f'hidden: {"; ".join(effect)}')
+    print(f'next: ./porotwin diagnose {output} --output REPORT')
+
+
+def _refuse_rig_alone(experiment: Path) -> None:
+    """Check that `experiment` is no folder with a rig alone.
+
+    Raises:
+        InputError: it is one; the line asks for rates.
+    """
+    from porotwin_recording.experiment_folder import COMMANDED_FILE, FILES, RIG_FILE
+
+    folder = experiment.parent if experiment.name == RIG_FILE else experiment
+    if [name for name in FILES if (folder / name).is_file()] == [RIG_FILE]:
+        raise InputError(
+            f'{folder}: has no {COMMANDED_FILE} to rehearse; write one beside {RIG_FILE} '
+            '(docs/formats.md shows one)'
+        )
+
+
+@contextmanager
+def _renamed_at_end(output: Path) -> Iterator[Path]:
+    """Yield a hidden folder that becomes `output` at the end of the block.
+
+    A call that was killed leaves the hidden folder. The next call removes it and begins again.
+
+    Raises:
+        InputError: another call writes `output`.
+    """
+    from porotwin_recording.one_writer import one_writer
+
+    unfinished = output.with_name(f'.{output.name}.partial')
+    with one_writer(output):
+        shutil.rmtree(unfinished, ignore_errors=True)
+        try:
+            yield unfinished
+            unfinished.rename(output)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def _ways_out(recording: 'Recording', effects: 'Sequence[EffectDescription]') -> list[str]:
+    """Return what may remove tracer: wells that take water out, leaks, open sides."""
+    wells = {row.well for row in recording.delivered.rows if row.rate.rate < 0.0}
+    leaks = [
+        'a leak'
+        for effect in (*recording.rig.effects, *effects)
+        if effect.name == 'leak' and float(effect.parameters['rate']) < 0.0
+    ]
+    return [*sorted(wells), *leaks[:1], *(['open sides'] if not recording.rig.closed else [])]
 
 
 def _duration(recording: 'Recording', minutes: float | None) -> float:

@@ -63,7 +63,7 @@ def command(
         print_json({'folder': folder, 'recordings': [_as_json(entry) for entry in entries]})
         return
     if not entries:
-        print(f'{folder}: no bag or experiment folder' if begun else f'{folder}: no runs yet')
+        print(f'{folder}: no bag or experiment folder' if begun else _no_runs(folder))
         return
     readable = [entry for entry in entries if entry.state != 'unreadable']
     columns = [
@@ -82,6 +82,13 @@ def command(
     for entry in entries:
         for remark in entry.remarks:
             say(remark)
+
+
+def _no_runs(folder: Path) -> str:
+    """Say where the command looked, and what else it can look at."""
+    return (
+        f'no runs yet in {folder.absolute()}; name a folder with recordings, such as . for this one'
+    )
 
 
 def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':

@@ -9,7 +9,7 @@ import typer
 
 from porotwin_cli.experiment_times import MOST_TIMES, recorded_times, times_in
 from porotwin_cli.output_files import one_call_for_each_output
-from porotwin_cli.terminal import Json, print_json, progress
+from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
@@ -163,6 +163,14 @@ def command(
     print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
     if errors is not None:
         print(errors)
+    say(f'next: ./porotwin measure {output} --output plume.csv{_diagnosis(recording)}')
+
+
+def _diagnosis(recording: 'Recording') -> str:
+    """Return the further advice for a recording with maps."""
+    if recording.maps is None:
+        return ''
+    return f'; ./porotwin diagnose {recording.source} --output REPORT finds the cause of an error'
 
 
 def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':

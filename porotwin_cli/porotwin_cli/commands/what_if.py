@@ -9,6 +9,7 @@ from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 from porotwin_core.coarse_grid import COARSE_CELLS
 from porotwin_core.errors import InputError
+from porotwin_core.units import percent
 
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
@@ -136,7 +137,10 @@ def _show(found: 'WhatIfStudy') -> None:
         row = [f'{(found.start + plans[0].times[index]) / unit.seconds:.1f}']
         for outlook in plans:
             low, median, high = outlook.zone_tracer[:, index] * ML
-            row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']
+            row += [
+                f'{median:.2f} ({low:.2f} to {high:.2f})',
+                percent(outlook.zone_reached[index]),
+            ]
         rows.append(row)
     print_table(
         f'tracer in the zone [ml], median (90 % band); reached: the probability that {REACHED}',

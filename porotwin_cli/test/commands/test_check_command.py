@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.check_picture import check_picture, shading
+from porotwin_cli.check_picture import check_picture, shading, well_roles
 from porotwin_cli.rig_check import (
     CheckedRig,
     check,
@@ -24,6 +25,7 @@ from porotwin_cli.rig_check import (
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
 from porotwin_recording.experiment_folder import folder_data, write_folder
 from porotwin_recording.photos import Photo
@@ -54,7 +56,7 @@ def test_the_small_rig_is_drawn_and_not_odd(tmp_path: Path) -> None:
 def test_maps_too_coarse_for_a_sure_diagnosis_are_told(columns: int, limited: bool) -> None:
     words = maps_in_words(np.arange(3) * 60.0, Grid(columns, 40, 1.0, 0.5))
     assert words.startswith(f'maps: 3, from 0 to 120 s, on {columns}x40')
-    assert ('at most 70%' in words) is limited
+    assert ('at most 70 %' in words) is limited
 
 
 def test_what_is_impossible_is_listed_with_status_2(tmp_path: Path) -> None:
@@ -208,6 +210,25 @@ def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
     assert ', 1 time step' in words
 
 
+def test_the_injected_stock_is_that_of_the_rates_that_drive_the_model(tmp_path: Path) -> None:
+    data = pumped(tmp_path, '500 500').data
+    assert data is not None
+    assert data.commanded is not None
+    half = [replace(row.rate, rate=row.rate.rate / 2) for row in data.commanded.rows]
+    rows = zip(data.commanded.rows, half, strict=True)
+    measured = Schedule(tuple(replace(row, rate=rate) for row, rate in rows))
+    assert pumped_in(replace(data, measured=measured)).stock == pytest.approx(125e-6)
+
+
+def test_wells_of_a_recording_are_told_by_what_they_do(tmp_path: Path) -> None:
+    checked = pumped(tmp_path, '500 500')
+    rig = checked.rig.model_copy(update={'control': None})
+    assert checked.data is not None
+    roles = well_roles(replace(checked, rig=rig))
+    assert (roles['injector'], roles['producer']) == ('injects stock', 'takes out')
+    assert well_roles(replace(checked, rig=rig, data=None))['producer'] == 'other'
+
+
 def photo(time: float, role: str = 'state') -> Photo:
     return Photo(time, role, f'{time:g}.jpg', bytes)
 
@@ -248,7 +269,8 @@ def stored_maps(folder: Path, rig: Rig) -> ConcentrationMaps:
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
     assert pumped(tmp_path, '500 500').remarks == ()
     remarks = [str(remark) for remark in pumped(tmp_path, '8.33 8.33').remarks]
-    assert any('4.17 ml, 0.21% of the pore volume; were the rates in ml/min?' in r for r in remarks)
+    words = '4.17 ml, 0.21 % of the pore volume; were the rates in ml/min?'
+    assert any(words in r for r in remarks)
 
 
 def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:

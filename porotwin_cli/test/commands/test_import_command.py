@@ -108,8 +108,24 @@ def test_a_part_is_cut_out_of_a_folder(experiment: Path, tmp_path: Path) -> None
     late = before.times >= last / 2
     np.testing.assert_array_equal(after.times, before.times[late])
     np.testing.assert_array_equal(after.concentration, before.concentration[late])
-    for wrong in ('600', '600:0', 'nan:1', f'{last + 1:g}:{last + 2:g}'):
+    for name, words, kept in (
+        ('late', f'{last / 2:g}:', late),
+        ('early', f':{last / 2:g}', before.times <= last / 2),
+    ):
+        assert porotwin('export', experiment, tmp_path / name, '--times', words).returncode == 0
+        np.testing.assert_array_equal(open_recording(tmp_path / name).times, before.times[kept])
+    form = 'write START:END in seconds, like 0:7200, 1800: or :7200'
+    for wrong, complaint in (
+        ('600', form),
+        (':', form),
+        ('nan:1', form),
+        ('600:0', 'END lies before START'),
+        ('600:600', 'END is START'),
+        (f'{last + 1:g}:{last + 2:g}', 'no map and no photograph from'),
+        (f'{last + 1:g}:', f'no map and no photograph from {last + 1:g} s on; it covers'),
+    ):
         refused = porotwin('export', experiment, tmp_path / 'none', '--times', wrong)
         assert refused.returncode == 2
+        assert complaint in refused.stderr
         assert len(refused.stderr.strip().splitlines()) == 1
         assert not (tmp_path / 'none').exists()

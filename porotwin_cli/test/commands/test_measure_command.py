@@ -87,7 +87,7 @@ def test_uncalibrated_maps_are_told_with_their_deviation(moving: Path, tmp_path:
         writer.append(0.0, maps[0], deviation=0.2 * maps[0], systematic=0.2 * maps[0])
     arguments = ['measure', str(path), '--rig', str(small_rig()), '--json']
     result = CliRunner().invoke(app, arguments)
-    assert 'on a default scale, known to about 20%' in result.stderr
+    assert 'on a default scale, known to about 20 %' in result.stderr
     assert json.loads(result.stdout)['calibrated'] is False
 
 
@@ -100,4 +100,4 @@ def test_maps_that_hide_a_part_of_the_rig_are_told(tmp_path: Path) -> None:
         writer.append(0.0, np.full(grid.shape, 0.5))
         writer.append(30.0, hidden)
     result = porotwin('measure', path, '--rig', small_rig(), '--json')
-    assert '1 of 2 maps hide more than 5% of the rig (the one at 30 s 11%)' in result.stderr
+    assert '1 of 2 maps hide more than 5 % of the rig (the one at 30 s 11 %)' in result.stderr

@@ -1,6 +1,9 @@
 """./porotwin rehearse."""
 
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +56,10 @@ def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) 
     folder = design(tmp_path / 'design')
     output = tmp_path / 'planned'
     for wrong, complaint in (
-        (('--effect', 'leek:x=1'), "'leek' is not known"),
+        (('--effect', 'leek:x=1'), "'leek' is not known; did you mean 'leak'?"),
+        (('--effect', 'leak:x=0.15,z=0.05'), "leak: parameter 'rate' [ml/h] is missing"),
+        (('--effect', 'leak:x=0.15,z=0.05,rate=0'), 'leak: changes nothing with rate = 0'),
+        (('--effect', 'leak:x=150,z=0.05,rate=-9'), 'm wide; was this in mm? write it in m'),
         (('--effect', 'leak:q=1'), "unknown parameter 'q'"),
         (('--photo-interval-s', '500'), 'is longer than the experiment of 240 s'),
         (('--duration-min', '40000', '--photo-interval-s', '1'), 'give a larger --photo-interval'),
@@ -67,3 +73,44 @@ def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) 
     result = porotwin('rehearse', folder, '--output', output)
     assert result.returncode == 2
     assert 'give --duration-min' in result.stderr
+    (folder / 'rates.csv').unlink()
+    result = porotwin('rehearse', folder, '--output', output)
+    assert result.returncode == 2
+    assert 'write one beside rig.yaml (docs/formats.md shows one)' in result.stderr
+
+
+def test_the_last_lines_name_the_ways_out_and_the_hidden_effects(tmp_path: Path) -> None:
+    folder, output = design(tmp_path / 'design'), tmp_path / 'planned'
+    effect = 'leak:x=0.13,z=0.05,rate=-150'
+    words = ('--photo-interval-s', '60', '--effect', effect)
+    told = porotwin('rehearse', folder, '--output', output, *words).stdout.splitlines()
+    assert 'ml of it removed by a leak or open sides' in told[0]
+    assert told[1] == f'hidden: {effect}'
+    assert told[2].startswith('next: ')
+
+
+def test_a_rehearsal_that_was_killed_begins_again(tmp_path: Path) -> None:
+    folder, output = design(tmp_path / 'design'), tmp_path / 'planned'
+    words = ['rehearse', str(folder), '--output', str(output), '--photo-interval-s', '1']
+    call = subprocess.Popen([sys.executable, '-m', 'porotwin_cli', *words, '--duration-min', '300'])
+    unfinished = tmp_path / '.planned.partial'
+    try:
+        while not (unfinished / 'concentration.nc.partial').exists():
+            assert call.poll() is None
+            time.sleep(0.05)
+    finally:
+        call.kill()
+        call.wait()
+    assert not output.exists()
+    told = porotwin('runs', tmp_path)
+    assert 'unfinished' in told.stdout
+    assert 'is the beginning of maps that are not complete' in told.stderr
+    checked = porotwin('check', unfinished, '--output', tmp_path / 'check.png')
+    assert 'concentration.nc.partial is the beginning of maps' in checked.stdout
+    diagnosed = porotwin('diagnose', unfinished, '--output', tmp_path / 'report')
+    assert diagnosed.returncode == 2
+    assert 'maps that are not complete; wait for the command' in diagnosed.stderr
+    result = porotwin(*words[:-1], '60')
+    assert result.returncode == 0, result.stderr
+    assert len(open_recording(output).times) == 5
+    assert not unfinished.exists()

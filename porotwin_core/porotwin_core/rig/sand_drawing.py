@@ -16,6 +16,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.polygons import inside
 from porotwin_core.rig.sand_sections import SandImage, SandLayer, SandPolygon
+from porotwin_core.units import percent
 
 SAND_SQUARE_M = 0.002
 """Side of a square [m]: a few grains of coarse sand, below the accuracy of a packing."""
@@ -101,7 +102,7 @@ def draw_image(
     if foreign.mean() > MOST_FOREIGN_PIXELS:
         first = '#{:02x}{:02x}{:02x}'.format(*chosen[foreign][0].astype(int))
         raise InputError(
-            f'{path}: {foreign.mean():.0%} of the picture has colours such as {first} that '
+            f'{path}: {percent(foreign.mean())} of the picture has colours such as {first} that '
             'sand_image.legend does not name; add them'
         )
     sands = np.array([names.index(sand) for sand in description.legend.values()])

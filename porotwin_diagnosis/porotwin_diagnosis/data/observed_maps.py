@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.units import percent
 from porotwin_recording.recording import Recording
 
 TRACER_LEVEL = 0.3
@@ -69,8 +70,8 @@ def observed_maps(
     seen = [index for index, frame in enumerate(stored) if np.isfinite(frame).mean() >= LEAST_SEEN]
     if len(seen) < 2:
         raise InputError(
-            f'{recording.source}: fewer than two maps show at least {LEAST_SEEN:.0%} of the rig; '
-            'record with a free view'
+            f'{recording.source}: fewer than two maps show at least {percent(LEAST_SEEN)} of the '
+            'rig; record with a free view'
         )
     seen = _without_bursts(seen, recording.times)
     frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])

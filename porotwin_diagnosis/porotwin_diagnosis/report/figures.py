@@ -14,7 +14,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
 from porotwin_core.time_units import TimeUnit, time_unit
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import percent, to_ml_h
 from porotwin_core.well_colours import well_colours
 from porotwin_core.wells import WellRates
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
@@ -351,7 +351,7 @@ def _spots(axis: Axes, result: Diagnosis) -> None:
         axis.add_patch(Circle((spot.x, spot.z), spot.radius, fill=False, ec='w', lw=1.0, ls=':'))
         above = spot.z + spot.radius < 0.9 * height
         axis.annotate(
-            f'{spot.share:.0%}',
+            percent(spot.share),
             (spot.x, spot.z + (spot.radius if above else -spot.radius)),
             ha='center',
             va='bottom' if above else 'top',

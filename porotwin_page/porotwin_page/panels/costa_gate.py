@@ -3,6 +3,7 @@
 import math
 from statistics import fmean
 
+from porotwin_core.units import percent
 from porotwin_page.graph_snapshot import CyclePoint, GraphSnapshot, Level
 from porotwin_page.panel import LinesPanel, Moment, Region
 
@@ -32,7 +33,9 @@ def lines(snapshot: GraphSnapshot, _: Moment) -> list[str]:
         corrected = fmean(cycle.corrected_error for cycle in compared)
         count = len(compared)
         newest_ones = 'newest forecast' if count == 1 else f'newest {count} forecasts'
-        told.append(f'{newest_ones}: error {corrected:.1%}, {alone:.1%} without COSTA')
+        told.append(
+            f'{newest_ones}: error {percent(corrected, 1)}, {percent(alone, 1)} without COSTA'
+        )
     if newest and not newest[-1].corrected:
         told.append(f'not applied now: {newest[-1].correction_status or "no reason given"}')
     return told

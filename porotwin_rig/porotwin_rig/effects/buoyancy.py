@@ -18,7 +18,7 @@ EFFECT = AssetEffect(
     order=20,
     parameters={
         'density_difference': Parameter(
-            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE, default=0.0
+            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE
         ),
     },
     on_rig=change,

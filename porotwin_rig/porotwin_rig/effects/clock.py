@@ -17,7 +17,7 @@ EFFECT = AssetEffect(
     name='clock',
     order=170,
     parameters={
-        'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET, default=0.0),
+        'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET),
     },
     on_rig=change,
     needs_recording=True,

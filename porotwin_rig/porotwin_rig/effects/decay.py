@@ -20,7 +20,7 @@ def fade(tracer: Tracer, rig: TrueRig, values: Values, duration: float) -> Trace
 EFFECT = AssetEffect(
     name='decay',
     order=50,
-    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE, default=0.0)},
+    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE)},
     on_tracer=fade,
     removes_tracer=True,
     longest_step=30.0,

@@ -23,9 +23,7 @@ EFFECT = AssetEffect(
     name='depth',
     order=90,
     parameters={
-        'factor_centre': Parameter(
-            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
-        )
+        'factor_centre': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)
     },
     on_rig=bulge,
 )

@@ -23,14 +23,13 @@ EFFECT = AssetEffect(
     name='dispersion',
     order=10,
     parameters={
-        'longitudinal_dispersivity': Parameter(
-            unit='m', low=0.0, high=MOST_DISPERSIVITY, default=0.0
-        ),
-        'transverse_dispersivity': Parameter(
-            unit='m', low=0.0, high=MOST_DISPERSIVITY, default=0.0
-        ),
+        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
+        'transverse_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
         'diffusion': Parameter(
-            unit='m2/s', low=0.0, high=MOST_DIFFUSION, default=MOLECULAR_DIFFUSION
+            unit='m2/s',
+            low=0.0,
+            high=MOST_DIFFUSION,
+            default=MOLECULAR_DIFFUSION,
         ),
     },
     on_rig=change,

@@ -35,9 +35,10 @@ EFFECT = AssetEffect(
     name='dual_porosity',
     order=60,
     parameters={
-        'immobile_fraction': Parameter(unit='-', low=0.0, high=0.95, default=0.0),
-        'exchange_rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE, default=0.0),
+        'immobile_fraction': Parameter(unit='-', low=0.0, high=0.95),
+        'exchange_rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE),
     },
+    shape=('exchange_rate',),
     on_rig=divide,
     on_tracer=exchange,
     longest_step=15.0,

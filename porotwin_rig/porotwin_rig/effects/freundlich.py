@@ -58,9 +58,10 @@ EFFECT = AssetEffect(
     name='freundlich',
     order=220,
     parameters={
-        'capacity': Parameter(unit='-', low=0.0, default=0.0),
+        'capacity': Parameter(unit='-', low=0.0),
         'exponent': Parameter(unit='-', above=0.0, default=0.6, neutral=1.0),
     },
+    shape=('exponent',),
     on_tracer=sorb,
     longest_step=5.0,
     blind_draw=draw,

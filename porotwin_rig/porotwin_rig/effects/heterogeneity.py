@@ -32,17 +32,17 @@ EFFECT = AssetEffect(
     name='heterogeneity',
     order=70,
     parameters={
-        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
-        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
-        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE, default=0.05),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE),
         'permeability_factor': Parameter(
             unit='-',
             low=LEAST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
-            default=1.0,
             neutral=1.0,
         ),
     },
+    shape=('x', 'z', 'radius'),
     on_rig=change_zone,
     is_repeatable=True,
 )

@@ -28,9 +28,10 @@ EFFECT = AssetEffect(
     name='leak',
     order=120,
     parameters={
-        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
-        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
-        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H, default=0.0),
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H),
     },
+    shape=('x', 'z'),
     on_rig=add_leak,
 )

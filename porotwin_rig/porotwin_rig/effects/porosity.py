@@ -17,7 +17,7 @@ EFFECT = AssetEffect(
     name='porosity',
     order=80,
     parameters={
-        'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0),
+        'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0),
     },
     on_rig=change,
 )

@@ -30,9 +30,10 @@ EFFECT = AssetEffect(
     order=280,
     parameters={
         'well': Parameter(unit='name', is_name=True),
-        'amplitude': Parameter(unit='-', default=0.0),
+        'amplitude': Parameter(unit='-'),
         'period': Parameter(unit='s', above=0.0, default=600.0),
     },
+    shape=('period',),
     rate_factor=rate_factor,
     is_repeatable=True,
     longest_step=15.0,

@@ -25,7 +25,7 @@ EFFECT = AssetEffect(
     order=210,
     parameters={
         'well': Parameter(unit='name', is_name=True),
-        'drift': Parameter(unit='1/s', default=0.0),
+        'drift': Parameter(unit='1/s'),
     },
     rate_factor=rate_factor,
     is_repeatable=True,

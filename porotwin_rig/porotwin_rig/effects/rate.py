@@ -15,7 +15,7 @@ EFFECT = AssetEffect(
     order=100,
     parameters={
         'well': Parameter(unit='name', is_name=True),
-        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, default=1.0, neutral=1.0),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
     },
     rate_factor=rate_factor,
     is_repeatable=True,

@@ -17,9 +17,7 @@ EFFECT = AssetEffect(
     name='retardation',
     order=40,
     parameters={
-        'retardation_factor': Parameter(
-            unit='-', low=1.0, high=MOST_RETARDATION, default=1.0, neutral=1.0
-        ),
+        'retardation_factor': Parameter(unit='-', low=1.0, high=MOST_RETARDATION, neutral=1.0),
     },
     on_rig=change,
 )

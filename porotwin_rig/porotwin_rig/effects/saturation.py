@@ -16,10 +16,6 @@ def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> Float
 EFFECT = AssetEffect(
     name='saturation',
     order=140,
-    parameters={
-        'exponent': Parameter(
-            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
-        )
-    },
+    parameters={'exponent': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)},
     on_signal=bend,
 )

@@ -23,7 +23,7 @@ def draw(generator: Generator, context: DrawContext) -> DrawnValues:
 EFFECT = AssetEffect(
     name='settling',
     order=270,
-    parameters={'velocity': Parameter(unit='m/s', low=0.0, default=0.0)},
+    parameters={'velocity': Parameter(unit='m/s', low=0.0)},
     on_rig=sink,
     longest_step=30.0,
     blind_draw=draw,

@@ -25,7 +25,7 @@ def draw(generator: Generator, context: DrawContext) -> DrawnValues:
 EFFECT = AssetEffect(
     name='stain',
     order=240,
-    parameters={'delay': Parameter(unit='s', low=0.0, default=0.0)},
+    parameters={'delay': Parameter(unit='s', low=0.0)},
     on_visible=lag,
     blind_draw=draw,
 )

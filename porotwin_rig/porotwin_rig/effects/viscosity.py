@@ -18,7 +18,7 @@ EFFECT = AssetEffect(
     order=30,
     parameters={
         'viscosity_ratio': Parameter(
-            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, default=1.0, neutral=1.0
+            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
         ),
     },
     on_rig=change,

@@ -27,9 +27,10 @@ EFFECT = AssetEffect(
     name='water_table',
     order=250,
     parameters={
-        'amplitude': Parameter(unit='m', default=0.0),
+        'amplitude': Parameter(unit='m'),
         'period': Parameter(unit='s', above=0.0, default=1800.0),
     },
+    shape=('period',),
     on_rig=sway,
     longest_step=30.0,
     blind_draw=draw,

@@ -44,7 +44,8 @@ class AssetEffect:
 
     Args:
         name: name of the effect and of its module.
-        parameters: its parameters; the defaults change nothing.
+        parameters: its parameters; a default changes nothing.
+        shape: those that say where or how it acts, not how much.
         on_rig: acts on the coefficients of the simulation.
         rate_factor: acts on the rate of one well.
         on_tracer: a reaction, half before and half after the transport of every step.
@@ -66,6 +67,7 @@ class AssetEffect:
 
     name: str
     parameters: Mapping[str, Parameter]
+    shape: tuple[str, ...] = ()
     on_rig: OnRig | None = None
     rate_factor: RateFactor | None = None
     on_tracer: OnTracer | None = None
@@ -95,6 +97,7 @@ class AssetEffect:
             'give one of on_rig, rate_factor, on_tracer, on_visible, on_signal, on_picture': (
                 not any(actions)
             ),
+            'shape: name some of the parameters': not set(self.shape) <= set(self.parameters),
             "parameters: a rate factor needs 'well'": (
                 self.rate_factor is not None and 'well' not in self.parameters
             ),
@@ -102,3 +105,11 @@ class AssetEffect:
         found = '; '.join(fault for fault, present in faults.items() if present)
         if found:
             raise InputError(f"effect '{self.name}' is incomplete: {found}; see {GUIDE}")
+
+    def changes_nothing(self, values: Values) -> bool:
+        """Return whether the effect has no consequence with all its `values`."""
+        return all(
+            values[key] in (parameter.neutral, parameter.default)
+            for key, parameter in self.parameters.items()
+            if not parameter.is_name and key not in self.shape
+        )

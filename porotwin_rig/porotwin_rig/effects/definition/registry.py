@@ -5,7 +5,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from porotwin_core.discovery import discovered
-from porotwin_core.effect_parameter import Values, checked_values
+from porotwin_core.effect_parameter import (
+    Values,
+    check_places,
+    checked_values,
+    known_effects,
+)
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects.definition.asset_effect import GUIDE, AssetEffect
@@ -71,7 +76,8 @@ class EffectSet:
 def _checked(description: EffectDescription, rig: Rig) -> Values:
     name = description.name
     if name not in EFFECTS:
-        raise InputError(f"effect '{name}' is not known; choose from {', '.join(EFFECTS)}")
+        raise InputError(f"effect '{name}' is not known; {known_effects(name, EFFECTS)}")
+    check_places(name, description.parameters, rig.width_m, rig.height_m)
     values = checked_values(name, EFFECTS[name].parameters, description.parameters)
     well = values.get('well')
     if well is not None and well not in rig.wells:
@@ -79,6 +85,23 @@ def _checked(description: EffectDescription, rig: Rig) -> Values:
             f"effect '{name}' names an unknown well '{well}'; known: {', '.join(rig.wells)}"
         )
     return values
+
+
+def refuse_idle(described: Iterable[EffectDescription], rig: Rig) -> None:
+    """Check that each of the `described` effects of `rig` changes something.
+
+    Raises:
+        InputError: one has no consequence, or is refused by `EffectSet.checked`.
+    """
+    for description in described:
+        values = _checked(description, rig)
+        effect = EFFECTS[description.name]
+        if effect.changes_nothing(values):
+            strengths = [key for key in values if key not in (*effect.shape, 'well')]
+            words = ', '.join(f'{key} = {values[key]:g}' for key in strengths)
+            raise InputError(
+                f'effect {description.name}: changes nothing with {words}; give another value'
+            )
 
 
 def parse_effects(text: str) -> tuple[EffectDescription, ...]:

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterable
 
 from porotwin_core.discovery import discovered
+from porotwin_core.effect_parameter import known_effects
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects.definition.effect import GUIDE, Effect, Scope
@@ -28,10 +29,10 @@ def effect(name: str) -> Effect:
     """Return the effect `name`.
 
     Raises:
-        InputError: there is none; the message lists all effects.
+        InputError: there is none; the message lists all effects, or a similar one.
     """
     if name not in EFFECTS:
-        raise InputError(f"effect '{name}': unknown; choose from {', '.join(sorted(EFFECTS))}")
+        raise InputError(f"effect '{name}': unknown; {known_effects(name, EFFECTS)}")
     return EFFECTS[name]
 
 
