@@ -9,7 +9,8 @@ from porotwin_core.grid import relative_error
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
-from porotwin_rig.effects import parse_effects
+from porotwin_rig.effects import parse_effects, refuse_slips
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model import Model
 from porotwin_validation.blind_effects import LIBRARY, OUTSIDE, drawn
@@ -52,7 +53,7 @@ def hidden_effect(text: str, rig: Rig, *, seed: int) -> EffectDescription:
         InputError: the rig cannot have such an effect.
     """
     if ':' in text:
-        return _given(text)
+        return _given(text, rig)
     generator = np.random.default_rng([seed, *text.encode()])
     context = draw_context(rig)
     if text == SURPRISE:
@@ -63,13 +64,15 @@ def hidden_effect(text: str, rig: Rig, *, seed: int) -> EffectDescription:
     return surprise((text,), generator, context)
 
 
-def _given(text: str) -> EffectDescription:
+def _given(text: str, rig: Rig) -> EffectDescription:
     found = parse_effects(text)
     if len(found) != 1 or found[0].name not in RIG_EFFECTS:
         known = ', '.join(RIG_EFFECTS)
         raise InputError(f"hidden effect '{text}': name one of {known}, with its parameters")
     if RIG_EFFECTS[found[0].name].needs_recording:
         raise InputError(f"hidden effect '{text}': not on a live rig; choose another one")
+    refuse_slips(found, rig)
+    VirtualRig(rig, effects=found)  # refuses what the rig cannot have, such as a leak outside
     return found[0]
 
 

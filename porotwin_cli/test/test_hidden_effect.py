@@ -25,6 +25,11 @@ def test_an_effect_reaches_the_virtual_rig_as_text() -> None:
     assert given.parameters == {'well': 'injector', 'factor': 0.8}
 
 
+def test_a_place_outside_the_rig_is_refused_before_the_demo_begins() -> None:
+    with pytest.raises(InputError, match='lies outside the rig'):
+        hidden_effect('leak:x=1.2,z=0.9,rate=1', RIG, seed=7)
+
+
 @pytest.mark.parametrize('text', ['gravity', 'clock', 'gravity:g=3', 'clock:offset=3'])
 def test_an_effect_that_a_live_rig_cannot_have_is_refused(text: str) -> None:
     with pytest.raises(InputError, match='hidden effect'):

@@ -33,6 +33,12 @@ MOST_DIFFUSION = 1e-3
 MOST_DARCY_FLUX = 0.1
 """Darcy flux [m/s] in gravel on a steep slope."""
 
+MOST_SETTLING_VELOCITY = 0.1
+"""Velocity at which dye sinks through water [m/s]: as fast as coarse sand."""
+
+MOST_WATER_LEVEL = 10.0
+"""Amplitude of a swinging water table [m]: more than any laboratory tank is high."""
+
 MOST_LEAK_ML_H = 1e7
 """Water lost or gained at one place [ml/h]: ten cubic metres."""
 

@@ -119,6 +119,24 @@ def check_places(effect: str, given: Mapping[str, object], width: float, height:
             )
 
 
+def written_effect(text: str) -> tuple[str, dict[str, str]]:
+    """Return the name and the parameters of an effect as `text`, NAME:PARAM=VALUE,PARAM=VALUE.
+
+    Raises:
+        InputError: the text has another form, or gives a parameter twice.
+    """
+    name, _, rest = text.partition(':')
+    given: dict[str, str] = {}
+    for part in filter(None, (piece.strip() for piece in rest.split(','))):
+        key, equals, value = part.partition('=')
+        if not equals:
+            raise InputError(f"effect '{text}': write NAME:PARAM=VALUE,PARAM=VALUE")
+        if key.strip() in given:
+            raise InputError(f"effect '{text}': gives '{key.strip()}' twice; keep one")
+        given[key.strip()] = value.strip()
+    return name.strip(), given
+
+
 def known_effects(name: str, known: Iterable[str]) -> str:
     """Return the remedy for an effect `name` that is not among the `known` ones."""
     names = sorted(known)

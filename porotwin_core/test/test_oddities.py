@@ -136,6 +136,10 @@ def test_the_small_rig_is_not_odd() -> None:
             )
             for pause in ([float('nan'), 5], [5, float('nan')], [-5, 5], [5], 5)
         ),
+        (
+            {'effects': [{'name': 'leak', 'parameters': {'x': 0.2, 'z': 0.2, 'rate': 1e7}}]},
+            'effects: leak: rate is 1e+07 ml/h: the pores of the whole rig hold',
+        ),
         ({'control.end_min': 1e12}, 'end_min = 1000000000000.0: no experiment is longer'),
         (
             {'control.objective': {'name': 'sweep', 'zones_m': [BOW]}},

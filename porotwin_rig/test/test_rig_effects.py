@@ -11,7 +11,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRates
-from porotwin_rig.effects import EFFECTS, parse_effects, refuse_idle
+from porotwin_rig.effects import EFFECTS, parse_effects, refuse_slips
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.effects.freundlich import dissolved_in_equilibrium
 from porotwin_rig.virtual_rig import VirtualRig
@@ -218,6 +218,26 @@ def test_stain_lags_behind_the_tracer() -> None:
     assert asset.visible().sum() > 1.2 * late
 
 
+@pytest.mark.parametrize(
+    ('text', 'named'),
+    [
+        ('decay:rate=1e-5;decay:rate=1e-4', 'decay: is given twice'),
+        ('rate:well=injector,factor=0.5;rate:well=injector,factor=0.9', 'rate: is given twice'),
+        ('leak:x=0.2,z=0.2,rate=-1e6', 'rate is -1e.06 ml/h: the pores of the whole rig hold'),
+        ('settling:velocity=5', 'must be at most 0.1'),
+    ],
+)
+def test_a_slip_of_the_hand_in_a_hidden_effect_is_refused(text: str, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        refuse_slips(parse_effects(text), make_rig())
+
+
+def test_effects_of_two_wells_or_two_zones_are_no_slip() -> None:
+    zone = 'heterogeneity:x=0.1,z=0.1,radius=0.02,permeability_factor=0.1'
+    pumps = 'rate:well=injector,factor=0.5;rate:well=producer,factor=0.9'
+    refuse_slips(parse_effects(f'{zone};{zone.replace("0.1", "0.2")};{pumps}'), make_rig())
+
+
 @pytest.mark.parametrize('name', EFFECTS)
 def test_neutral_parameters_are_no_effect(name: str) -> None:
     parameters: dict[str, float | str] = {
@@ -227,7 +247,7 @@ def test_neutral_parameters_are_no_effect(name: str) -> None:
     parameters |= {key: 0.3 for key in ('x', 'z', 'radius') if key in parameters}
     parameters |= {key: 'injector' for key in ('well',) if key in parameters}
     with pytest.raises(InputError, match=f'effect {name}: changes nothing with'):
-        refuse_idle([EffectDescription(name=name, parameters=parameters)], make_rig())
+        refuse_slips([EffectDescription(name=name, parameters=parameters)], make_rig())
     effect = EffectDescription(name=name, parameters=parameters)
     asset = VirtualRig(make_rig(), effects=[effect], cell=0.012)
     plain = VirtualRig(make_rig(), cell=0.012)
@@ -282,7 +302,7 @@ def test_an_incomplete_effect_is_refused_in_one_line() -> None:
 
 
 def test_text_without_values_is_refused() -> None:
-    with pytest.raises(InputError, match='PARAMETER=VALUE'):
+    with pytest.raises(InputError, match='write NAME:PARAM=VALUE'):
         parse_effects('decay:rate')
 
 

@@ -1,6 +1,7 @@
 """./porotwin rehearse: an experiment on the virtual rig, before it is made on the real one."""
 
 import math
+import shlex
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -68,7 +69,7 @@ def command(
     Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
     """
     from porotwin_recording.recording import open_recording
-    from porotwin_rig.effects import parse_effects, refuse_idle
+    from porotwin_rig.effects import parse_effects, refuse_slips
     from porotwin_rig.made_experiment import make_experiment
     from porotwin_rig.map_camera import MapNoise
 
@@ -76,7 +77,7 @@ def command(
     effects = parse_effects(';'.join(effect or []))
     _refuse_rig_alone(experiment)
     recording = open_recording(experiment)
-    refuse_idle(effects, recording.rig)
+    refuse_slips(effects, recording.rig)
     duration = _duration(recording, duration_min)
     if photo_interval_s > duration:
         raise InputError(
@@ -121,7 +122,15 @@ def command(
     )
     if effect:
         print(f'hidden: {"; ".join(effect)}')
-    print(f'next: ./porotwin diagnose {output} --output REPORT')
+    print(_next_step(output, len(made.times)))
+
+
+def _next_step(output: Path, maps: int) -> str:
+    from porotwin_diagnosis.data.sample import FEWEST_FRAMES
+
+    if maps < FEWEST_FRAMES:
+        return f'{maps} maps are too few for a diagnosis, which needs {FEWEST_FRAMES}'
+    return f'next: ./porotwin diagnose {shlex.quote(str(output))} --output REPORT'
 
 
 def _refuse_rig_alone(experiment: Path) -> None:

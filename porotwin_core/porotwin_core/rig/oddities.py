@@ -51,6 +51,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
         *_sands(rig),
         *_wells(rig),
         *_corners(rig),
+        *_leaks(rig),
         *_control(rig),
     ]
     return tuple(sorted(found, key=lambda remark: not remark.refused))
@@ -218,6 +219,15 @@ def _quadrangle(key: str, corners: tuple[Pixel, ...], order: str) -> Iterator[Re
 
 def _turn(a: Any, b: Any, c: Any) -> float:
     return float((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
+
+
+def _leaks(rig: Rig) -> Iterator[Remark]:
+    for effect in rig.effects:
+        rate = effect.parameters.get('rate')
+        if effect.name == 'leak' and isinstance(rate, int | float):
+            remark = rate_remark('effects: leak: rate', rate, rig.pore_volume)
+            if remark is not None:
+                yield remark
 
 
 def _control(rig: Rig) -> Iterator[Remark]:

@@ -9,7 +9,7 @@ from porotwin_rig.effects.definition.registry import (
     EFFECTS,
     EffectSet,
     parse_effects,
-    refuse_idle,
+    refuse_slips,
 )
 
-__all__ = ['EFFECTS', 'EffectSet', 'parse_effects', 'refuse_idle']
+__all__ = ['EFFECTS', 'EffectSet', 'parse_effects', 'refuse_slips']

@@ -10,8 +10,10 @@ from porotwin_core.effect_parameter import (
     check_places,
     checked_values,
     known_effects,
+    written_effect,
 )
 from porotwin_core.errors import InputError
+from porotwin_core.plausibility import rate_remark
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects.definition.asset_effect import GUIDE, AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -87,21 +89,36 @@ def _checked(description: EffectDescription, rig: Rig) -> Values:
     return values
 
 
-def refuse_idle(described: Iterable[EffectDescription], rig: Rig) -> None:
-    """Check that each of the `described` effects of `rig` changes something.
+def refuse_slips(described: Iterable[EffectDescription], rig: Rig) -> None:
+    """Check the `described` effects of `rig` for slips of the hand, since they will be hidden.
 
     Raises:
-        InputError: one has no consequence, or is refused by `EffectSet.checked`.
+        InputError: an effect has no consequence, is given twice where one would count or both
+            would multiply, pumps more than a rig stands, or is refused by `EffectSet.checked`.
     """
+    seen: set[tuple[str, object]] = set()
     for description in described:
         values = _checked(description, rig)
         effect = EFFECTS[description.name]
+        key = (effect.name, values.get('well'))
+        if key in seen and not (effect.is_repeatable and 'well' not in values):
+            raise InputError(f'effect {effect.name}: is given twice; keep one')
+        seen.add(key)
+        _refuse_flood(effect, values, rig)
         if effect.changes_nothing(values):
             strengths = [key for key in values if key not in (*effect.shape, 'well')]
             words = ', '.join(f'{key} = {values[key]:g}' for key in strengths)
             raise InputError(
                 f'effect {description.name}: changes nothing with {words}; give another value'
             )
+
+
+def _refuse_flood(effect: AssetEffect, values: Values, rig: Rig) -> None:
+    for key, parameter in effect.parameters.items():
+        if parameter.unit == 'ml/h':
+            remark = rate_remark(f'effect {effect.name}: {key}', values[key], rig.pore_volume)
+            if remark is not None and remark.refused:
+                raise InputError(str(remark))
 
 
 def parse_effects(text: str) -> tuple[EffectDescription, ...]:
@@ -112,14 +129,9 @@ def parse_effects(text: str) -> tuple[EffectDescription, ...]:
     """
     effects = []
     for part in filter(None, (piece.strip() for piece in text.split(';'))):
-        name, _, assignments = part.partition(':')
-        parameters: dict[str, float | str] = {}
-        for assignment in filter(None, (piece.strip() for piece in assignments.split(','))):
-            key, equals, value = assignment.partition('=')
-            if not equals:
-                raise InputError(f"effect '{part}': write NAME:PARAMETER=VALUE,... with numbers")
-            parameters[key.strip()] = _value(value.strip())
-        effects.append(EffectDescription(name=name.strip(), parameters=parameters))
+        name, given = written_effect(part)
+        parameters = {key: _value(value) for key, value in given.items()}
+        effects.append(EffectDescription(name=name, parameters=parameters))
     return tuple(effects)
 
 

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterable
 
 from porotwin_core.discovery import discovered
-from porotwin_core.effect_parameter import known_effects
+from porotwin_core.effect_parameter import known_effects, written_effect
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects.definition.effect import GUIDE, Effect, Scope
@@ -71,16 +71,8 @@ def parse_effect(text: str) -> EffectDescription:
     Raises:
         InputError: not of that form, or an unknown effect or parameter.
     """
-    name, _, rest = text.partition(':')
-    given: dict[str, object] = {}
-    for part in filter(None, rest.split(',')):
-        key, equals, value = part.partition('=')
-        if not equals:
-            raise InputError(f"effect '{text}': write NAME:PARAM=VALUE,PARAM=VALUE")
-        if key.strip() in given:
-            raise InputError(f"effect '{text}': gives '{key.strip()}' twice; keep one")
-        given[key.strip()] = value.strip()
-    found = effect(name.strip())
+    name, given = written_effect(text)
+    found = effect(name)
     return EffectDescription(name=found.name, parameters=found.checked(given))
 
 
