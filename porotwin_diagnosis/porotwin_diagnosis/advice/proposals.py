@@ -113,25 +113,34 @@ def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     """Return the kept model and the best other one; None if there is nothing to separate.
 
     Effects that are nearly as good come first: an experiment can separate them. Effects that look
-    the same follow, then the most probable other ones.
+    the same follow, then the most probable other ones, as the table of the report ranks them.
     """
     kept = verdict.model
     if not kept.members or verdict.stands_alone:
         return None
-    fits = findings.pairs if len(kept.members) > 1 else findings.singles
-    others = [fit for fit in fits if fit.label != kept.label] or [
-        fit for fit in findings.singles if fit.label != kept.label
-    ]
+    fits = findings.pairs if len(kept.members) > 1 else ()
+    others = [fit for fit in fits if fit.label != kept.label] or _other_singles(findings, kept)
     if not others:
         return None
     close = {(name,) for name in verdict.close}
     same = {(name,) for name in verdict.inseparable} | set(verdict.alternatives)
+    own = tuple(member.effect for member in kept.members)
 
-    def urgency(fit: Fit) -> tuple[bool, bool, bool]:
+    def urgency(fit: Fit) -> tuple[bool, bool, bool, bool, float]:
         names = tuple(member.effect for member in fit.members)
-        return names not in close, names not in same, names != verdict.rival
+        share = verdict.probabilities.get(names[0], 0.0) if len(names) == 1 else 0.0
+        return names not in close, names not in same, names != verdict.rival, names == own, -share
 
     return kept, min(others, key=urgency)
+
+
+def _other_singles(findings: Findings, kept: Fit) -> list[Fit]:
+    """Return the fits of single effects beside `kept`, the best first.
+
+    Most effects are fitted on coarse cells only. One of them may still be the most probable rival.
+    """
+    fits = (fit for fit in (*findings.singles, *findings.screened) if fit.members)
+    return [fit for fit in fits if fit.label != kept.label]
 
 
 def _distance(samples: list[Sample], one: Fit, other: Fit) -> float:

@@ -13,7 +13,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
-from porotwin_diagnosis.report.wording import interval, phrase, spoken
+from porotwin_diagnosis.report.wording import interval, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
 from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
@@ -466,7 +466,7 @@ def meanings(names: Sequence[str], summary: Summary) -> list[str]:
 
 def label(fit: Fit) -> str:
     """Return the effects of `fit` in words, as HTML."""
-    return html.escape(spoken(fit.label))
+    return spoken_label(fit.label)
 
 
 def closed(errors: Mapping[str, float]) -> str:

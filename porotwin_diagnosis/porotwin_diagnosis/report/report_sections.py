@@ -1,7 +1,7 @@
 """The sections of the report below the pictures, each as HTML."""
 
 import html
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from porotwin_core.time_units import time_unit
@@ -11,7 +11,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.answer import Summary, label, misplaced_fronts, origin, these
 from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
 from porotwin_diagnosis.report.markup import percent, table
-from porotwin_diagnosis.report.wording import inputs, phrase, spoken, value
+from porotwin_diagnosis.report.wording import inputs, phrase, spoken, spoken_label, value
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
 from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import EFFECTS
@@ -141,10 +141,7 @@ def when_it_arises(result: Diagnosis) -> str:
 
 def laboratory_checks(result: Diagnosis) -> str:
     """Return how to check the named effects, or the form of an unexplained gap."""
-    checks = {
-        html.escape(name): check
-        for name, check in (*_checks_of_form(result), *_checks_of_effects(result))
-    }
+    checks = dict((*_checks_of_form(result), *_checks_of_effects(result)))
     if not checks:
         return (
             '<p>There is no effect to check. Look at the map of the remainder: is it at a well, '
@@ -167,7 +164,7 @@ def _checks_of_effects(result: Diagnosis) -> Iterator[tuple[str, str]]:
 def _checks_of_form(result: Diagnosis) -> Iterator[tuple[str, str]]:
     """Yield a name and a check for every term of an unexplained gap."""
     for term in result.remainder.terms if result.remainder else ():
-        yield spoken(term.name), term.check
+        yield spoken_label(term.name), term.check
 
 
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
@@ -200,11 +197,20 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
         for proposal in proposals
     ]
     note = (
-        f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}. '
-        'The last column compares how well each separates them with the same recording, made again.'
-        '</p>'
+        f'<p>These separate the two best explanations, {spoken_label(one)} and '
+        f'{spoken_label(other)}.{_comparison(proposals)}</p>'
     )
     return note + table(['experiment', 'instructions', 'separates better'], rows, {2})
+
+
+def _comparison(proposals: Sequence[Mapping[str, Any]]) -> str:
+    """Explain the gains of the `proposals`; empty if all are checks in the laboratory."""
+    if all(proposal['gain'] is None for proposal in proposals):
+        return ''
+    return (
+        ' The last column compares how well each separates them with the same recording, made '
+        'again.'
+    )
 
 
 def visible_strengths(result: Diagnosis) -> str:

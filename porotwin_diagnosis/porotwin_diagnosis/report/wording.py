@@ -10,6 +10,7 @@ from typing import Any
 
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.effects.definition.words import number, reading
 
 DIGITS = 3
@@ -25,6 +26,27 @@ COORDINATES = {'x', 'z'}
 def spoken(name: str) -> str:
     """Return the name of an effect or parameter with spaces."""
     return name.replace('_', ' ')
+
+
+def spoken_label(label: str) -> str:
+    """Return the label of a fit in words, such as `wrong rate of water_in + dispersion`, as HTML.
+
+    Names of wells stay as rig.yaml spells them.
+    """
+    return ' + '.join(map(_spoken_member, label.split(' + ')))
+
+
+def _spoken_member(label: str) -> str:
+    """Return the label of one candidate in words; behind its effect is a well or a variant."""
+    name, _, rest = label.partition(' ')
+    if name in EFFECTS and EFFECTS[name].scope is Scope.WELL:
+        return at_well(name, rest)
+    return html.escape(spoken(label))
+
+
+def at_well(effect: str, well: str) -> str:
+    """Return an effect in words, with its well if it has one, as HTML."""
+    return f'wrong {spoken(effect)} of {html.escape(well)}' if well else spoken(effect)
 
 
 def value(effect: str, parameter: str, amount: float, digits: int = DIGITS) -> str:
