@@ -1,7 +1,7 @@
 """The earlier findings on a rig beside the diagnosis of a new recording of it."""
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,8 @@ class RigPast:
         self._date = _past(parse_date(date)) if date else date_of_files(source)
         if not date:
             say(
-                f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'
+                f'{source}: date of the recording taken from its files: '
+                f'{self._date.astimezone(UTC):%Y-%m-%d %H:%M} UTC; if that is wrong, give --date'
             )
         prepare_history(folder)
         others = self._others()
@@ -86,5 +87,5 @@ class RigPast:
         lost = {name for found in replaced for name in found.recordings} - set(new.recordings)
         if lost:
             names = ', '.join(sorted(lost))
-            lines.append(f'a finding on {names} together with this recording was replaced')
+            lines.append(f'A finding on {names} together with this recording was replaced.')
         return lines

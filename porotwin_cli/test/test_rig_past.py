@@ -41,7 +41,7 @@ def summary(factor: float) -> dict[str, Any]:
 
 def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None:
     first = past(tmp_path, 'monday', '2025-11-23')
-    assert 'the first belief' in first.compare(summary(1.15))[0]
+    assert 'this is the first one' in first.compare(summary(1.15))[0]
     first.remember(summary(1.15))
     second = past(tmp_path, 'tuesday', '2025-11-24')
     assert len(second.before) == 1
@@ -72,7 +72,7 @@ def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path
     mended = past(tmp_path, 'tuesday', '2025-11-24', RIG.with_effects([PORE_EFFECT]))
     none = {**summary(1.0), 'verdict': 'none', 'combination': []}
     (line,) = mended.compare(none)
-    assert 'with this rig.yaml: this one is the first belief' in line
+    assert 'no earlier finding with this rig.yaml; this is the first one.' in line
 
 
 def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> None:

@@ -392,8 +392,8 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         believed = [spoken(name) for name, one in summary['belief'].items() if one > 0.99 * share]
         each = ' each' if len(believed) > 1 else ''
         lines.append(
-            'Earlier recordings of this rig count too. They spoke for '
-            f'<b>{" or ".join(believed)}</b> with {100 * share:.0f} %{each}.'
+            'Earlier recordings of this rig count too. They found: '
+            f'<b>{" or ".join(believed)}</b> ({100 * share:.0f} %{each}).'
         )
     lines += [html.escape(line) for line in summary['history']]
     if verdict.name == UNEXPLAINED:
