@@ -66,6 +66,7 @@ class CatalogueEntry:
         costa: the network that corrected its forecasts; empty: none.
         calibration: SHA-256 of the calibration of its maps; empty: none, or not known.
         remarks: faults, one line each.
+        virtual: whether the virtual rig made its maps itself.
     """
 
     path: Path
@@ -87,6 +88,7 @@ class CatalogueEntry:
     calibration: str = ''
     remarks: tuple[str, ...] = field(default=())
     files_date: datetime | None = None
+    virtual: bool = False
 
     @property
     def date(self) -> datetime | None:
@@ -179,6 +181,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         setpoints=len({row.time for row in data.commanded.rows}) if data.commanded else 0,
         effects=tuple(effect.name for effect in data.rig.effects),
         calibration=origin.calibration if origin else '',
+        virtual=origin is not None and origin.is_virtual,
     )
 
 
