@@ -125,9 +125,11 @@ def test_an_unexplained_gap_gets_the_checks_of_its_form_and_tests_of_its_kind(sa
     term = Term('rate injector, swinging', 'source', 0.1, '-', 'words', 'weigh the bottle')
     found = tell_kinds_apart(RemainderForm((term,), 0.6), sample)
     assert [proposal.name for proposal in found] == [
+        'check: water level',
         'check: rate injector, swinging',
         'rest',
         'one well at a time',
     ]
-    assert found[0].description == 'weigh the bottle'
+    assert found[0].description.startswith('mark the water level at every open side')
+    assert found[1].description == 'weigh the bottle'
     assert {proposal.gain for proposal in found} == {None}

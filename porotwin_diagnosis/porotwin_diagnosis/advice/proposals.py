@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.schedule_changes import SCHEDULE_CHANGES
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
@@ -38,6 +39,12 @@ TELLING_KINDS: dict[str, tuple[str | None, ...]] = {
 """Experiments that show whether an unknown cause is of the described kind (None: no description):
 at rest only the camera, storage and flows from outside go on; a wrong pump shows in its turn alone,
 the sand in every turn."""
+
+WATER_LEVEL = (
+    'mark the water level at every open side and look at it again at the end: a level that rises, '
+    'falls or is tilted drives a flow that the model does not have'
+)
+"""How to check the water level. It holds for every rig with an open side, whatever the form."""
 
 SAME_AGAIN = np.sqrt(2.0)
 """Factor between the distance of two explanations in one recording and in two equal ones."""
@@ -176,9 +183,18 @@ def _laboratory_checks(names: tuple[str, str], one: Fit, other: Fit) -> Iterator
         yield Proposal(f'check {effect.replace("_", " ")}', names, check)
 
 
+def checks_of_form(form: RemainderForm, rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield a name and a check for every term of `form`; first the water level of an open side."""
+    if not rig.closed:
+        yield 'water level', WATER_LEVEL
+    for term in form.terms:
+        yield term.name, term.check
+
+
 def tell_kinds_apart(form: RemainderForm, sample: Sample) -> tuple[Proposal, ...]:
     """Return the checks of the `form` of an unexplained gap, and experiments that show its kind."""
-    checks = (Proposal(f'check: {term.name}', (term.name,), term.check) for term in form.terms)
+    named = checks_of_form(form, sample.rig)
+    checks = (Proposal(f'check: {name}', (name,), check) for name, check in named)
     kinds = tuple(process.value for process in Process)
     experiments = (
         Proposal(change.name, kinds, change.description)

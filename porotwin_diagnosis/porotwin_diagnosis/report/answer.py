@@ -34,6 +34,9 @@ NO_PLACE = (
 )
 """Why a leak or a zone without a place explains nothing."""
 
+NO_GOOD_FORM = 'No form that was found fits well'
+"""Said before a form that closes less than half of the gap."""
+
 Summary = Mapping[str, Any]
 """The content of diagnosis.json."""
 
@@ -165,8 +168,9 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     form = result.remainder
     if beside and form is not None and form.terms and form.closed > _closed_share(beside):
         said = ', and '.join(term.words for term in form.terms)
+        looks = 'It looks as if' if form.fits_well else f'{NO_GOOD_FORM}. The best one is that'
         return (
-            f'It looks as if {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
+            f'{looks} {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
             'and is no effect of the library'
         )
     if beside:
@@ -230,8 +234,9 @@ def _form(result: Diagnosis) -> str:
         'storage': 'the storage of tracer in the sand',
         'camera': 'the camera',
     }[form.terms[0].kind]
+    looks = 'It looks most like' if form.fits_well else f'{NO_GOOD_FORM}. The best one looks like'
     return (
-        f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
+        f'{looks} {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
         'gaps with causes outside the library, the kind was right in 23. Thin tight walls were not '
         'recognised.'
@@ -250,14 +255,14 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     if result.verdict.doubt is Doubt.PLACE:
         return _closed_share(beside), f'It looks as if {_means(beside)}. {NO_PLACE}.'
     together = ' together' if len(beside['effects']) > 1 else ''
-    rest, place = [], beside['place']
+    partial, rest, place = result.partial, [], beside['place']
     if place:
         rest.append(f'arises most of all near x = {place["x_m"]:.2f} m, z = {place["z_m"]:.2f} m')
     if beside['terms']:
         words = ', and '.join(term['words'] for term in beside['terms'])
-        rest.append(f'looks like this: {html.escape(words)}')
+        roughly = '' if partial is None or partial.form.fits_well else ', though not well,'
+        rest.append(f'looks{roughly} like this: {html.escape(words)}')
     remains = f' What remains beside that {" and ".join(rest)}.' if rest else ''
-    partial = result.partial
     if partial and is_dipole(partial.model.effects, result.samples[0].grid.width):
         remains = (
             ' A source beside an equally strong sink acts like a patch of sand that conducts '

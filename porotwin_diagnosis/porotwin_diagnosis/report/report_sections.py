@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from porotwin_core.time_units import time_unit
+from porotwin_diagnosis.advice.proposals import checks_of_form
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
@@ -162,9 +163,10 @@ def _checks_of_effects(result: Diagnosis) -> Iterator[tuple[str, str]]:
 
 
 def _checks_of_form(result: Diagnosis) -> Iterator[tuple[str, str]]:
-    """Yield a name and a check for every term of an unexplained gap."""
-    for term in result.remainder.terms if result.remainder else ():
-        yield spoken_label(term.name), term.check
+    """Yield a name and a check for every term of an unexplained gap, and for an open side."""
+    if result.remainder is not None:
+        for name, check in checks_of_form(result.remainder, result.recordings[0].rig):
+            yield spoken_label(name), check
 
 
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
