@@ -62,7 +62,7 @@ def test_effects_that_the_model_has_already_are_told(denser, tmp_path):
 
 def test_effects_without_a_row_are_named(denser, tmp_path):
     text, _ = page(replace(denser, excluded=('clock',)), tmp_path)
-    (named,) = re.findall(r'Not in the table, [^.]*', text)
+    (named,) = re.findall(r'nothing in it points to them: [^.]*', text)
     assert 'leak' in named
     assert 'clock' not in named
 

@@ -69,3 +69,17 @@ def test_a_label_in_words_keeps_the_names_of_wells():
     assert spoken_label('dispersion diffusion') == 'dispersion diffusion'
     assert spoken_label('rate a<b, swinging') == 'wrong rate of a&lt;b, swinging'
     assert spoken_label('lagging signal') == 'lagging signal'
+
+
+def test_a_parameter_without_an_interval_has_two_digits():
+    small = {'dx': {'value': 1.29e-5}, 'dz': {'value': 1.32e-4}, 'well': {'value': 'left'}}
+    words = phrase('well_position', small)
+    assert '0.013 mm' in words
+    assert '0.13 mm' in words
+    assert phrase('porosity', {'factor': {'value': 1.1234}}).startswith(
+        'the porosity is 12 % higher'
+    )
+    assert phrase('viscosity', {'viscosity_ratio': {'value': 1.0312}}).endswith(
+        '3.1 % more viscous than water'
+    )
+    assert '11 times' in phrase('viscosity', {'viscosity_ratio': {'value': 0.0941}})

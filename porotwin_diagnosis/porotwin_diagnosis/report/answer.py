@@ -344,7 +344,7 @@ def _hot_spots(result: Diagnosis) -> str:
     if not result.gap.spots:
         return 'Everywhere: no place stands out.'
     spot = result.gap.spots[0]
-    seen = ' An effect of the camera has no place in the rig: it shows there.'
+    seen = ' The camera is no part of the rig: this is only where its effect shows.'
     of_camera = result.remainder is not None and result.remainder.kind == 'camera'
     return (
         f'Most of all near x = {spot.x:.2f} m, z = {spot.z:.2f} m: {100 * spot.share:.0f} % of the '
@@ -387,8 +387,8 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
 def _how_sure(result: Diagnosis, summary: Summary) -> str:
     verdict, evidence = result.verdict, result.evidence
     lines = [
-        f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
-        'rules that were set on simulated rigs.'
+        f'<b>{100 * verdict.confidence:.0f} %</b>: the estimated probability that this answer is '
+        'right. The rules for it were set on simulated rigs.'
     ]
     if verdict.doubt not in ALWAYS_SAID:
         lines.append(f'The least certain point: {doubt_words(result)}.')

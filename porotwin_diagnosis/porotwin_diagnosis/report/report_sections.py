@@ -63,8 +63,8 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         f'cells.{_left_out(result, summary)}</p>'
         '<p>The probability follows from the misfit at the fronts of the whole recording. So an '
         'effect with a smaller error may be less probable. All members of a combination have its '
-        'probability. The sum may be below 100 %. The rest is for no effect at all, for causes '
-        'outside the library, and for all that this recording is too coarse to tell.</p>'
+        'probability. The sum may be below 100 %. The rest stands for everything else: no effect '
+        'at all, causes outside the library, and what this recording is too coarse to show.</p>'
     )
     return note + table(head, rows, {4, 5})
 
@@ -76,7 +76,7 @@ def _left_out(result: Diagnosis, summary: Summary) -> str:
     if not names:
         return ''
     return (
-        ' Not in the table, because they cannot act in this recording or nothing in it speaks for '
+        ' Some effects have no row. They cannot act in this recording, or nothing in it points to '
         f'them: {", ".join(names)}.'
     )
 
@@ -106,7 +106,8 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
     findings = result.evidence.findings
     if not findings.pairs:
         left = 'the model' if result.verdict.name == NONE else 'one effect'
-        return f'<p>No pair was tried: {left} leaves nothing for a further effect.</p>'
+        reason = f': {left} alone leaves less error than a right model may leave'
+        return f'<p>No pair was tried{"" if result.verdict.name == UNEXPLAINED else reason}.</p>'
     errors, kept = Errors(**summary['error']), result.verdict.model.label
 
     def error(fit: Fit) -> float:
@@ -228,12 +229,25 @@ def visible_strengths(result: Diagnosis) -> str:
         where = ', in the middle of the rig' if EFFECTS[name].has_place else ''
         if least.well:
             where = f', of {html.escape(least.well)}, where it shows best'
-        rows.append([spoken(name), f'{spoken(least.parameter)}{where}', text])
+        plainly = EFFECTS[name].plainly
+        rows.append(
+            [
+                f'{spoken(name)} ({plainly})' if plainly else spoken(name),
+                f'{spoken(least.parameter)}{_neutral(name, least.parameter)}{where}',
+                text,
+            ]
+        )
     note = (
-        '<p>An effect that is not seen may still be there: alone and weaker than this, it might '
-        f'not have been visible in {these(result)}.</p>'
+        f'<p>An effect that {these(result)} did not show may still be there. The table gives the '
+        'smallest deviation that would have been visible. It holds for each effect alone.</p>'
     )
     return note + table(['effect', 'parameter', 'least visible deviation'], rows, {2})
+
+
+def _neutral(name: str, parameter: str) -> str:
+    """State the value of a parameter without the effect; empty if it is 0."""
+    neutral = EFFECTS[name].parameters[parameter].neutral
+    return f' ({neutral:g} without the effect)' if neutral else ''
 
 
 def _shared_errors(result: Diagnosis) -> str:
