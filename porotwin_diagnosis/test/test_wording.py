@@ -66,7 +66,7 @@ def test_every_effect_of_the_library_has_words_and_a_check(denser):
 
 def test_a_label_in_words_keeps_the_names_of_wells():
     assert spoken_label('rate water_in + dual_porosity') == 'wrong rate of water_in + dual porosity'
-    assert spoken_label('dispersion diffusion') == 'dispersion diffusion'
+    assert spoken_label('dispersion diffusion') == 'dispersion (diffusion)'
     assert spoken_label('rate a<b, swinging') == 'wrong rate of a&lt;b, swinging'
     assert spoken_label('lagging signal') == 'lagging signal'
 
@@ -82,4 +82,4 @@ def test_a_parameter_without_an_interval_has_two_digits():
     assert phrase('viscosity', {'viscosity_ratio': {'value': 1.0312}}).endswith(
         '3.1 % more viscous than water'
     )
-    assert '11 times' in phrase('viscosity', {'viscosity_ratio': {'value': 0.0941}})
+    assert '47 %' in phrase('rate', {'well': {'value': 'left'}, 'factor': {'value': 0.474}})

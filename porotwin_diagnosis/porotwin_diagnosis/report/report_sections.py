@@ -185,7 +185,7 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
     if result.verdict.name == UNEXPLAINED:
         rows = [[proposal['name'], proposal['what']] for proposal in proposals]
         note = (
-            '<p>Checks of this description, and experiments that show the kind of the missing '
+            '<p>Checks in the laboratory, and experiments that show the kind of the missing '
             'cause: at rest, only the camera, the storage of tracer and flows from outside go '
             'on; a wrong pump shows in its own turn alone.</p>'
         )

@@ -42,9 +42,11 @@ def spoken_label(label: str) -> str:
 def _spoken_member(label: str) -> str:
     """Return the label of one candidate in words; behind its effect is a well or a variant."""
     name, _, rest = label.partition(' ')
-    if name in EFFECTS and EFFECTS[name].scope is Scope.WELL:
+    if name not in EFFECTS or not rest:
+        return html.escape(spoken(label))
+    if EFFECTS[name].scope is Scope.WELL:
         return at_well(name, rest)
-    return html.escape(spoken(label))
+    return f'{spoken(name)} ({html.escape(rest)})'
 
 
 def at_well(effect: str, well: str) -> str:
@@ -135,8 +137,6 @@ def _roughly(effect: str, parameter: str, amount: float) -> float:
         return amount
     if described.neutral == 1.0 and 1 / MOST_PERCENT < amount < MOST_PERCENT:
         return 1.0 + _rounded(amount - 1.0)
-    if described.neutral == 1.0 and 0.0 < amount < 1.0:
-        return 1.0 / _rounded(1.0 / amount)
     factor = reading(described).factor
     return _rounded(factor * amount) / factor
 
