@@ -1,7 +1,7 @@
 """The earlier findings on a rig beside the diagnosis of a new recording of it."""
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from porotwin_diagnosis.history.past_findings import (
     add_finding,
     finding_from,
     findings_on,
+    is_virtual,
     prepare_history,
     read_history,
 )
@@ -51,9 +52,16 @@ class RigPast:
         self._date = _past(parse_date(date)) if date else date_of_files(source)
         if not date:
             say(
-                f'{source}: its files are of {self._date:%Y-%m-%d %H:%M}; --date states another day'
+                f'{source}: date of the recording taken from its files: '
+                f'{self._date.astimezone(UTC):%Y-%m-%d %H:%M} UTC; if that is wrong, give --date'
             )
         prepare_history(folder)
+        self._virtual = is_virtual(recordings)
+        if self._virtual:
+            say(
+                f'{source}: was made by the virtual rig. Its finding is kept as virtual, and never '
+                'counts for recordings of the real rig.'
+            )
         others = self._others()
         self.before = self._up_to_date(others)
         later = len(others) - len(self.before)
@@ -70,7 +78,9 @@ class RigPast:
     def _others(self) -> list[PastFinding]:
         """Return the findings on this rig from other recordings, whatever their date."""
         own = {str(place_of(recording.source)) for recording in self._recordings}
-        found = findings_on(self._recordings[0].rig, read_history(self._folder), self._folder)
+        findings = read_history(self._folder)
+        rig = self._recordings[0].rig
+        found = findings_on(rig, findings, self._folder, virtual=self._virtual)
         return [one for one in found if not own & set(one.recordings)]
 
     def compare(self, summary: Mapping[str, Any]) -> list[str]:
@@ -86,5 +96,5 @@ class RigPast:
         lost = {name for found in replaced for name in found.recordings} - set(new.recordings)
         if lost:
             names = ', '.join(sorted(lost))
-            lines.append(f'a finding on {names} together with this recording was replaced')
+            lines.append(f'A finding on {names} together with this recording was replaced.')
         return lines

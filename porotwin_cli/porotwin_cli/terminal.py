@@ -4,7 +4,7 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -203,13 +203,24 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table on standard output; all columns but the first are aligned to the right."""
+def print_table(
+    title: str,
+    header: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    *,
+    whole: Collection[str] = (),
+) -> None:
+    """Print a table on standard output; all columns but the first are aligned to the right.
+
+    Cells of the first column, and of those whose title is in `whole`, are not broken at spaces.
+    """
     table = Table(title=escape(title), title_justify='left')
     for index, name in enumerate(header):
         # a name that does not fit goes on in the next line; it is never cut
         justify: JustifyMethod = 'right' if index else 'left'
-        table.add_column(escape(name), justify=justify, overflow='fold', no_wrap=not index)
+        table.add_column(
+            escape(name), justify=justify, overflow='fold', no_wrap=not index or name in whole
+        )
     for row in rows:
         table.add_row(*(escape(str(cell)) for cell in row))
     Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)

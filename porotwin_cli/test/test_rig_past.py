@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from porotwin_cli.rig_past import RigPast
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig, load_rig
+from porotwin_recording.concentration import VIRTUAL, MapOrigin
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 PORE_EFFECT = EffectDescription(name='porosity', parameters={'factor': 1.15})
@@ -20,6 +22,7 @@ class Made:
 
     source: Path
     rig: Rig
+    maps: Any = None
 
 
 def past(folder: Path, name: str, date: str, rig: Rig = RIG) -> RigPast:
@@ -41,7 +44,7 @@ def summary(factor: float) -> dict[str, Any]:
 
 def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None:
     first = past(tmp_path, 'monday', '2025-11-23')
-    assert 'the first belief' in first.compare(summary(1.15))[0]
+    assert 'this is the first one' in first.compare(summary(1.15))[0]
     first.remember(summary(1.15))
     second = past(tmp_path, 'tuesday', '2025-11-24')
     assert len(second.before) == 1
@@ -72,7 +75,7 @@ def test_findings_before_a_correction_of_the_rig_are_not_compared(tmp_path: Path
     mended = past(tmp_path, 'tuesday', '2025-11-24', RIG.with_effects([PORE_EFFECT]))
     none = {**summary(1.0), 'verdict': 'none', 'combination': []}
     (line,) = mended.compare(none)
-    assert 'with this rig.yaml: this one is the first belief' in line
+    assert 'no earlier finding with this rig.yaml; this is the first one.' in line
 
 
 def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> None:
@@ -93,3 +96,16 @@ def test_a_recording_from_the_future_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'--date 2999-01-01: lies in the future'):
         past(tmp_path, 'monday', '2999-01-01')
     assert not (tmp_path / 'history').exists()
+
+
+def test_a_finding_on_the_virtual_rig_is_no_belief_about_the_real_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    maps = SimpleNamespace(origin=MapOrigin(program=f'PoroTwin 1.0, {VIRTUAL}'))
+    rehearsed: Any = [Made(tmp_path / 'rehearsed', RIG, maps)]
+    virtual = RigPast(tmp_path / 'history', rehearsed, '2025-11-23')
+    assert 'rehearsed: was made by the virtual rig' in capsys.readouterr().err
+    virtual.remember(summary(1.15))
+    assert past(tmp_path, 'tuesday', '2025-11-24').before == []
+    again: Any = [Made(tmp_path / 'rehearsed-again', RIG, maps)]
+    assert len(RigPast(tmp_path / 'history', again, '2025-11-24').before) == 1

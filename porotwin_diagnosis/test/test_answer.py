@@ -137,6 +137,17 @@ def test_a_form_that_closes_more_than_known_effects_is_said(denser):
     assert 'the plume is 10 % paler throughout, which closes 86 % of it' in said(result)
 
 
+def test_before_a_form_that_closes_less_than_half_it_is_said_that_none_fits_well(denser):
+    pair = denser.evidence.findings.pairs[0]
+    verdict = Verdict('unexplained', 0.9, pair, (), (), {'porosity': 0.1})
+    term = Term('level', 'camera', -0.1, '-', 'the plume is 10 % paler throughout', 'dilute it')
+    result = replace(denser, verdict=verdict, remainder=RemainderForm((term,), 0.44))
+    cause = rows(result)['Cause']
+    assert 'No form that was found fits well. The best one looks like the camera: the' in cause
+    well = replace(result, remainder=RemainderForm((term,), 0.5))
+    assert 'It looks most like the camera: the plume' in rows(well)['Cause']
+
+
 def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser):
     worst = denser.evidence.findings.singles[1]
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})

@@ -9,22 +9,22 @@ from porotwin_diagnosis.history.comparison import compared
 def test_a_second_finding_that_agrees_is_no_drift():
     (line,) = compared([pump(0.7)], pump(0.71, TUESDAY))
     assert line == (
-        'rate injector factor: 0.71 now; believed before: 0.7 (0.68 to 0.72); '
-        'together: 0.705 (0.691 to 0.719)'
+        'factor of the rate of injector: 0.71 now; believed before: 0.7 (0.68 to 0.72); '
+        'together: 0.705 (0.691 to 0.719).'
     )
 
 
 def test_a_difference_beyond_the_intervals_is_a_drift_with_its_rate_and_no_joint_value():
     assert compared([pump(0.7)], pump(0.8, TUESDAY)) == [
-        'rate injector factor drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now, 0.1 a day; '
-        'believed before: 0.7 (0.68 to 0.72)'
+        'factor of the rate of injector drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now, '
+        '0.1 a day; believed before: 0.7 (0.68 to 0.72).'
     ]
 
 
 def test_recordings_of_one_hour_give_no_rate_of_a_drift():
     (line,) = compared([pump(0.7)], pump(0.8, MONDAY.replace('10:00:00', '10:00:01')))
     assert line.startswith(
-        'rate injector factor drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now; '
+        'factor of the rate of injector drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now; '
     )
 
 
@@ -44,7 +44,7 @@ def test_the_drift_of_an_effect_that_monday_could_not_tell_from_another_is_seen(
 )
 def test_a_drift_says_which_way_it_goes(old, new, way):
     (line,) = compared([pump(old)], pump(new, TUESDAY))
-    assert line.startswith(f'rate injector factor drifts{way}')
+    assert line.startswith(f'factor of the rate of injector drifts{way}')
 
 
 def test_a_leak_that_moves_is_neither_weaker_nor_stronger():
@@ -58,13 +58,13 @@ NAMES = (('retardation', 'retardation_factor'), ('porosity', 'factor'))
 
 
 def test_causes_that_come_and_go_are_told():
-    assert 'the first belief' in compared([], pump(0.7))[0]
+    assert 'this is the first one' in compared([], pump(0.7))[0]
     gone = finding(verdict='none', date=TUESDAY)
-    assert compared([pump(0.7)], gone) == ['rate, found on 2026-11-23, does not show today']
+    assert compared([pump(0.7)], gone) == ['rate, found on 2026-11-23, does not show today.']
     leak = finding(cause('leak', rate=value(9.0)), date=TUESDAY)
     assert compared([pump(0.7)], leak) == [
-        'rate, found on 2026-11-23, is not named today',
-        'leak: new; no earlier recording showed it',
+        'rate, found on 2026-11-23, is not named today.',
+        'leak is new: no earlier recording showed it.',
     ]
     assert compared([pump(0.7)], finding(verdict='unexplained', date=TUESDAY)) == []
 
@@ -73,4 +73,4 @@ def test_a_cause_that_comes_back_is_told():
     wednesday = '2026-11-25T10:00:00+00:00'
     none = finding(verdict='none', date=TUESDAY)
     *_, line = compared([pump(0.7), none], pump(0.7, wednesday))
-    assert line == 'rate injector is back: found on 2026-11-23, not on 2026-11-24'
+    assert line == 'wrong rate of injector is back: found on 2026-11-23, not on 2026-11-24.'

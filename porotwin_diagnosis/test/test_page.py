@@ -62,7 +62,7 @@ def test_effects_that_the_model_has_already_are_told(denser, tmp_path):
 
 def test_effects_without_a_row_are_named(denser, tmp_path):
     text, _ = page(replace(denser, excluded=('clock',)), tmp_path)
-    (named,) = re.findall(r'Not in the table, [^.]*', text)
+    (named,) = re.findall(r'nothing in it points to them: [^.]*', text)
     assert 'leak' in named
     assert 'clock' not in named
 
@@ -72,7 +72,7 @@ def test_the_history_of_the_rig_stands_in_the_answer(denser, tmp_path):
     summary['history'] = ['porosity factor drifts: 0.95 on 2026-11-23, 0.88 now']
     write_report(tmp_path / 'report.html', denser, summary)
     text = (tmp_path / 'report.html').read_text(encoding='utf-8')
-    assert 'They spoke for <b>porosity or retardation</b> with 50 % each' in text
+    assert 'They found: <b>porosity or retardation</b> (50 % each).' in text
     assert 'porosity factor drifts' in text
 
 

@@ -104,13 +104,32 @@ def test_beside_an_effect_without_a_probable_rival_nothing_is_proposed(sample):
     assert propose(fitter, findings, alone) == ()
 
 
+def test_the_rival_is_the_effect_that_the_table_ranks_second_though_only_screened(sample):
+    fitter = Fitter([Forward(sample)])
+    candidates = {candidate.label: candidate for candidate in library([sample])}
+    fits = [
+        fitter.evaluate((candidates[label],), np.full(len(candidates[label].parameters), 0.1))
+        for label in ('porosity', 'rate injector', 'retardation')
+    ]
+    kept, judged, screened = fits
+    null = fitter.evaluate((), np.zeros(0))
+    findings = Findings(null, null, [kept, screened, judged], [kept, judged], [0.0, 0.1])
+    shares = {'porosity': 0.9, 'none': 0.05, 'retardation': 0.04, 'rate': 1e-5}
+    verdict = Verdict('porosity', 0.9, kept, ('porosity',), (), shares)
+    assert propose(fitter, findings, verdict)[0].separates == ('porosity', 'retardation')
+    only_none = replace(verdict, probabilities={'porosity': 0.9, 'none': 0.09, 'rate': 1e-5})
+    assert only_none.stands_alone
+
+
 def test_an_unexplained_gap_gets_the_checks_of_its_form_and_tests_of_its_kind(sample):
     term = Term('rate injector, swinging', 'source', 0.1, '-', 'words', 'weigh the bottle')
     found = tell_kinds_apart(RemainderForm((term,), 0.6), sample)
     assert [proposal.name for proposal in found] == [
+        'check: water level',
         'check: rate injector, swinging',
         'rest',
         'one well at a time',
     ]
-    assert found[0].description == 'weigh the bottle'
+    assert found[0].description.startswith('mark the water level at every open side')
+    assert found[1].description == 'weigh the bottle'
     assert {proposal.gain for proposal in found} == {None}

@@ -8,6 +8,8 @@ from diagnosis_examples import recorded, sample_of
 from scipy.ndimage import shift
 
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.advice.causes_of_the_camera import causes_of_the_camera
+from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.data.sample import coarsened
 from porotwin_diagnosis.model.forward import Forward
@@ -81,3 +83,20 @@ def test_a_remainder_without_a_form_is_refused(quiet):
     assert form.kind is None
     unseen = replace(sample, observed=np.full_like(sample.observed, np.nan))
     assert form_of(unseen).terms == ()
+
+
+def test_no_form_of_the_camera_is_physically_impossible(quiet):
+    runs = FreeRuns(Forward(coarse(quiet), refinement=1))
+    causes = {cause.name: cause for cause in causes_of_the_camera(runs)}
+    height = runs.sample.grid.height
+    upward = causes['paler upward']
+    assert (
+        upward.words([-0.5 / height]) == 'the plume is 40.0 % paler at the top than at the bottom'
+    )
+    assert upward.words([0.5 / height]).endswith('paler at the bottom than at the top')
+    assert upward.allows([-0.9 / height])
+    assert not upward.allows([-1.1 / height])
+    assert not causes['lagging signal'].allows([1.1]), 'the concentration would be negative'
+    assert not causes['glow'].allows([-1.1]), 'it would be paler than no tracer'
+    assert not causes['creeping picture'].allows([runs.sample.grid.width, 0.0])
+    assert not causes['wrong speed of the clock'].allows([2.0 * runs.duration])

@@ -1,7 +1,7 @@
 """Parameters of effects in the units of a report, and effects in words."""
 
 from porotwin_diagnosis.model.library import library
-from porotwin_diagnosis.report.wording import interval, phrase, value
+from porotwin_diagnosis.report.wording import interval, phrase, spoken_label, value
 from porotwin_solver.effects import EFFECTS
 
 
@@ -62,3 +62,24 @@ def test_every_effect_of_the_library_has_words_and_a_check(denser):
         }
         assert phrase(candidate.effect, parameters)
         assert EFFECTS[candidate.effect].laboratory_check
+
+
+def test_a_label_in_words_keeps_the_names_of_wells():
+    assert spoken_label('rate water_in + dual_porosity') == 'wrong rate of water_in + dual porosity'
+    assert spoken_label('dispersion diffusion') == 'dispersion (diffusion)'
+    assert spoken_label('rate a<b, swinging') == 'wrong rate of a&lt;b, swinging'
+    assert spoken_label('lagging signal') == 'lagging signal'
+
+
+def test_a_parameter_without_an_interval_has_two_digits():
+    small = {'dx': {'value': 1.29e-5}, 'dz': {'value': 1.32e-4}, 'well': {'value': 'left'}}
+    words = phrase('well_position', small)
+    assert '0.013 mm' in words
+    assert '0.13 mm' in words
+    assert phrase('porosity', {'factor': {'value': 1.1234}}).startswith(
+        'the porosity is 12 % higher'
+    )
+    assert phrase('viscosity', {'viscosity_ratio': {'value': 1.0312}}).endswith(
+        '3.1 % more viscous than water'
+    )
+    assert '47 %' in phrase('rate', {'well': {'value': 'left'}, 'factor': {'value': 0.474}})

@@ -67,6 +67,7 @@ class CatalogueEntry:
         costa: the network that corrected its forecasts; empty: none.
         calibration: SHA-256 of the calibration of its maps; empty: none, or not known.
         remarks: faults, one line each.
+        virtual: whether the virtual rig made its maps itself.
     """
 
     path: Path
@@ -88,6 +89,7 @@ class CatalogueEntry:
     calibration: str = ''
     remarks: tuple[str, ...] = field(default=())
     files_date: datetime | None = None
+    virtual: bool = False
 
     @property
     def date(self) -> datetime | None:
@@ -182,6 +184,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         effects=tuple(effect.name for effect in data.rig.effects),
         calibration=origin.calibration if origin else '',
         remarks=tuple(f'{path}: {text}' for text in data.remarks),
+        virtual=origin is not None and origin.is_virtual,
     )
 
 

@@ -63,6 +63,10 @@ _COMPRESSION_LEVEL: Final = 4
 """Level of zlib, from 1 (fastest) to 9 (smallest)."""
 
 
+VIRTUAL: Final = 'virtual rig'
+"""Last words of the program of maps that the virtual rig made itself."""
+
+
 @dataclass(frozen=True)
 class MapOrigin:
     """How maps were made.
@@ -76,6 +80,11 @@ class MapOrigin:
     calibrated: bool | None = None
     calibration: str = ''
     program: str = ''
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether the virtual rig made the maps itself, as `./porotwin rehearse` does."""
+        return self.program.endswith(VIRTUAL)
 
     @property
     def in_words(self) -> str:

@@ -13,7 +13,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
+from porotwin_recording.concentration import VIRTUAL, ConcentrationWriter, MapOrigin
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.photos import Photo, write_photos
 from porotwin_recording.recorded_data import RecordedData
@@ -27,7 +27,7 @@ from porotwin_rig.virtual_rig import VirtualRig
 PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
 """An image analysis that returns the signal as it is."""
 
-ORIGIN = MapOrigin(program=f'{PROGRAM}, virtual rig')
+ORIGIN = MapOrigin(program=f'{PROGRAM}, {VIRTUAL}')
 """What the file of the maps says of them: they do not come from its photographs."""
 
 HELD_OUT_START = 0.7

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from porotwin_diagnosis.progress import Progress
     from porotwin_recording.recording import Recording
 
+LEAST_OFFERED = 0.5
+"""Least confidence of a verdict whose effects are offered for rig.yaml: below, another verdict is
+more probable."""
+
 
 def command(
     output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json and fields.nc.')],
@@ -141,12 +145,7 @@ def command(
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
-    named = ' and '.join(summary['combination']) or summary['verdict']
-    others = [f', or {" and ".join(names)}' for names in summary['combination_alternatives']]
-    others = others or [f' or {name}' for name in summary['not_separable_from']]
-    named += ''.join(others)
-    print(f'{named}, with confidence {100 * result.verdict.confidence:.0f} %')  # as on the page
-    print(plain(sentence(result, summary)))
+    print(plain(sentence(result, summary)))  # with the confidence
     for line in told:
         print(plain(line))
     say(f'report: {output / "report.html"}')
@@ -180,7 +179,12 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
         if apply:
             say(f'{output / "rig.yaml"} repeats the description: the verdict names no effect')
     elif not apply:
-        say('the same call with --apply also writes a rig.yaml with it, for ./porotwin up --rig')
+        if camera:
+            say(f'{camera}: an effect of the camera; correct it at the camera')
+        elif verdict.confidence >= LEAST_OFFERED:
+            say(
+                'the same call with --apply also writes a rig.yaml with it, for ./porotwin up --rig'
+            )
     else:
         say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
         if verdict.not_separable:

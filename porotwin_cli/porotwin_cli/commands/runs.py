@@ -35,8 +35,8 @@ def command(
     """List the bags and experiment folders below a folder, the oldest first.
 
     The command reads the indexes of the recordings, and opens no photograph and no map. The verdict
-    is that of the newest report on a recording in this folder. An unreadable recording gives one
-    line.
+    is that of the newest report on a recording in this folder. The rig of a rehearsed recording has
+    the word "virtual". An unreadable recording gives one line.
 
     Example: ./porotwin runs /data/rig1
     """
@@ -74,7 +74,8 @@ def command(
     if told:
         titles, cells = zip(*told, strict=True)
         count = f'{len(readable)} recording{"s" * (len(readable) != 1)}'
-        print_table(f'{count} in {folder}', titles, zip(*cells, strict=True))
+        rows = zip(*cells, strict=True)
+        print_table(f'{count} in {folder}', titles, rows, whole=('diagnosed', 'size'))
         if 'photos*' in titles:
             print('* without baselines')
         if any(entry.start is None for entry in readable):
@@ -97,7 +98,7 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
         'recording': lambda entry: _name(entry.path, folder),
         'date (UTC)': _date,
         'duration': lambda entry: clock_words(entry.duration_s),
-        'rig': lambda entry: entry.rig,
+        'rig': lambda entry: f'{entry.rig}, virtual' if entry.virtual else entry.rig,
         'photos*': lambda entry: str(entry.photographs or ''),
         'maps': lambda entry: str(entry.maps or ''),
         'setpoints': lambda entry: str(entry.setpoints or ''),

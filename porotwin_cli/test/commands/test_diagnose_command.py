@@ -2,8 +2,13 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import pytest
 from cli_examples import porotwin
+
+from porotwin_cli.commands.diagnose import _tell_about_rig
 
 
 def test_diagnose_needs_recordings_or_the_running_twin(tmp_path: Path) -> None:
@@ -24,3 +29,23 @@ def test_a_copy_of_a_recording_does_not_count_twice(experiment: Path, tmp_path: 
     result = porotwin('diagnose', experiment, copy, '--output', tmp_path / 'out')
     assert result.returncode == 2
     assert f'{copy}: is a copy of {experiment}' in result.stderr
+
+
+@pytest.mark.parametrize(
+    ('name', 'confidence', 'told'),
+    [
+        ('leak', 0.9, '--apply also writes a rig.yaml'),
+        ('leak', 0.4, ''),
+        ('clock', 0.9, 'clock: an effect of the camera; correct it at the camera'),
+    ],
+)
+def test_only_a_probable_effect_of_the_rig_is_offered_for_rig_yaml(
+    name: str, confidence: float, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verdict: Any = SimpleNamespace(
+        members=(name,), confidence=confidence, model=SimpleNamespace(effects=(name,))
+    )
+    _tell_about_rig(verdict, Path('report'), apply=False)
+    said = capsys.readouterr().err
+    assert told in said
+    assert bool(said) == bool(told)

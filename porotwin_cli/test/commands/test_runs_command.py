@@ -11,6 +11,8 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
+from porotwin_cli.commands.runs import _columns
+from porotwin_recording.catalogue import CatalogueEntry
 
 SAMPLE = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
 
@@ -57,3 +59,9 @@ def test_what_is_odd_is_left_to_check(tmp_path: Path) -> None:
     told = porotwin('runs', tmp_path)
     assert '1 recording' in told.stdout
     assert 'odd' not in told.stderr
+
+
+def test_a_recording_of_the_virtual_rig_is_marked(tmp_path: Path) -> None:
+    words = _columns(tmp_path)['rig']
+    assert words(CatalogueEntry(tmp_path, 'folder', rig='tank', virtual=True)) == 'tank, virtual'
+    assert words(CatalogueEntry(tmp_path, 'folder', rig='tank')) == 'tank'

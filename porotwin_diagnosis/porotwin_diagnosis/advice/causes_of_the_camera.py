@@ -41,6 +41,12 @@ FIXED_MARK = (
 MOST_LIGHT = 0.5
 """Largest change of the light that is believed [-]."""
 
+MOST_GLOW = 1.0
+"""Largest brightness of a glow relative to stock [-]."""
+
+MOST_CREEP = 0.5
+"""Longest way of a creeping picture relative to the width of the rig."""
+
 SWINGS = (0.6, 1.1)
 """Periods of light relative to the duration of the recording."""
 
@@ -80,15 +86,28 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
         return f'the plume is {100 * abs(amounts[0]):.1f} % {_paler(amounts[0])} throughout'
 
     def upward(amounts: Amounts) -> str:
-        share = 100 * abs(amounts[0]) * grid.height
-        return f'the plume is {share:.1f} % {_paler(-amounts[0])} at the top than at the bottom'
+        change = 0.5 * abs(amounts[0]) * grid.height
+        places = ('top', 'bottom') if amounts[0] < 0 else ('bottom', 'top')
+        share = 100 * (1.0 - (1.0 - change) / (1.0 + change))
+        return f'the plume is {share:.1f} % paler at the {places[0]} than at the {places[1]}'
+
+    def upward_allows(amounts: Amounts) -> bool:
+        return _moderate([0.5 * grid.height * amounts[0]])
 
     yield Cause(
         'paler', Process.CAMERA, '-', -c[None], paler, allows=_moderate, own_check=DILUTIONS
     )
     height = grid.z[:, None] - 0.5 * grid.height
     changes = (c * height)[None]
-    yield Cause('paler upward', Process.CAMERA, '1/m', changes, upward, own_check=GREY_CARD)
+    yield Cause(
+        'paler upward',
+        Process.CAMERA,
+        '1/m',
+        changes,
+        upward,
+        allows=upward_allows,
+        own_check=GREY_CARD,
+    )
     for period in SWINGS:
         phase = 2.0 * np.pi * runs.elapsed / period
 
@@ -127,7 +146,16 @@ def _picture(runs: FreeRuns) -> Iterator[Cause]:
         return f'the picture creeps by {parts} in {unit.text(runs.duration)}'
 
     creeping = np.stack([-right * runs.elapsed, -up * runs.elapsed])
-    yield Cause('creeping picture', Process.CAMERA, 'm', creeping, crept, own_check=FIXED_MARK)
+    most = MOST_CREEP * runs.sample.grid.width
+    yield Cause(
+        'creeping picture',
+        Process.CAMERA,
+        'm',
+        creeping,
+        crept,
+        allows=lambda amounts: math.hypot(*amounts) <= most,
+        own_check=FIXED_MARK,
+    )
 
 
 def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
@@ -149,6 +177,7 @@ def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
         's',
         (-later * runs.elapsed)[None],
         wrong,
+        allows=lambda amounts: abs(amounts[0]) <= runs.duration,
         own_check='photograph the clock of the pumps at the start and at the end',
     )
     for share in DELAYS:
@@ -165,8 +194,13 @@ def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
             change[None],
             lagged,
             freedom=2,
-            allows=lambda amounts: amounts[0] > 0.0,
+            allows=_between_signal_and_tracer,
         )
+
+
+def _between_signal_and_tracer(amounts: Amounts) -> bool:
+    """Return whether the signal lies between the lagging one and the tracer: never negative."""
+    return 0.0 < amounts[0] <= 1.0
 
 
 def _lagging(maps: FloatArray, times: FloatArray, delay: float) -> FloatArray:
@@ -209,7 +243,15 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
 
         freedom = 6 if name == 'moving glow' else 4
         return Cause(
-            name, Process.CAMERA, '-', change[None], words, place, freedom, own_check=REFLECTION
+            name,
+            Process.CAMERA,
+            '-',
+            change[None],
+            words,
+            place,
+            freedom,
+            lambda amounts: abs(amounts[0]) <= MOST_GLOW,
+            REFLECTION,
         )
 
     at_rest = (float(np.average(x, weights=weights)), float(np.average(z, weights=weights)))

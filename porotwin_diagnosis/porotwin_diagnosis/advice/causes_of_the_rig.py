@@ -25,6 +25,12 @@ TOLERANCE = 1.0
 MOST_STEPS = 12.0
 """Largest number of steps of a parameter whose response is taken for linear."""
 
+LEAST_SORPTION = -0.5
+"""Least sorption of pale tracer beyond that of stock [-]: it moves twice as fast then."""
+
+MOST_RATIO = 100.0
+"""Largest ratio of the conductivities across and up that is believed [-]."""
+
 MOST_TRIALS = 6.0
 """Largest strength of a leak or a zone, relative to its trial: 30 % of the strongest pump."""
 
@@ -194,7 +200,16 @@ def preferred_direction(runs: FreeRuns) -> Iterator[Cause]:
     check = (
         'inject a short pulse from one well alone: round in an even sand, an ellipse in this one'
     )
-    yield Cause('preferred direction', Process.TRANSPORT, '-', change[None], words, own_check=check)
+    most = 0.5 * np.log(MOST_RATIO)
+    yield Cause(
+        'preferred direction',
+        Process.TRANSPORT,
+        '-',
+        change[None],
+        words,
+        allows=lambda amounts: abs(amounts[0]) <= most,
+        own_check=check,
+    )
 
 
 def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
@@ -204,8 +219,9 @@ def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
     )
 
     def words(amounts: Amounts) -> str:
-        speed = 'slower' if amounts[0] > 0 else 'faster'
-        return f'pale tracer moves {100 * abs(amounts[0]):.1f} % {speed} than stock'
+        change = 100 * (1.0 / (1.0 + amounts[0]) - 1.0)
+        speed = 'faster' if change > 0 else 'slower'
+        return f'pale tracer moves {abs(change):.1f} % {speed} than stock'
 
     try:
         delay = (runs.with_effects(sorbed) - runs.maps) / SORPTION
@@ -215,4 +231,12 @@ def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
     check = (
         'shake sand with stock and with diluted stock; compare the concentrations left in the water'
     )
-    yield Cause('pale tracer delayed', Process.STORAGE, '-', change[None], words, own_check=check)
+    yield Cause(
+        'pale tracer delayed',
+        Process.STORAGE,
+        '-',
+        change[None],
+        words,
+        allows=lambda amounts: amounts[0] >= LEAST_SORPTION,
+        own_check=check,
+    )

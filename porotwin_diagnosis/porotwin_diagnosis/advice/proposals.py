@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.schedule_changes import SCHEDULE_CHANGES
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
@@ -38,6 +39,12 @@ TELLING_KINDS: dict[str, tuple[str | None, ...]] = {
 """Experiments that show whether an unknown cause is of the described kind (None: no description):
 at rest only the camera, storage and flows from outside go on; a wrong pump shows in its turn alone,
 the sand in every turn."""
+
+WATER_LEVEL = (
+    'mark the water level at every open side and look at it again at the end: a level that rises, '
+    'falls or is tilted drives a flow that the model does not have'
+)
+"""How to check the water level. It holds for every rig with an open side, whatever the form."""
 
 SAME_AGAIN = np.sqrt(2.0)
 """Factor between the distance of two explanations in one recording and in two equal ones."""
@@ -113,25 +120,34 @@ def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     """Return the kept model and the best other one; None if there is nothing to separate.
 
     Effects that are nearly as good come first: an experiment can separate them. Effects that look
-    the same follow, then the most probable other ones.
+    the same follow, then the most probable other ones, as the table of the report ranks them.
     """
     kept = verdict.model
     if not kept.members or verdict.stands_alone:
         return None
-    fits = findings.pairs if len(kept.members) > 1 else findings.singles
-    others = [fit for fit in fits if fit.label != kept.label] or [
-        fit for fit in findings.singles if fit.label != kept.label
-    ]
+    fits = findings.pairs if len(kept.members) > 1 else ()
+    others = [fit for fit in fits if fit.label != kept.label] or _other_singles(findings, kept)
     if not others:
         return None
     close = {(name,) for name in verdict.close}
     same = {(name,) for name in verdict.inseparable} | set(verdict.alternatives)
+    own = tuple(member.effect for member in kept.members)
 
-    def urgency(fit: Fit) -> tuple[bool, bool, bool]:
+    def urgency(fit: Fit) -> tuple[bool, bool, bool, bool, float]:
         names = tuple(member.effect for member in fit.members)
-        return names not in close, names not in same, names != verdict.rival
+        share = verdict.probabilities.get(names[0], 0.0) if len(names) == 1 else 0.0
+        return names not in close, names not in same, names != verdict.rival, names == own, -share
 
     return kept, min(others, key=urgency)
+
+
+def _other_singles(findings: Findings, kept: Fit) -> list[Fit]:
+    """Return the fits of single effects beside `kept`, the best first.
+
+    Most effects are fitted on coarse cells only. One of them may still be the most probable rival.
+    """
+    fits = (fit for fit in (*findings.singles, *findings.screened) if fit.members)
+    return [fit for fit in fits if fit.label != kept.label]
 
 
 def _distance(samples: list[Sample], one: Fit, other: Fit) -> float:
@@ -167,9 +183,18 @@ def _laboratory_checks(names: tuple[str, str], one: Fit, other: Fit) -> Iterator
         yield Proposal(f'check {effect.replace("_", " ")}', names, check)
 
 
+def checks_of_form(form: RemainderForm, rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield a name and a check for every term of `form`; first the water level of an open side."""
+    if not rig.closed:
+        yield 'water level', WATER_LEVEL
+    for term in form.terms:
+        yield term.name, term.check
+
+
 def tell_kinds_apart(form: RemainderForm, sample: Sample) -> tuple[Proposal, ...]:
     """Return the checks of the `form` of an unexplained gap, and experiments that show its kind."""
-    checks = (Proposal(f'check: {term.name}', (term.name,), term.check) for term in form.terms)
+    named = checks_of_form(form, sample.rig)
+    checks = (Proposal(f'check: {name}', (name,), check) for name, check in named)
     kinds = tuple(process.value for process in Process)
     experiments = (
         Proposal(change.name, kinds, change.description)

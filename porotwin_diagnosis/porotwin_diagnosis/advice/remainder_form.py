@@ -47,6 +47,9 @@ MOST_TERMS = 3
 LEAST_CLOSED = 0.25
 """Share of the held-out remainder below which a description is refused."""
 
+WELL_CLOSED = 0.5
+"""Share of the held-out remainder that a good description closes at least."""
+
 LEAST_GAIN = 0.03
 """Share of the held-out remainder that a further term must close for every value that its search
 chooses: a moved picture with four values always fits a little."""
@@ -104,6 +107,11 @@ class RemainderForm:
     def kind(self) -> str | None:
         """Kind of the strongest cause; None if no description holds."""
         return self.terms[0].kind if self.terms else None
+
+    @property
+    def fits_well(self) -> bool:
+        """Whether the causes close most of the remainder."""
+        return self.closed >= WELL_CLOSED
 
 
 def describe_remainder(
@@ -232,15 +240,20 @@ class Regression:
         """Return the numbers of the changes of the causes `numbers`."""
         return np.concatenate([self.rows[number] for number in numbers])
 
+    def parts_of(self, numbers: Sequence[int], amounts: FloatArray) -> list[FloatArray]:
+        """Return the `amounts` of the causes `numbers`, divided by cause."""
+        ends = np.cumsum([len(self.rows[number]) for number in numbers])
+        return np.split(amounts, ends[:-1])
+
     def score(self, numbers: Sequence[int]) -> float:
         """Return the remainder beside the causes `numbers`, with `FREEDOM`.
 
-        It is infinite if the last cause may not have its amounts.
+        It is infinite if a cause may not have its amounts.
         """
         rows = self.rows_of(numbers)
         amounts = self.fitted.solved(rows)
-        last = self.causes[numbers[-1]]
-        if not last.allows(amounts[-len(last.changes) :].tolist()):
+        parts = zip(numbers, self.parts_of(numbers, amounts), strict=True)
+        if not all(self.causes[number].allows(part.tolist()) for number, part in parts):
             return math.inf
         predicted = self.later.left(rows, self.earlier.solved(rows))
         freedom = sum(self.causes[number].freedom for number in numbers)
@@ -277,8 +290,7 @@ def _chosen(regression: Regression) -> tuple[list[Cause], list[FloatArray], floa
     if not numbers:
         return [], [], 0.0
     amounts = regression.fitted.solved(regression.rows_of(numbers))
-    ends = np.cumsum([len(regression.rows[number]) for number in numbers])
-    parts = np.split(amounts, ends[:-1])
+    parts = regression.parts_of(numbers, amounts)
     return [regression.causes[number] for number in numbers], parts, closed
 
 

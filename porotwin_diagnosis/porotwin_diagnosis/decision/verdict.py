@@ -71,6 +71,7 @@ class Verdict:
 
     @property
     def stands_alone(self) -> bool:
-        """Whether a single effect is named, and no other one is probable."""
-        rivals = (share for name, share in self.probabilities.items() if name != self.name)
+        """Whether a single effect is named, and no other effect is probable."""
+        no_rivals = (self.name, NONE)
+        rivals = (share for name, share in self.probabilities.items() if name not in no_rivals)
         return len(self.members) == 1 and max(rivals, default=1.0) < LEAST_RIVAL

@@ -7,9 +7,9 @@ from porotwin_core.units import DAY_S, HOUR_S
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.history.joint_belief import CauseCourse, courses, weighted
 from porotwin_diagnosis.history.past_findings import FoundCause, PastFinding, Value
-from porotwin_diagnosis.report.wording import spoken
+from porotwin_diagnosis.report.wording import at_well, spoken
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.effects.definition.words import number, reading
+from porotwin_solver.effects.definition.words import number, plain, reading
 
 DRIFT_DEVIATIONS = 2.6
 """Difference of two findings, in standard deviations of it, from which on it is a drift: chance
@@ -28,7 +28,7 @@ LEAST_INTERVAL_S = HOUR_S
 def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     """Return lines that compare a `new` finding with the `earlier` ones, sorted by date."""
     if not earlier:
-        return [f'No finding up to {new.day} with this rig.yaml: this one is the first belief']
+        return ['The history has no earlier finding with this rig.yaml; this is the first one.']
     own = [course for course in courses([*earlier, new]) if course.found[-1][0] is new]
     named = [course for course in own if course.latest.effect in new.named]
     lines = [line for course in named for line in _of_course(course)]
@@ -51,7 +51,7 @@ def _of_course(course: CauseCourse) -> Iterator[str]:
             together = weighted([*(one for _, one in known), value])
             yield (
                 f'{what}: {now} now; believed before: {believed}; '
-                f'together: {_with_interval(cause, name, together)}'
+                f'together: {_with_interval(cause, name, together)}.'
             )
             continue
         seconds = finding.seconds - last.seconds
@@ -63,7 +63,7 @@ def _of_course(course: CauseCourse) -> Iterator[str]:
         yield (
             f'{what} drifts{_way(cause, name, old.value, value.value)}: '
             f'{_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
-            f'believed before: {believed}'
+            f'believed before: {believed}.'
         )
 
 
@@ -89,8 +89,7 @@ def _back(earlier: Sequence[PastFinding], named: Sequence[CauseCourse]) -> Itera
         for last, cause in course.found[-2:-1]:
             gap = [f for f in earlier if f.verdict == NONE and f.seconds > last.seconds]
             if gap:
-                what = ' '.join(filter(None, [spoken(cause.effect), cause.well]))
-                yield f'{what} is back: found on {last.day}, not on {gap[-1].day}'
+                yield f'{_what(cause)} is back: found on {last.day}, not on {gap[-1].day}.'
 
 
 def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
@@ -103,17 +102,24 @@ def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
     same = {cause.effect for cause in last.causes} - set(last.named)
     for name in dict.fromkeys(last.named):
         if name not in held and not same & held:
-            yield f'{spoken(name)}, found on {last.day}, {end}'
+            yield f'{spoken(name)}, found on {last.day}, {end}.'
 
 
 def _fresh(named: Sequence[CauseCourse]) -> Iterator[str]:
     fresh = (course.latest for course in named if len(course.found) == 1)
-    for name in sorted({' '.join(filter(None, [spoken(c.effect), c.well])) for c in fresh}):
-        yield f'{name}: new; no earlier recording showed it'
+    for name in sorted({_what(cause) for cause in fresh}):
+        yield f'{name} is new: no earlier recording showed it.'
 
 
 def _of(cause: FoundCause, parameter: str) -> str:
-    return ' '.join(filter(None, [spoken(cause.effect), cause.well, spoken(parameter)]))
+    if cause.well:
+        return f'{spoken(parameter)} of the {spoken(cause.effect)} of {cause.well}'
+    return f'{spoken(cause.effect)} {spoken(parameter)}'
+
+
+def _what(cause: FoundCause) -> str:
+    """Return the effect in words; the name of its well stays as rig.yaml spells it."""
+    return plain(at_well(cause.effect, cause.well))
 
 
 def _with_interval(cause: FoundCause, parameter: str, value: Value) -> str:

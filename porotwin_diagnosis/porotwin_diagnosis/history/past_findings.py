@@ -98,6 +98,7 @@ class PastFinding(_Record):
         causes: the named effects, and those that the recording cannot tell from them.
         named: names of the named effects.
         probabilities: those of every effect by name, as `diagnosis.json` states them.
+        virtual: whether the virtual rig made one of the recordings.
     """
 
     date: str
@@ -109,6 +110,7 @@ class PastFinding(_Record):
     causes: tuple[FoundCause, ...] = ()
     named: tuple[str, ...] = ()
     probabilities: dict[str, Probability] = Field(default_factory=dict)
+    virtual: bool = False
 
     @model_validator(mode='after')
     def _known(self) -> Self:
@@ -154,7 +156,13 @@ def finding_from(
         causes=tuple(map(_cause, named_rows(summary, [n for n in known if n in EFFECTS]))),
         named=tuple(named),
         probabilities={row['name']: row['probability'] for row in summary['effects']},
+        virtual=is_virtual(recordings),
     )
+
+
+def is_virtual(recordings: Sequence[Recording]) -> bool:
+    """Return whether the virtual rig made the maps of one of the `recordings`."""
+    return any(one.maps is not None and one.maps.origin.is_virtual for one in recordings)
 
 
 def rig_without_effects(rig: Rig) -> str:
@@ -216,10 +224,13 @@ def read_history(folder: Path) -> tuple[PastFinding, ...]:
     return tuple(sorted(findings, key=lambda found: found.seconds))
 
 
-def findings_on(rig: Rig, findings: Sequence[PastFinding], folder: Path) -> list[PastFinding]:
+def findings_on(
+    rig: Rig, findings: Sequence[PastFinding], folder: Path, *, virtual: bool = False
+) -> list[PastFinding]:
     """Return the `findings` that were made with the same effects in rig.yaml as `rig` has.
 
     Parameters are relative to the description of the rig, so that others cannot be compared.
+    Findings on the `virtual` rig count for it alone: they say nothing about the real one.
 
     Raises:
         InputError: a finding belongs to another rig.
@@ -231,7 +242,11 @@ def findings_on(rig: Rig, findings: Sequence[PastFinding], folder: Path) -> list
             f'{folder}: holds findings on another rig, or on another description of it, such as '
             f'that of {foreign[0].recordings[0]}; name another folder with --history'
         )
-    return [found for found in findings if found.effects == described(rig.effects)]
+    return [
+        found
+        for found in findings
+        if found.effects == described(rig.effects) and found.virtual == virtual
+    ]
 
 
 def add_finding(folder: Path, new: PastFinding) -> list[PastFinding]:
@@ -256,5 +271,5 @@ def add_finding(folder: Path, new: PastFinding) -> list[PastFinding]:
 
 
 def _alike(one: PastFinding, other: PastFinding) -> bool:
-    """Return whether two findings have the same effects in rig.yaml."""
-    return one.effects == other.effects
+    """Return whether two findings have the same effects in rig.yaml, and the same kind of rig."""
+    return one.effects == other.effects and one.virtual == other.virtual

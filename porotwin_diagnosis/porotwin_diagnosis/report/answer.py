@@ -13,7 +13,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
-from porotwin_diagnosis.report.wording import interval, phrase, spoken
+from porotwin_diagnosis.report.wording import interval, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
 from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
@@ -33,6 +33,9 @@ NO_PLACE = (
     'acts in the whole rig, such as a flow from outside'
 )
 """Why a leak or a zone without a place explains nothing."""
+
+NO_GOOD_FORM = 'No form that was found fits well'
+"""Said before a form that closes less than half of the gap."""
 
 Summary = Mapping[str, Any]
 """The content of diagnosis.json."""
@@ -165,8 +168,9 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     form = result.remainder
     if beside and form is not None and form.terms and form.closed > _closed_share(beside):
         said = ', and '.join(term.words for term in form.terms)
+        looks = 'It looks as if' if form.fits_well else f'{NO_GOOD_FORM}. The best one is that'
         return (
-            f'It looks as if {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
+            f'{looks} {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
             'and is no effect of the library'
         )
     if beside:
@@ -230,8 +234,9 @@ def _form(result: Diagnosis) -> str:
         'storage': 'the storage of tracer in the sand',
         'camera': 'the camera',
     }[form.terms[0].kind]
+    looks = 'It looks most like' if form.fits_well else f'{NO_GOOD_FORM}. The best one looks like'
     return (
-        f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
+        f'{looks} {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
         'gaps with causes outside the library, the kind was right in 23. Thin tight walls were not '
         'recognised.'
@@ -250,14 +255,14 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     if result.verdict.doubt is Doubt.PLACE:
         return _closed_share(beside), f'It looks as if {_means(beside)}. {NO_PLACE}.'
     together = ' together' if len(beside['effects']) > 1 else ''
-    rest, place = [], beside['place']
+    partial, rest, place = result.partial, [], beside['place']
     if place:
         rest.append(f'arises most of all near x = {place["x_m"]:.2f} m, z = {place["z_m"]:.2f} m')
     if beside['terms']:
         words = ', and '.join(term['words'] for term in beside['terms'])
-        rest.append(f'looks like this: {html.escape(words)}')
+        roughly = '' if partial is None or partial.form.fits_well else ', though not well,'
+        rest.append(f'looks{roughly} like this: {html.escape(words)}')
     remains = f' What remains beside that {" and ".join(rest)}.' if rest else ''
-    partial = result.partial
     if partial and is_dipole(partial.model.effects, result.samples[0].grid.width):
         remains = (
             ' A source beside an equally strong sink acts like a patch of sand that conducts '
@@ -339,7 +344,7 @@ def _hot_spots(result: Diagnosis) -> str:
     if not result.gap.spots:
         return 'Everywhere: no place stands out.'
     spot = result.gap.spots[0]
-    seen = ' An effect of the camera has no place in the rig: it shows there.'
+    seen = ' The camera is no part of the rig: this is only where its effect shows.'
     of_camera = result.remainder is not None and result.remainder.kind == 'camera'
     return (
         f'Most of all near x = {spot.x:.2f} m, z = {spot.z:.2f} m: {100 * spot.share:.0f} % of the '
@@ -382,8 +387,8 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
 def _how_sure(result: Diagnosis, summary: Summary) -> str:
     verdict, evidence = result.verdict, result.evidence
     lines = [
-        f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
-        'rules that were set on simulated rigs.'
+        f'<b>{100 * verdict.confidence:.0f} %</b>: the estimated probability that this answer is '
+        'right. The rules for it were set on simulated rigs.'
     ]
     if verdict.doubt not in ALWAYS_SAID:
         lines.append(f'The least certain point: {doubt_words(result)}.')
@@ -392,8 +397,8 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         believed = [spoken(name) for name, one in summary['belief'].items() if one > 0.99 * share]
         each = ' each' if len(believed) > 1 else ''
         lines.append(
-            'Earlier recordings of this rig count too. They spoke for '
-            f'<b>{" or ".join(believed)}</b> with {100 * share:.0f} %{each}.'
+            'Earlier recordings of this rig count too. They found: '
+            f'<b>{" or ".join(believed)}</b> ({100 * share:.0f} %{each}).'
         )
     lines += [html.escape(line) for line in summary['history']]
     if verdict.name == UNEXPLAINED:
@@ -466,7 +471,7 @@ def meanings(names: Sequence[str], summary: Summary) -> list[str]:
 
 def label(fit: Fit) -> str:
     """Return the effects of `fit` in words, as HTML."""
-    return html.escape(spoken(fit.label))
+    return spoken_label(fit.label)
 
 
 def closed(errors: Mapping[str, float]) -> str:

@@ -67,6 +67,7 @@ def _remainder(name: str, lack: float) -> str:
             'it would be the answer'
         )
     return (
-        f'the remaining error is {100 * lack:.0f} % of what a true effect may leave (less is '
-        'better); a cause outside the library may imitate the effect'
+        'whether a cause outside the library imitates the effect. Even a true effect leaves some '
+        f'error. Here the error is {100 * lack:.0f} % of the largest one that a true effect may '
+        'leave; less is better'
     )

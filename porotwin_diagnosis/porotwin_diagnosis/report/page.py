@@ -21,7 +21,7 @@ from porotwin_diagnosis.report.report_sections import (
     visible_strengths,
     when_it_arises,
 )
-from porotwin_diagnosis.report.wording import inputs, spoken
+from porotwin_diagnosis.report.wording import inputs, spoken_label
 from porotwin_diagnosis.search.ranking import overall_misfit
 from porotwin_solver.effects_in_force import in_words
 
@@ -227,7 +227,7 @@ def _remainder_caption(result: Diagnosis) -> str:
     model = result.verdict.model
     return (
         'The remainder, which no effect of the library explains. Red: more tracer in the rig than '
-        f'in the best model ({spoken(model.label)}). Blue: less. Right: the remainder of the whole '
-        'recording in standard deviations of the noise and of a front 0.12 cells off; noise alone '
-        f'gives about {overall_misfit(*model.noise_misfit):.1f}.'
+        f'in the best model ({spoken_label(model.label)}). Blue: less. Right: the remainder of the '
+        'whole recording in standard deviations of the noise and of a front 0.12 cells off; noise '
+        f'alone gives about {overall_misfit(*model.noise_misfit):.1f}.'
     )

@@ -1,17 +1,18 @@
 """The sections of the report below the pictures, each as HTML."""
 
 import html
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from porotwin_core.time_units import time_unit
+from porotwin_diagnosis.advice.proposals import checks_of_form
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.answer import Summary, label, misplaced_fronts, origin, these
 from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
 from porotwin_diagnosis.report.markup import percent, table
-from porotwin_diagnosis.report.wording import inputs, phrase, spoken, value
+from porotwin_diagnosis.report.wording import inputs, phrase, spoken, spoken_label, value
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
 from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import EFFECTS
@@ -62,8 +63,8 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         f'cells.{_left_out(result, summary)}</p>'
         '<p>The probability follows from the misfit at the fronts of the whole recording. So an '
         'effect with a smaller error may be less probable. All members of a combination have its '
-        'probability. The sum may be below 100 %. The rest is for no effect at all, for causes '
-        'outside the library, and for all that this recording is too coarse to tell.</p>'
+        'probability. The sum may be below 100 %. The rest stands for everything else: no effect '
+        'at all, causes outside the library, and what this recording is too coarse to show.</p>'
     )
     return note + table(head, rows, {4, 5})
 
@@ -75,7 +76,7 @@ def _left_out(result: Diagnosis, summary: Summary) -> str:
     if not names:
         return ''
     return (
-        ' Not in the table, because they cannot act in this recording or nothing in it speaks for '
+        ' Some effects have no row. They cannot act in this recording, or nothing in it points to '
         f'them: {", ".join(names)}.'
     )
 
@@ -105,7 +106,8 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
     findings = result.evidence.findings
     if not findings.pairs:
         left = 'the model' if result.verdict.name == NONE else 'one effect'
-        return f'<p>No pair was tried: {left} leaves nothing for a further effect.</p>'
+        reason = f': {left} alone leaves less error than a right model may leave'
+        return f'<p>No pair was tried{"" if result.verdict.name == UNEXPLAINED else reason}.</p>'
     errors, kept = Errors(**summary['error']), result.verdict.model.label
 
     def error(fit: Fit) -> float:
@@ -141,10 +143,7 @@ def when_it_arises(result: Diagnosis) -> str:
 
 def laboratory_checks(result: Diagnosis) -> str:
     """Return how to check the named effects, or the form of an unexplained gap."""
-    checks = {
-        html.escape(name): check
-        for name, check in (*_checks_of_form(result), *_checks_of_effects(result))
-    }
+    checks = dict((*_checks_of_form(result), *_checks_of_effects(result)))
     if not checks:
         return (
             '<p>There is no effect to check. Look at the map of the remainder: is it at a well, '
@@ -165,9 +164,10 @@ def _checks_of_effects(result: Diagnosis) -> Iterator[tuple[str, str]]:
 
 
 def _checks_of_form(result: Diagnosis) -> Iterator[tuple[str, str]]:
-    """Yield a name and a check for every term of an unexplained gap."""
-    for term in result.remainder.terms if result.remainder else ():
-        yield spoken(term.name), term.check
+    """Yield a name and a check for every term of an unexplained gap, and for an open side."""
+    if result.remainder is not None:
+        for name, check in checks_of_form(result.remainder, result.recordings[0].rig):
+            yield spoken_label(name), check
 
 
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
@@ -185,7 +185,7 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
     if result.verdict.name == UNEXPLAINED:
         rows = [[proposal['name'], proposal['what']] for proposal in proposals]
         note = (
-            '<p>Checks of this description, and experiments that show the kind of the missing '
+            '<p>Checks in the laboratory, and experiments that show the kind of the missing '
             'cause: at rest, only the camera, the storage of tracer and flows from outside go '
             'on; a wrong pump shows in its own turn alone.</p>'
         )
@@ -200,11 +200,20 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
         for proposal in proposals
     ]
     note = (
-        f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}. '
-        'The last column compares how well each separates them with the same recording, made again.'
-        '</p>'
+        f'<p>These separate the two best explanations, {spoken_label(one)} and '
+        f'{spoken_label(other)}.{_comparison(proposals)}</p>'
     )
     return note + table(['experiment', 'instructions', 'separates better'], rows, {2})
+
+
+def _comparison(proposals: Sequence[Mapping[str, Any]]) -> str:
+    """Explain the gains of the `proposals`; empty if all are checks in the laboratory."""
+    if all(proposal['gain'] is None for proposal in proposals):
+        return ''
+    return (
+        ' The last column compares how well each separates them with the same recording, made '
+        'again.'
+    )
 
 
 def visible_strengths(result: Diagnosis) -> str:
@@ -220,12 +229,25 @@ def visible_strengths(result: Diagnosis) -> str:
         where = ', in the middle of the rig' if EFFECTS[name].has_place else ''
         if least.well:
             where = f', of {html.escape(least.well)}, where it shows best'
-        rows.append([spoken(name), f'{spoken(least.parameter)}{where}', text])
+        plainly = EFFECTS[name].plainly
+        rows.append(
+            [
+                f'{spoken(name)} ({plainly})' if plainly else spoken(name),
+                f'{spoken(least.parameter)}{_neutral(name, least.parameter)}{where}',
+                text,
+            ]
+        )
     note = (
-        '<p>An effect that is not seen may still be there: alone and weaker than this, it might '
-        f'not have been visible in {these(result)}.</p>'
+        f'<p>An effect that {these(result)} did not show may still be there. The table gives the '
+        'smallest deviation that would have been visible. It holds for each effect alone.</p>'
     )
     return note + table(['effect', 'parameter', 'least visible deviation'], rows, {2})
+
+
+def _neutral(name: str, parameter: str) -> str:
+    """State the value of a parameter without the effect; empty if it is 0."""
+    neutral = EFFECTS[name].parameters[parameter].neutral
+    return f' ({neutral:g} without the effect)' if neutral else ''
 
 
 def _shared_errors(result: Diagnosis) -> str:

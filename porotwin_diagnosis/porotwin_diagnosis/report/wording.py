@@ -10,10 +10,14 @@ from typing import Any
 
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.effects.definition.words import number, reading
+from porotwin_solver.effects.definition.effect import Scope
+from porotwin_solver.effects.definition.words import MOST_PERCENT, number, reading
 
 DIGITS = 3
 """Most significant digits of a fitted parameter, in the sentence and in the table alike."""
+
+ROUGH_DIGITS = 2
+"""Significant digits of a parameter without an interval: nobody knows how exact it is."""
 
 MOST_DECIMALS = 5
 """Intervals that need more decimals are written with powers of ten."""
@@ -25,6 +29,29 @@ COORDINATES = {'x', 'z'}
 def spoken(name: str) -> str:
     """Return the name of an effect or parameter with spaces."""
     return name.replace('_', ' ')
+
+
+def spoken_label(label: str) -> str:
+    """Return the label of a fit in words, such as `wrong rate of water_in + dispersion`, as HTML.
+
+    Names of wells stay as rig.yaml spells them.
+    """
+    return ' + '.join(map(_spoken_member, label.split(' + ')))
+
+
+def _spoken_member(label: str) -> str:
+    """Return the label of one candidate in words; behind its effect is a well or a variant."""
+    name, _, rest = label.partition(' ')
+    if name not in EFFECTS or not rest:
+        return html.escape(spoken(label))
+    if EFFECTS[name].scope is Scope.WELL:
+        return at_well(name, rest)
+    return f'{spoken(name)} ({html.escape(rest)})'
+
+
+def at_well(effect: str, well: str) -> str:
+    """Return an effect in words, with its well if it has one, as HTML."""
+    return f'wrong {spoken(effect)} of {html.escape(well)}' if well else spoken(effect)
 
 
 def value(effect: str, parameter: str, amount: float, digits: int = DIGITS) -> str:
@@ -92,10 +119,31 @@ def _stated(effect: str, parameter: str, entry: Mapping[str, Any]) -> float | st
         return html.escape(entry['value'])
     decimals = _decimals(effect, parameter, entry)
     if decimals is None:
-        return float(entry['value'])
+        known = entry.get('low') is not None and entry.get('high') is not None
+        amount = float(entry['value'])
+        return amount if known else _roughly(effect, parameter, amount)
     factor = reading(EFFECTS[effect].parameters[parameter]).factor
     # a size that rounds to nothing stays: its sign chooses the words
     return round(factor * entry['value'], decimals) / factor or float(entry['value'])
+
+
+def _roughly(effect: str, parameter: str, amount: float) -> float:
+    """Return an amount without an interval, to `ROUGH_DIGITS` in the unit of the report.
+
+    A factor near 1 is rounded in its difference from 1. Places stay as they are.
+    """
+    described = EFFECTS[effect].parameters[parameter]
+    if parameter in COORDINATES or not amount:
+        return amount
+    if described.neutral == 1.0 and 1 / MOST_PERCENT < amount < MOST_PERCENT:
+        return 1.0 + _rounded(amount - 1.0)
+    factor = reading(described).factor
+    return _rounded(factor * amount) / factor
+
+
+def _rounded(amount: float) -> float:
+    """Return `amount` to `ROUGH_DIGITS` significant digits."""
+    return float(f'{amount:.{ROUGH_DIGITS}g}')
 
 
 def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:

@@ -67,6 +67,7 @@ EFFECT = Effect(
     on_physics=drift,
     candidates=candidates,
     phrase=phrase,
+    plainly='water flows through the whole rig',
     laboratory_check='inject a drop of tracer with all pumps stopped and see where it drifts',
     blind_draw=draw,
     appearance=Appearance.SHIFT,

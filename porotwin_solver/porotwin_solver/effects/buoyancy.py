@@ -71,6 +71,7 @@ EFFECT = Effect(
     on_physics=weigh,
     candidates=candidates,
     phrase=phrase,
+    plainly='the tracer is denser or lighter than water',
     laboratory_check=(
         'stop all pumps: the plume goes on sinking or rising; weigh a flask of the stock'
     ),

@@ -53,6 +53,7 @@ EFFECT = Effect(
     on_observation=shift,
     candidates=candidates,
     phrase=phrase,
+    plainly='the clocks of camera and pumps differ',
     laboratory_check='photograph the clock of the pumps',
     blind_draw=draw,
     appearance=Appearance.DELAY,

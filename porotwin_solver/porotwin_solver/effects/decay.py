@@ -53,6 +53,7 @@ EFFECT = Effect(
     on_physics=fade,
     candidates=candidates,
     phrase=phrase,
+    plainly='the tracer fades',
     laboratory_check=(
         'leave a closed bottle of stock in the same light and photograph it every hour'
     ),

@@ -52,6 +52,7 @@ EFFECT = Effect(
     on_physics=bulge,
     candidates=candidates,
     phrase=phrase,
+    plainly='the plates bulge',
     laboratory_check='measure the gap between the plates in the middle with a feeler gauge',
     blind_draw=draw,
     changes=Process.STORAGE,

@@ -114,6 +114,7 @@ EFFECT = Effect(
     on_physics=spread,
     candidates=candidates,
     phrase=phrase,
+    plainly='the tracer spreads on its way',
     laboratory_check=(
         'repeat at half the rates: dispersion goes with distance, diffusion with time'
     ),

@@ -86,6 +86,7 @@ EFFECT = Effect(
     on_physics=divide,
     candidates=candidates,
     phrase=phrase,
+    plainly='a part of the water stands still',
     laboratory_check='chase with water and watch the tail at the producer',
     blind_draw=draw,
     changes=Process.STORAGE,

@@ -126,6 +126,7 @@ EFFECT = Effect(
     candidates=candidates,
     places=PlaceSearch(trials, strength_factors=(0.3, 2.0), sized_trials=sized_trials),
     phrase=phrase,
+    plainly='a zone of other sand',
     laboratory_check='look at the sand there; inject from a well close to it',
     blind_draw=draw,
     appearance=Appearance.BENDING,

@@ -76,6 +76,7 @@ EFFECT = Effect(
     on_observation=light,
     candidates=candidates,
     phrase=phrase,
+    plainly='the light changes',
     laboratory_check='photograph a grey card at the start and the end, left and right',
     blind_draw=draw,
     appearance=Appearance.FADING,

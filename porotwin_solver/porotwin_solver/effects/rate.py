@@ -50,6 +50,7 @@ EFFECT = Effect(
     on_physics=misdeliver,
     candidates=candidates,
     phrase=phrase,
+    plainly='a pump delivers too much or too little',
     laboratory_check='let the pump fill a measuring cylinder until it holds some 50 ml',
     blind_draw=draw,
     appearance=Appearance.DELAY,

@@ -94,6 +94,7 @@ EFFECT = Effect(
     on_observation=move,
     candidates=candidates,
     phrase=phrase,
+    plainly='the picture is shifted, turned or scaled',
     laboratory_check='photograph a scale in the rig and mark its corners again',
     blind_draw=draw,
     appearance=Appearance.SHIFT,

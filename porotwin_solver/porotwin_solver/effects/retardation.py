@@ -52,6 +52,7 @@ EFFECT = Effect(
     on_physics=sorb,
     candidates=candidates,
     phrase=phrase,
+    plainly='the tracer sticks to the sand for a while',
     laboratory_check='shake sand with stock and measure the concentration left in the water',
     blind_draw=draw,
     changes=Process.STORAGE,

@@ -48,6 +48,7 @@ EFFECT = Effect(
     on_observation=bend,
     candidates=candidates,
     phrase=phrase,
+    plainly='the response of the camera is bent',
     laboratory_check='photograph three bottles of stock diluted to known concentrations',
     blind_draw=draw,
     appearance=Appearance.FADING,

@@ -52,6 +52,7 @@ EFFECT = Effect(
     on_physics=thicken,
     candidates=candidates,
     phrase=phrase,
+    plainly='the tracer is thicker or thinner than water',
     laboratory_check='measure the stock in a capillary viscometer',
     blind_draw=draw,
     appearance=Appearance.BENDING,

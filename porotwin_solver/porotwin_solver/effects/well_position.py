@@ -73,6 +73,7 @@ EFFECT = Effect(
     on_physics=move,
     candidates=candidates,
     phrase=phrase,
+    plainly='a well opens at another place',
     laboratory_check='measure where the well opens',
     blind_draw=draw,
     appearance=Appearance.SHIFT,

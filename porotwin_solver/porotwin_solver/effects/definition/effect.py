@@ -91,6 +91,7 @@ class Effect:
         phrase: states the effect with these values in words, as HTML.
         laboratory_check: how to check the effect without the camera.
         blind_draw: draws parameters for the blind check; None where it draws no such case.
+        plainly: the effect in ordinary words, where its name is a technical term.
         changes: the process that it changes; follows from the scope for wells and the camera.
         appearance: how it shows; None where the blind check draws no pair with it.
         pales_core: whether it makes the core of a plume paler or darker. A calibration on the same
@@ -124,6 +125,7 @@ class Effect:
     candidates: Candidates = _no_candidates
     places: PlaceSearch | None = None
     blind_draw: Draw | None = None
+    plainly: str = ''
     changes: Process = Process.TRANSPORT
     appearance: Appearance | None = None
     pales_core: bool = False
