@@ -97,6 +97,12 @@ def test_a_folder_that_cannot_hold_a_history_is_refused_before_the_work(tmp_path
             prepare_history(folder)
     with pytest.raises(InputError, match='names no folder'):
         prepare_history(tmp_path.__class__(''))
+    with pytest.raises(InputError, match='name the folder of the findings'):
+        prepare_history(tmp_path / 'history' / 'belief.json')
+    (tmp_path / 'monday').mkdir()
+    (tmp_path / 'monday' / 'rig.yaml').touch()
+    with pytest.raises(InputError, match='is a recording'):
+        prepare_history(tmp_path / 'monday')
     prepare_history(tmp_path / 'new' / 'folder')
     assert list((tmp_path / 'new' / 'folder').iterdir()) == []
 

@@ -15,6 +15,7 @@ from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
+from porotwin_recording.experiment_folder import RIG_FILE
 from porotwin_recording.one_writer import only_writer
 from porotwin_recording.recording import Recording
 from porotwin_recording.recording_date import parse_date
@@ -196,6 +197,10 @@ def prepare_history(folder: Path) -> None:
     """
     if folder == Path():
         raise InputError('--history: names no folder; name one for the findings on this rig')
+    if folder.name == FILE:
+        raise InputError(f'{folder}: name the folder of the findings, {folder.parent}')
+    if (folder / RIG_FILE).is_file():
+        raise InputError(f'{folder}: is a recording; name a folder of its own for the findings')
     if folder.exists() and not folder.is_dir():
         raise InputError(f'{folder}: is a file; name a folder for the findings on this rig')
     with writing(folder):
