@@ -107,6 +107,10 @@ def progress() -> AbstractContextManager[Progress]:
     )
 
 
+KNOWN_FROM_PERCENT, KNOWN_FROM_S = 4.0, 60.0
+"""Share of a task, and time since its begin, from either of which on its end is estimated."""
+
+
 def seconds_left(task: Task) -> float | None:
     """Return the remaining time of a task [s]; None if nothing tells it.
 
@@ -131,7 +135,12 @@ def least_seconds_left(task: Task) -> float | None:
 
 
 def left_in_words(task: Task) -> str:
-    """Return the remaining time of a task, a range where work may be left out; empty: unknown."""
+    """Return the remaining time of a task, a range where work may be left out; empty: unknown.
+
+    A task is unknown at its very beginning, where the time to start would count as slow work.
+    """
+    if task.percentage < KNOWN_FROM_PERCENT and (task.elapsed or 0.0) < KNOWN_FROM_S:
+        return ''
     most, least = seconds_left(task), least_seconds_left(task)
     if not most or least is None:
         return ''

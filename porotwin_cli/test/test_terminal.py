@@ -89,6 +89,17 @@ def test_the_remaining_time_grows_while_a_long_stage_makes_no_step() -> None:
         assert seconds_left(task) == pytest.approx(100.0)
 
 
+def test_a_slow_start_makes_no_estimate() -> None:
+    now = 0.0
+    with progress() as bar:
+        bar.get_time = lambda: now
+        number = bar.add_task('work', total=100)
+        for completed, at, known in ((0.5, 20.0, False), (1.0, 40.0, False), (1.5, 70.0, True)):
+            now = at
+            bar.update(number, completed=completed)
+            assert bool(left_in_words(bar.tasks[0])) is known
+
+
 @pytest.mark.parametrize(
     ('fields', 'words'),
     [
