@@ -25,6 +25,7 @@ from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_abou
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
@@ -298,7 +299,11 @@ def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     """Return how many maps there are, of which times and cells, and what that means."""
     words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
-    if max(grid.shape) < SCANT_CELLS:
+    if len(times) < FEWEST_FRAMES:
+        words += f'; a diagnosis needs {FEWEST_FRAMES} maps'
+    elif min(grid.shape) < FEWEST_CELLS:
+        words += f'; a diagnosis needs {FEWEST_CELLS} columns and rows'
+    elif max(grid.shape) < SCANT_CELLS:
         words += (
             f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
             f'most {percent(SCANT_CONFIDENCE)}'

@@ -52,11 +52,22 @@ def test_the_small_rig_is_drawn_and_not_odd(tmp_path: Path) -> None:
     assert (tmp_path / 'check.png').read_bytes().startswith(b'\x89PNG')
 
 
-@pytest.mark.parametrize(('columns', 'limited'), [(60, True), (80, False)])
-def test_maps_too_coarse_for_a_sure_diagnosis_are_told(columns: int, limited: bool) -> None:
-    words = maps_in_words(np.arange(3) * 60.0, Grid(columns, 40, 1.0, 0.5))
-    assert words.startswith(f'maps: 3, from 0 to 120 s, on {columns}x40')
-    assert ('at most 70 %' in words) is limited
+@pytest.mark.parametrize(
+    ('maps', 'columns', 'rows', 'told'),
+    [
+        (8, 60, 40, '; below 80 cells along the longer side of the rig a diagnosis states at '),
+        (8, 80, 40, ''),
+        (7, 80, 40, '; a diagnosis needs 8 maps'),
+        (8, 3, 3, '; a diagnosis needs 4 columns and rows'),
+    ],
+)
+def test_maps_that_limit_a_diagnosis_are_told(
+    maps: int, columns: int, rows: int, told: str
+) -> None:
+    words = maps_in_words(np.arange(maps) * 60.0, Grid(columns, rows, 1.0, 0.5))
+    facts = f'maps: {maps}, from 0 to {60 * maps - 60} s, on {columns}x{rows}'
+    assert words.startswith(facts + told)
+    assert (words == facts) is (not told)
 
 
 def test_what_is_impossible_is_listed_with_status_2(tmp_path: Path) -> None:
