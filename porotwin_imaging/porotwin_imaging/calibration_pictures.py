@@ -169,7 +169,10 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
     axes.imshow(picture, extent=_extent(fit.baseline))
     if axes.get_legend_handles_labels()[0]:
         axes.figure.legend(loc='outside lower center', ncols=3, frameon=False)
-    _label(axes, 'coloured: no sand visible; paint more of it white in hidden.png')
+        masked = 'coloured parts are left out: no sand is visible there'
+    else:
+        masked = 'nothing is left out'
+    _label(axes, f'{masked}; to leave out more, paint it white in hidden.png')
 
 
 _EVIDENCE: dict[FactorSource, str] = {

@@ -24,6 +24,9 @@ MAPS_FILE = 'concentration.nc'
 FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE)
 """All files of an experiment folder; photographs lie where imaging.csv says."""
 
+CAMERA_ENDINGS = ('.jpg', '.jpeg', '.tif', '.tiff')
+"""Endings of photographs; pictures of sands and zones are mostly PNG."""
+
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps and photographs, and their total."""
 
@@ -76,7 +79,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
-        remarks=_unfinished(maps),
+        remarks=(*_unfinished(maps), *_untold_photographs(folder)),
     )
 
 
@@ -88,6 +91,21 @@ def _unfinished(maps: Path) -> tuple[str, ...]:
     return (
         f'{part.name} is the beginning of maps that are not complete; wait for the command that '
         'writes them, or run it again',
+    )
+
+
+def _untold_photographs(folder: Path) -> tuple[str, ...]:
+    """Return a remark if a folder without maps and imaging.csv holds files of a camera."""
+    if (folder / IMAGING_FILE).exists() or (folder / MAPS_FILE).exists():
+        return ()
+    files = sorted([*folder.glob('*'), *folder.glob('*/*')])
+    found = [path for path in files if path.suffix.lower() in CAMERA_ENDINGS]
+    if not found:
+        return ()
+    count = '1 photograph lies' if len(found) == 1 else f'{len(found)} photographs lie'
+    return (
+        f'{count} here, such as {found[0].relative_to(folder)}, but there is no {IMAGING_FILE} '
+        'with their times and roles (docs/formats.md shows one); they are left out',
     )
 
 

@@ -18,6 +18,9 @@ SAME_END = (0.7, 1.3)
 TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
 """Units that times may be written in by mistake [s]."""
 
+MOST_EARLY = 0.5
+"""Share of the photographs before the pumps start from which on their clocks are compared."""
+
 LATE_BEGIN = 0.5
 """Begin over end of maps above which they are late as a whole: no other unit explains that."""
 
@@ -122,10 +125,14 @@ def _end(data: RecordedData) -> Iterator[Remark]:
     last = max((row.time for row in data.commanded.rows), default=0.0)
     pumping = sorted(well for well, rate in data.commanded.at(last).items() if rate.rate)
     if last <= 0.0 or pumping:
-        why = f'at its last rows {" and ".join(pumping)} pump, and nothing says until when'
+        why = f'at its last rows {_quoted(pumping)} pump, and nothing says until when'
         if last <= 0.0:
             why = 'all its rows are at the start, so that nothing says when the experiment ends'
         yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
+
+
+def _quoted(wells: Iterable[str]) -> str:
+    return ' and '.join(f"'{well}'" for well in wells)
 
 
 def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
@@ -284,7 +291,8 @@ def _beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
     seen = [photo.time for photo in data.photos if photo.role == 'state']
     begin, end = pumping[0], rows[-1].time
     stand = not any(rate.rate for rate in data.commanded.at(end).values())
-    if seen and (max(seen) < begin or (stand and min(seen) > end)):
+    early = np.mean(np.array(seen) < begin) > MOST_EARLY if seen else False
+    if seen and (early or (stand and min(seen) > end)):
         why = (
             f'the photographs are from {min(seen):.0f} to {max(seen):.0f} s, the pumps run from '
             f'{begin:g} to {end:g} s'

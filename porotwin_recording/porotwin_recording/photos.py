@@ -76,11 +76,20 @@ def _photo(words: list[str], where: str, folder: Path) -> Photo:
         raise InputError(f"{where}: path '{name}' leaves the folder; name a file inside it")
     path = folder / name
     if not path.is_file():
-        slash = ', with / between folders' if '\\' in name else ''
         raise InputError(
-            f"{where}: photograph '{name}' is not there; add it or remove the line{slash}"
+            f"{where}: photograph '{name}' is not there; add it or remove the line"
+            + _likely_name(path, name)
         )
     return Photo(time, role, name, path.read_bytes, path, concentration)  # type: ignore[arg-type]
+
+
+def _likely_name(path: Path, name: str) -> str:
+    """Return what was probably meant by the `name` of a photograph that is not at `path`."""
+    if '\\' in name:
+        return ', with / between folders'
+    beside = path.parent.iterdir() if path.parent.is_dir() else ()
+    alike = [file.name for file in beside if file.name.lower() == path.name.lower()]
+    return f"; did you mean '{alike[0]}'?" if alike else ''
 
 
 def _concentration(role: str, text: str, where: str) -> float | None:

@@ -1,6 +1,7 @@
 """Tests of experiment folders: they are read as written, and faults are named."""
 
 import random
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from recording_examples import (
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
-from porotwin_recording.experiment_folder import read_folder, write_folder
+from porotwin_recording.experiment_folder import folder_data, read_folder, write_folder
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import open_recording
 
@@ -54,6 +55,14 @@ def test_photos_without_times_are_named(folder: Path) -> None:
     (folder / 'imaging.csv').unlink()
     with pytest.raises(InputError, match=r'photos/ but no imaging.csv'):
         read_folder(folder)
+
+
+def test_photographs_without_imaging_csv_are_told(folder: Path) -> None:
+    for name in ('imaging.csv', 'concentration.nc'):
+        (folder / name).unlink(missing_ok=True)
+    (folder / 'photos').rename(folder / 'DCIM')
+    (remark,) = folder_data(folder).remarks
+    assert re.search(r'photographs lie here, such as DCIM/.*, but there is no imaging.csv', remark)
 
 
 def test_a_folder_of_something_else_is_named(tmp_path: Path) -> None:

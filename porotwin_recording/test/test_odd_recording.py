@@ -73,7 +73,7 @@ def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
         ScheduleRow(600.0, 'out', WellRate(from_ml_h(-523.2))),
     )
     (found,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(rows)))
-    assert 'at its last rows in and out pump, and nothing says until when' in str(found)
+    assert "at its last rows 'in' and 'out' pump, and nothing says until when" in str(found)
 
 
 @pytest.mark.parametrize(
@@ -130,6 +130,10 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
         ((photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')), 'is 60 s: .* injects tracer'),
         ((BASELINE, photo(2588340.0, 'b.jpg')), 'photographs are from 2588340 .* clocks of camera'),
         ((BASELINE, photo(-1e5, 'b.jpg')), 'the pumps run from 0 to 1800 s'),
+        (
+            (photo(-3600.0, 'a.jpg', 'baseline'), *(photo(t, 'b') for t in (-900.0, -60.0, 30.0))),
+            'photographs are from -900 to 30 s, the pumps run from 0 to 1800 s',
+        ),
     ],
 )
 def test_photographs_that_miss_the_pumps_are_odd(photos: tuple[Photo, ...], named: str) -> None:

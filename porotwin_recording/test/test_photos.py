@@ -15,6 +15,7 @@ from porotwin_recording.photos import Photo, read_photos, write_photos
         ('time,path,role\n', 'write time_s,path,role'),
         ('time_s,path,role\n0,photos/first.jpg,dark\n', ":2: role is 'dark'; write baseline or"),
         ('time_s,path,role\n0,photos/gone.jpg,state\n', "'photos/gone.jpg' is not there"),
+        ('time_s,path,role\n0,photos/First.JPG,state\n', "did you mean 'first.jpg'"),
         ('time_s,path,role\n0,photos\\\\gone.jpg,state\n', 'with / between folders'),
         ('time_s,path,role\n0,../first.jpg,state\n', 'leaves the folder'),
         ('time_s,path,role\n,photos/first.jpg,state\n', "time_s is ''"),

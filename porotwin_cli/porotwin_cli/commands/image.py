@@ -97,7 +97,7 @@ def command(
     if not baselines or not states:
         raise InputError(
             f'{experiment}: needs a baseline and at least one state photograph; '
-            'give their roles in imaging.csv'
+            'give their times and roles in imaging.csv (docs/formats.md)'
         )
     rates = recording.known_rates
     names = [str(experiment / photo.name) for photo in baselines]
