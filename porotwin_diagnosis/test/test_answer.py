@@ -155,6 +155,10 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     assert text.startswith('<b>Unexplained.</b> There is a gap: the error of the model')
     assert 'None of the 2 effects of the library, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
+    (part,) = denser.held_out
+    lost = replace(denser, held_out=(replace(part, error_before=0.9, error_after=1.0),))
+    assert 'held-out part is 100.0 %' in said(lost, verdict)
+    assert 'as if fronts' not in said(lost, verdict)
     contradicted = replace(denser.evidence, held_out_errors=(0.1, 0.2))
     found = rows(replace(denser, verdict=verdict, evidence=contradicted))
     assert found['Where'].startswith('Most of all near x = ')

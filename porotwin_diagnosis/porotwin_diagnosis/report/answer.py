@@ -34,6 +34,9 @@ NO_PLACE = (
 )
 """Why a leak or a zone without a place explains nothing."""
 
+NO_FRONTS = 0.5
+"""Error of a model from which on it has no fronts near the observed ones [-]."""
+
 NO_GOOD_FORM = 'No form that was found fits well'
 """Said before a form that closes less than half of the gap."""
 
@@ -182,16 +185,17 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     tried = len({fit.members[0].effect for fit in findings.screened})
     pairs = ', and none of their best combinations,' if findings.pairs else ''
     best, after = label(result.verdict.model), percent(errors['after'])
-    shift = misplaced_fronts(result, result.verdict.model)
-    remaining = f'as if fronts were {shift} off'
+    remaining = ''
+    if errors['after'] < NO_FRONTS:
+        remaining = f', as if fronts were {misplaced_fronts(result, result.verdict.model)} off'
     if errors['after'] < errors['before']:
         with_best = (
-            f'With {best}, which fits the fronts best, the error is still {after}, {remaining}'
+            f'With {best}, which fits the fronts best, the error is still {after}{remaining}'
         )
     else:
         with_best = (
             f'{best.capitalize()} fits the fronts best, but with it the error in the '
-            f'held-out part is {after}, {remaining}'
+            f'held-out part is {after}{remaining}'
         )
     return f'None of the {tried} effects of the library{pairs} explains it. {with_best}'
 
