@@ -207,3 +207,8 @@ def test_effects_of_an_inseparable_pair_have_the_sizes_of_their_joint_fit(denser
     assert factor['value'] == pytest.approx(1.15)
     assert factor['low'] < 1.15 < factor['high']
     assert '; or the tracer sorbs to the sand and travels at 87 % of' in said(result)
+    assert re.search('87 % of the water.s speed, and pump .* delivers', said(result))
+    ((sorbed, pump),) = diagnosis_json(result)['alternative_effects']
+    assert (sorbed['name'], pump['name']) == ('retardation', 'rate')
+    assert sorbed['parameters'] == rows['retardation']
+    assert {'well', 'factor'} <= set(pump['parameters'])

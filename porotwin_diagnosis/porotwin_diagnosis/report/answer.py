@@ -118,9 +118,10 @@ def _named(result: Diagnosis, summary: Summary) -> str:
     same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.not_separable]
     names = ' or '.join(map(_together, [verdict.members, *same]))
     means = ', and '.join(meanings(verdict.members, summary))
-    for others in verdict.alternatives:
+    for others, together in zip(verdict.alternatives, summary['alternative_effects'], strict=True):
         own = [name for name in others if name not in verdict.members]
-        means = '; or '.join([means, *meanings(own, summary)])
+        joint = [phrase(row['name'], row['parameters']) for row in together]
+        means = f'{means}; or {", and ".join(joint or meanings(own, summary))}'
     if same:
         names += f', which {these(result)} cannot separate'
     if not verdict.alternatives:

@@ -59,6 +59,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'not_separable_from': list(verdict.not_separable),
         'combination': list(verdict.members) if verdict.kept else [],
         'combination_alternatives': [list(names) for names in verdict.alternatives],
+        'alternative_effects': [_joint_rows(result, names) for names in verdict.alternatives],
         'effects': _effects(result),
         'error': errors_of(held_out)._asdict(),
         'where': {
@@ -282,12 +283,29 @@ def _fits_of_alternatives(result: Diagnosis) -> Iterator[tuple[str, Fit]]:
 
     Alone, such an effect would take other sizes.
     """
-    verdict, findings = result.verdict, result.evidence.findings
+    verdict = result.verdict
     for names in verdict.alternatives:
-        for fit in (*findings.pairs, *findings.triples):
-            if sorted(member.effect for member in fit.members) == sorted(names):
-                yield from ((name, fit) for name in names if name not in verdict.members)
-                break
+        fit = _joint_fit(result.evidence.findings, names)
+        if fit is not None:
+            yield from ((name, fit) for name in names if name not in verdict.members)
+
+
+def _joint_fit(findings: Findings, names: Sequence[str]) -> Fit | None:
+    """Return the best judged fit of the effects `names` together; None if there is none."""
+    fits = (*findings.pairs, *findings.triples)
+    same = (f for f in fits if sorted(one.effect for one in f.members) == sorted(names))
+    return next(same, None)
+
+
+def _joint_rows(result: Diagnosis, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the effects `names` with the parameters of their joint fit; empty without one."""
+    fit = _joint_fit(result.evidence.findings, names)
+    if fit is None:
+        return []
+    return [
+        {'name': name, 'parameters': _parameters(fit, name, number)}
+        for name, number in with_occurrences(names)
+    ]
 
 
 def _best_fits(findings: Findings) -> dict[str, Fit]:
