@@ -114,13 +114,17 @@ def _objections(
     settings: TrustSettings,
 ) -> tuple[Objection, ...]:
     """Return the objections to a calibration, the most telling first."""
+    hollow = tuple(_hollow(plume, settings))
+    amount = tuple(_amount(evidence, plume, settings))
+    # tracer in the baseline also makes masses wrong, a wrong well also makes its place pale
+    hollow_and_amount = (*amount, *hollow) if _elsewhere(plume) else (*hollow, *amount)
     return tuple(
         itertools.chain(
             _absence(evidence, plume),
             _place(evidence, plume, settings),
             _changing_cores(evidence, settings),
-            _amount(evidence, plume, settings),
-            _baseline(evidence, plume, settings),
+            hollow_and_amount,
+            () if hollow else _early_or_late(evidence, settings),
             _followers(evidence, settings),
             _sands(evidence.sands, settings),
             _level(evidence, plume, settings),
@@ -194,17 +198,19 @@ def _elsewhere(plume: PlumeEvidence) -> str:
     )
 
 
-def _baseline(
-    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
-) -> Iterator[Objection]:
-    """Yield an objection if there was tracer before the injection, or less than none."""
+def _hollow(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if the plume is pale where its tracer came from."""
     if plume.hollow < settings.least_hollow:
         yield Objection(
             f'the plume is pale at its own well ({100 * plume.hollow:.0f} % of its level)',
             'the baseline shows tracer already, or water followed the tracer',
             'take the baseline before any tracer and photograph the injection from its start',
         )
-    elif abs(evidence.mass_offset) > settings.most_offset:
+
+
+def _early_or_late(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if there was tracer before the injection, or less than none."""
+    if abs(evidence.mass_offset) > settings.most_offset:
         early = evidence.mass_offset > 0
         yield Objection(
             f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '

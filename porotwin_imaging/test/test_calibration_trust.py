@@ -167,6 +167,8 @@ def test_a_baseline_with_tracer_is_named() -> None:
     line = refusal(replace(GOOD, mass_offset=-0.2), replace(PLUME, hollow=0.1))
     assert 'pale at its own well' in line
     assert 'baseline before any tracer' in line
+    line = refusal(replace(GOOD, mass_factor=0.5), replace(PLUME, hollow=0.0))
+    assert line.index('pale at its own well') < line.index('the pump log injected')
 
 
 @pytest.mark.parametrize(('offset', 'words'), [(0.2, 'seen before'), (-0.2, 'missing from')])
