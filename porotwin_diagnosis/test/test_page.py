@@ -40,6 +40,16 @@ def test_a_page_fits_a_telephone_and_needs_no_other_file(denser, tmp_path):
     assert 'src="data:image' in text
 
 
+def test_what_is_odd_in_the_recordings_stands_at_the_top(denser, tmp_path):
+    summary = diagnosis_json(denser)
+    assert 'Odd in the recordings' not in page(denser, tmp_path)[0]
+    summary['remarks'] = ['run: imaging.csv: the clocks <differ>; compare them']
+    write_report(tmp_path / 'odd.html', denser, summary)
+    text = (tmp_path / 'odd.html').read_text(encoding='utf-8')
+    assert 'run: imaging.csv: the clocks &lt;differ&gt;; compare them' in text
+    assert text.index('Odd in the recordings') < text.index('class="first')
+
+
 def test_a_rig_whose_name_says_rig_is_not_called_a_rig_rig(denser, tmp_path):
     recording = denser.recordings[0]
     named = replace(recording, rig=recording.rig.model_copy(update={'name': 'bench rig'}))

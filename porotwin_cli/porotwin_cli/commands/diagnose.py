@@ -121,7 +121,7 @@ def command(
     _refuse_twice(opened)
     past = RigPast(history, opened, date) if history is not None else None
     folder = checked_folder(output, [*recordings, *([] if rig is None else [rig])])
-    _tell_what_is_read(opened)
+    odd = _tell_what_is_read(opened)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
@@ -139,7 +139,9 @@ def command(
         )
         check_unchanged(marks)
         compare = past.compare if past else lambda _: []
-        summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
+        summary = write_diagnosis(
+            result, folder, apply=apply, compare=compare, remarks=odd, progress=show
+        )
         simulations.remove()
     told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
@@ -221,17 +223,21 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
             )
 
 
-def _tell_what_is_read(recordings: 'Sequence[Recording]') -> None:
-    """Tell which maps are read, and the oddities of their tracer and of measured rates."""
+def _tell_what_is_read(recordings: 'Sequence[Recording]') -> list[str]:
+    """Tell which maps are read; tell and return what is odd in their tracer and rates."""
     from porotwin_cli.recorded_tracer import remarks_about_tracer
     from porotwin_recording.odd_recording import remarks_about_measured_rates
 
+    told = []
     for recording in recordings:
         maps = recording.present_maps
         say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
         odd = (*remarks_about_measured_rates(recording), *remarks_about_tracer(recording))
-        for remark in odd:
-            say(f'{recording.source}: {remark}')
+        lines = [f'{recording.source}: {remark}' for remark in odd]
+        for line in lines:
+            say(line)
+        told += lines
+    return told
 
 
 def _each(

@@ -44,6 +44,8 @@ td,th{padding:.3rem .6rem;text-align:left;border-bottom:1px solid #dde3ea;vertic
 td.n,th.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
 .bar{display:inline-block;height:.7rem;background:#c8402f;vertical-align:middle}
 small{color:#52606d}
+.odd{border-left:4px solid #c8402f;padding:.1rem .8rem;margin:.6rem 0;font-size:.92rem}
+.odd ul{margin:.2rem 0;padding-left:1.2rem}
 @media (max-width:700px){
 h1{font-size:1.25rem} .verdict{font-size:1.02rem;padding:.5rem .7rem}
 .first.placed{grid-template-columns:minmax(0,1fr)}
@@ -69,6 +71,7 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         f'<h1>{title}</h1>',
         f'<small>{_recordings(result)}</small>',
         sentence_box(result, summary),
+        _odd_input(summary),
         _first_screen(result, summary),
         _by_recording(summary),
         *_figures(result),
@@ -80,6 +83,12 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         f'<title>{title}</title><style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
     write_whole(path, page)
+
+
+def _odd_input(summary: Summary) -> str:
+    """Return what is odd in the recordings: it may be the cause of a gap, or hide one."""
+    lines = ''.join(f'<li>{html.escape(line)}</li>' for line in summary['remarks'])
+    return f'<div class="odd"><b>Odd in the recordings</b><ul>{lines}</ul></div>' if lines else ''
 
 
 def _rig_in_words(name: str) -> str:
