@@ -17,7 +17,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_recording import topic_names
 from porotwin_recording.bag_folder import COMPRESSED, METADATA, BagFolder, bag_folder, metadata_of
-from porotwin_recording.experiment_folder import FILES, RIG_FILE, folder_data
+from porotwin_recording.experiment_folder import FILES, RIG_FILE, folder_data, is_unfinished
 from porotwin_recording.known_verdicts import KnownVerdicts
 from porotwin_recording.mcap_summary import McapSummary, summary_of
 from porotwin_recording.recorded_data import RecordedData
@@ -172,7 +172,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
     return CatalogueEntry(
         path,
         'folder',
-        'unfinished' if data.remarks else 'complete',
+        'unfinished' if is_unfinished(path) else 'complete',
         size_bytes=_size_of(files),
         duration_s=_duration(data),
         rig=data.rig.name,

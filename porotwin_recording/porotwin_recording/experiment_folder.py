@@ -21,6 +21,9 @@ COMMANDED_FILE = 'rates.csv'
 MEASURED_FILE = 'rates_measured.csv'
 MAPS_FILE = 'concentration.nc'
 
+BEGUN_MAPS_FILE = f'{MAPS_FILE}.partial'
+"""The maps while they are written."""
+
 FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE)
 """All files of an experiment folder; photographs lie where imaging.csv says."""
 
@@ -79,18 +82,21 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
-        remarks=(*_unfinished(maps), *_untold_photographs(folder)),
+        remarks=(*_unfinished(folder), *_untold_photographs(folder)),
     )
 
 
-def _unfinished(maps: Path) -> tuple[str, ...]:
-    """Return a remark if the file `maps` of a folder is missing, and a part of it is there."""
-    part = maps.with_name(f'{maps.name}.partial')
-    if maps.exists() or not part.exists():
+def is_unfinished(folder: Path) -> bool:
+    """Return whether a `folder` has no maps, but the beginning of their file."""
+    return not (folder / MAPS_FILE).exists() and (folder / BEGUN_MAPS_FILE).exists()
+
+
+def _unfinished(folder: Path) -> tuple[str, ...]:
+    if not is_unfinished(folder):
         return ()
     return (
-        f'{part.name} is the beginning of maps that are not complete; wait for the command that '
-        'writes them, or run it again',
+        f'{BEGUN_MAPS_FILE} is the beginning of maps that are not complete; wait for the command '
+        'that writes them, or run it again',
     )
 
 

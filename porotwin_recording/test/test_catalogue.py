@@ -146,6 +146,17 @@ def test_broken_recordings_have_their_fault_in_one_line(tmp_path: Path) -> None:
     assert entries['whole.mcap'].state == 'complete'
 
 
+def test_only_a_folder_without_its_whole_maps_is_unfinished(tmp_path: Path) -> None:
+    write_folder(tmp_path / 'run', bench_experiment())
+    (tmp_path / 'run' / 'concentration.nc').rename(tmp_path / 'run' / 'concentration.nc.partial')
+    assert catalogue_entry(tmp_path / 'run').state == 'unfinished'
+    (tmp_path / 'run' / 'concentration.nc.partial').unlink()
+    (tmp_path / 'run' / 'imaging.csv').unlink()
+    (tmp_path / 'run' / 'photos').rename(tmp_path / 'run' / 'DCIM')
+    plain = catalogue_entry(tmp_path / 'run')
+    assert (plain.state, len(plain.remarks)) == ('complete', 1)
+
+
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='no such folder'):
         list(find_recordings(tmp_path / 'nowhere'))
