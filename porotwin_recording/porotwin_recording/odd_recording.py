@@ -125,14 +125,10 @@ def _end(data: RecordedData) -> Iterator[Remark]:
     last = max((row.time for row in data.commanded.rows), default=0.0)
     pumping = sorted(well for well, rate in data.commanded.at(last).items() if rate.rate)
     if last <= 0.0 or pumping:
-        why = f'at its last rows {_quoted(pumping)} pump, and nothing says until when'
+        why = f'at its last rows {quoted(pumping)} pump, and nothing says until when'
         if last <= 0.0:
             why = 'all its rows are at the start, so that nothing says when the experiment ends'
         yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
-
-
-def _quoted(wells: Iterable[str]) -> str:
-    return ' and '.join(f"'{well}'" for well in wells)
 
 
 def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:

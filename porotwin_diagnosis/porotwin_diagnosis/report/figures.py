@@ -299,7 +299,7 @@ def _map(axis: Axes, result: Diagnosis, values: FloatArray, **style: Any) -> Any
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
     image = axis.imshow(values, origin='lower', extent=extent, **style)
     axis.set_facecolor('0.6')
-    draw_interfaces(axis, result.recordings[0].rig, colour=INTERFACES)
+    draw_interfaces(axis, rig, colour=INTERFACES)
     _wells(axis, result, dark=style['cmap'] != DIFFERENCE_COLOURS)
     return image
 
@@ -330,9 +330,8 @@ def _fronts(axis: Axes, result: Diagnosis, part: HeldOut, *, columns: int) -> No
                 grid.x, grid.z, frame, [FRONT], colors=colour, linestyles=line, linewidths=width
             )
         axis.plot([], [], color=colour, ls=line, lw=width, label=label)
-    draw_interfaces(axis, result.recordings[0].rig, colour=INTERFACES)
+    draw_interfaces(axis, rig, colour=INTERFACES)
     _wells(axis, result)
-    axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m))
     axis.legend(
         fontsize=7.5,
         loc='lower center',

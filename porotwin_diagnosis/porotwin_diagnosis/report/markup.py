@@ -7,6 +7,8 @@ from collections.abc import Collection, Sequence
 
 from matplotlib.figure import Figure
 
+from porotwin_core import units
+
 RESOLUTION = 130
 """Dots per inch of the figures: 1560 pixels across a page of 1080, sharp on fine screens too."""
 
@@ -48,4 +50,4 @@ def figure_with_caption(figure: Figure, caption: str, kind: str = 'png') -> str:
 
 def percent(share: float) -> str:
     """Return `share` in per cent, to one decimal."""
-    return f'{100 * share:.1f} %'
+    return units.percent(share, 1)
