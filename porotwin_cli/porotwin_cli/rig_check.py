@@ -15,7 +15,6 @@ from PIL import Image, UnidentifiedImageError
 
 from porotwin_cli.control_words import control_words
 from porotwin_cli.density_words import density_words
-from porotwin_cli.recorded_tracer import remarks_about_tracer
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -25,6 +24,7 @@ from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_abou
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective

@@ -31,6 +31,7 @@ class Diagnosis:
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
         partial: effects that close much of an unexplained gap, and the remainder.
+        remarks: lines on what is odd in the recordings.
     """
 
     recordings: tuple[Recording, ...]
@@ -45,3 +46,4 @@ class Diagnosis:
     seconds: float = 0.0
     remainder: RemainderForm | None = None
     partial: PartialCause | None = None
+    remarks: tuple[str, ...] = ()

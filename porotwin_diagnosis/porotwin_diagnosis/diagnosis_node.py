@@ -189,7 +189,13 @@ class DiagnosisNode(Node):
         opened = open_recording(recording)
         folder = checked_folder(output, [recording])
         with crew(workers=self._workers, threads=True) as threads:
-            found = examine([opened], preset=self._preset, crew=threads, progress=progress)
+            found = examine(
+                [opened],
+                preset=self._preset,
+                crew=threads,
+                progress=progress,
+                tell=self.get_logger().warning,
+            )
         summary = write_diagnosis(found, folder, progress=progress)
         return Diagnose.Result(
             outcome=conversions.ok(),

@@ -7,7 +7,7 @@
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
@@ -16,6 +16,7 @@ from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
+from porotwin_diagnosis.data.odd_tracer import odd_lines
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
@@ -45,6 +46,7 @@ def examine(
     prior: Prior = NO_PRIOR,
     crew: Crew | None = None,
     progress: Progress = no_progress,
+    tell: Callable[[str], None] = lambda _line: None,
 ) -> Diagnosis:
     """Diagnose one recording, or several of the same rig together.
 
@@ -55,6 +57,7 @@ def examine(
         prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
         progress: called with the stage and its position in the work, below 0.98.
+        tell: called with a line for all that is odd in the recordings, before the search begins.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -65,6 +68,9 @@ def examine(
     _check_same_rig(recordings)
     progress = forward_only(progress)
     progress('reading the recording', 0.0)
+    remarks = tuple(odd_lines(recordings))
+    for line in remarks:
+        tell(line)
     recordings = [without_false_cells(recording) for recording in recordings]
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
@@ -102,6 +108,7 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
+        remarks=remarks,
         seconds=time.perf_counter() - began,
     )
 

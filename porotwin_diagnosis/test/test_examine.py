@@ -1,6 +1,7 @@
 """The diagnosis as a whole, on recordings of an independent simulator."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,11 +15,23 @@ from porotwin_recording.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 
 
+def with_a_glare(recording):
+    """Return `recording` with one bright cell in all its maps."""
+    values = recording.concentration.copy()
+    values[:, -2, 1] = 30.0
+    maps = replace(recording.present_maps, read=lambda start, stop: values[start:stop])
+    return replace(recording, maps=maps)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet):
-    recording = open_recording(quiet)
-    result = examine([recording], preset='upwind', excluded=all_but('dispersion', 'clock'))
+    recording, told = with_a_glare(open_recording(quiet)), []
+    result = examine(
+        [recording], preset='upwind', excluded=all_but('dispersion', 'clock'), tell=told.append
+    )
+    assert diagnosis_json(result)['remarks'] == told
+    assert any('look for a glare' in line for line in told), 'the diagnosis takes it out'
     assert result.verdict.name == 'numerical_diffusion'
     assert result.evidence.numerics.model_diffusion > 1e-8
     assert diagnosis_json(result)['error']['gap_closed'] > 0.8
@@ -62,8 +75,10 @@ def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
         seed=1,
         grid=SMALL.grid(47, 28),
     )
+    told = []
     with pytest.raises(InputError, match='too few'):
-        examine([open_recording(tmp_path / 'short')])
+        examine([with_a_glare(open_recording(tmp_path / 'short'))], tell=told.append)
+    assert any('look for a glare' in line for line in told), 'what is odd may be the reason'
 
 
 def test_a_preset_that_does_not_exist_is_refused_before_the_search(quiet):

@@ -52,6 +52,13 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(denser_sand, tmp_path):
 
 
 @pytest.mark.usefixtures('undrawn')
+def test_what_is_odd_in_the_recordings_stands_in_every_report(denser, tmp_path):
+    summary = write_diagnosis(replace(denser, remarks=('monday: the clocks differ',)), tmp_path)
+    assert summary['remarks'] == ['monday: the clocks differ']
+    assert 'monday: the clocks differ' in (tmp_path / 'report.html').read_text()
+
+
+@pytest.mark.usefixtures('undrawn')
 def test_every_recording_has_its_own_fields(denser, tmp_path):
     summary = write_diagnosis(twice(denser), tmp_path)
     assert summary == json.loads((tmp_path / 'diagnosis.json').read_text())

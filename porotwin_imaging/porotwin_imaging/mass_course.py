@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.mass_check import LEAST_SHARE
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
-from porotwin_imaging.mass_check import LEAST_SHARE
 from porotwin_imaging.well_check import Maps
 
 _PUMP_ERROR = 1.5

@@ -121,7 +121,8 @@ def command(
     _refuse_twice(opened)
     past = RigPast(history, opened, date) if history is not None else None
     folder = checked_folder(output, [*recordings, *([] if rig is None else [rig])])
-    odd = _tell_what_is_read(opened)
+    for recording in opened:
+        _tell_maps(recording)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
@@ -136,12 +137,11 @@ def command(
             prior=prior_from(past.before if past else ()),
             crew=simulations,
             progress=show,
+            tell=say,
         )
         check_unchanged(marks)
         compare = past.compare if past else lambda _: []
-        summary = write_diagnosis(
-            result, folder, apply=apply, compare=compare, remarks=odd, progress=show
-        )
+        summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
         simulations.remove()
     told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
@@ -223,21 +223,10 @@ def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
             )
 
 
-def _tell_what_is_read(recordings: 'Sequence[Recording]') -> list[str]:
-    """Tell which maps are read; tell and return what is odd in their tracer and rates."""
-    from porotwin_cli.recorded_tracer import remarks_about_tracer
-    from porotwin_recording.odd_recording import remarks_about_measured_rates
-
-    told = []
-    for recording in recordings:
-        maps = recording.present_maps
-        say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
-        odd = (*remarks_about_measured_rates(recording), *remarks_about_tracer(recording))
-        lines = [f'{recording.source}: {remark}' for remark in odd]
-        for line in lines:
-            say(line)
-        told += lines
-    return told
+def _tell_maps(recording: 'Recording') -> None:
+    """Tell which maps of `recording` are read."""
+    maps = recording.present_maps
+    say(f'{recording.source}: {len(maps)} maps, {maps.origin.in_words}')
 
 
 def _each(
@@ -253,6 +242,7 @@ def _each(
     """Diagnose every recording alone and print a table."""
     from porotwin_core.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
+    from porotwin_diagnosis.data.odd_tracer import odd_lines
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
 
@@ -270,7 +260,10 @@ def _each(
         table = diagnose_archive(tasks, output, pool, lambda _: bar.advance(shown))
     for task in tasks:
         with suppress(InputError):  # the table tells why it is refused
-            _tell_what_is_read([open_recording(task.recording, rig=task.rig)])
+            recording = open_recording(task.recording, rig=task.rig)
+            _tell_maps(recording)
+            for line in odd_lines([recording]):  # a refused recording has no report with them
+                say(line)
     if as_json:
         print_json({'output': output, 'recordings': table})
     else:

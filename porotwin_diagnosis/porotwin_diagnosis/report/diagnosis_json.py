@@ -89,7 +89,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'remainder': _remainder(result),
         'belief': _belief(result),
         'history': [],
-        'remarks': [],
+        'remarks': list(result.remarks),
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
         'made_with': {

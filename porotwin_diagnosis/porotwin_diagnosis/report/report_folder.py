@@ -117,7 +117,6 @@ def write_diagnosis(
     *,
     apply: bool = False,
     compare: Callable[[Mapping[str, Any]], list[str]] = lambda _summary: [],
-    remarks: Sequence[str] = (),
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """Write the report on `result` and all files beside it; return the content of diagnosis.json.
@@ -126,12 +125,10 @@ def write_diagnosis(
     `findings.json`, `report.html`. With `apply` also `rig.yaml`: the rig description with the
     effects that were found. The page, and the rig.yaml of an earlier diagnosis, are removed first.
     `compare` returns lines on how the finding fits to earlier ones; they become `history`.
-    `remarks` are lines about what is odd in the recordings; the page shows them at its top.
     """
     progress('writing the report', 0.98)
     summary = diagnosis_json(result)
     summary['history'] += compare(summary)
-    summary['remarks'] += remarks
     (folder / REPORT).unlink(missing_ok=True)
     _remove_own_rig(folder)
     write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + '\n')

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from porotwin_cli.recorded_tracer import remarks_about_tracer
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
 

@@ -1,0 +1,99 @@
+"""Oddities of maps by themselves: order, copies, single cells, the level of clean sand."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.plausibility import Remark
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.false_cells import cells_near, false_cells
+from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
+from porotwin_recording.concentration import ConcentrationMaps
+
+VISIBLE_TRACER = 0.1
+"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
+
+MOST_OFFSET = 0.03
+"""Concentration [-] of clean sand that is odd; light and shake leave less."""
+
+TRACER_QUANTILE = 0.9
+"""Share of the first map that is clean at least: a plume begins small."""
+
+
+def remark_about_maps(text: str) -> Remark:
+    """Return a line "what is wrong; what would mend it" as a remark about the maps."""
+    why, _, remedy = text.partition('; ')
+    return Remark('maps', '', why, remedy)
+
+
+def remarks_about_order(maps: ConcentrationMaps, rates: Schedule | None) -> Iterator[Remark]:
+    """Yield remarks about maps that repeat another one, or fit neither of their neighbours.
+
+    One reading of the maps serves both.
+    """
+    digests: list[bytes] = []
+
+    def noted() -> Iterator[FloatArray]:
+        for values in maps:
+            digests.append(hashlib.sha256(values.tobytes()).digest() if values.any() else b'')
+            yield values
+
+    misplaced = misplaced_maps(maps.times.tolist(), noted(), rates)
+    yield from _frozen(maps.times, digests)
+    if misplaced:
+        named = ', '.join(f'{maps.times[number]:g}' for number in misplaced)
+        yield remark_about_maps(
+            f'{len(misplaced)} of {len(maps)} maps fit neither the map before nor the one after '
+            f'them, at {named} s; were they exchanged, or is there a glare? Correct their times, '
+            'or leave them out'
+        )
+
+
+def _frozen(times: FloatArray, digests: Sequence[bytes]) -> Iterator[Remark]:
+    """Yield a remark if maps repeat another one to the last bit: their noise always differs.
+
+    A map that is zero everywhere has an empty digest and may repeat.
+    """
+    known: dict[bytes, float] = {}
+    same = []
+    for time, digest in zip(times, digests, strict=True):
+        if digest in known:
+            same.append((time, known[digest]))
+        if digest:
+            known.setdefault(digest, time)
+    if same:
+        time, other = same[0]
+        yield remark_about_maps(
+            f'{len(same)} of {len(digests)} maps repeat another one to the last bit, the first at '
+            f'{time:g} s that at {other:g} s; did the camera or its program stand still? Leave '
+            'them out'
+        )
+
+
+def remarks_about_cells(
+    rig: Rig, maps: ConcentrationMaps, chosen: Sequence[int]
+) -> Iterator[Remark]:
+    """Yield a remark if single cells of the `chosen` maps are far off all others."""
+    wells = cells_near(rig.wells.values(), maps.grid)
+    found = np.concatenate([np.argwhere(false_cells(maps[index], wells)) for index in chosen])
+    if len(found):
+        row, column = found[0]
+        yield remark_about_maps(
+            f'{len(found)} cells in {len(chosen)} maps that were looked at are far above stock, or '
+            f'unlike all their neighbours, the first at x = {maps.grid.x[column]:.3g} m, '
+            f'z = {maps.grid.z[row]:.3g} m; look for a glare or a dead pixel. They count as unseen'
+        )
+
+
+def remarks_about_clean_sand(maps: ConcentrationMaps) -> Iterator[Remark]:
+    """Yield a remark if the first map, clean in most places, is not zero there."""
+    first = maps[0]
+    level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
+    if abs(level) > MOST_OFFSET and np.nanquantile(first, TRACER_QUANTILE) < VISIBLE_TRACER:
+        yield remark_about_maps(
+            f'the first map shows {level:.2g} nearly everywhere, where water is 0; subtract it, or '
+            'take a clean baseline'
+        )

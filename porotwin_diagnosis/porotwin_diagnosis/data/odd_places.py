@@ -1,0 +1,75 @@
+"""Oddities of the places of tracer: maps that are turned, and rates of the wrong sign."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.plausibility import Remark
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.false_cells import cells_near
+from porotwin_diagnosis.data.odd_maps import remark_about_maps
+from porotwin_recording.concentration import ConcentrationMaps
+
+PURE = 0.5
+"""Concentration [-] of injected fluid from which on its well is surely seen in the maps."""
+
+EMPTY_LEVEL, FULL_LEVEL = 0.25, 0.5
+"""Mean concentrations [-] around a well without tracer at most, and with tracer at least."""
+
+TURNS: dict[str, Callable[[NDArray[np.bool_]], NDArray[np.bool_]]] = {
+    '': lambda cells: cells,
+    'upside down': lambda cells: cells[::-1],
+    'swapped left and right': lambda cells: cells[:, ::-1],
+    'turned by 180 degrees': lambda cells: cells[::-1, ::-1],
+}
+"""Ways to turn a map (nz, nx), by their names."""
+
+
+def remarks_about_places(
+    rig: Rig, maps: ConcentrationMaps, rates: Schedule, chosen: Sequence[int]
+) -> Iterator[Remark]:
+    """Yield a remark if tracer lies elsewhere than at the wells that inject it.
+
+    It lies at the wells that take water out if the signs of the rates are exchanged. It lies at
+    mirror images if the maps are turned: a file of rows from the top down is upside down, since z
+    points up.
+    """
+    injecting: dict[str, list[float]] = {how: [] for how in TURNS}
+    taking: list[float] = []
+    for index in chosen:
+        before, now = rates.at(float(maps.times[max(index - 1, 0)])), rates.at(maps.times[index])
+        for name in (name for name, rate in now.items() if before.get(name) == rate):
+            cells = cells_near([rig.wells[name]], maps.grid)
+            if now[name].rate < 0:
+                taking += _levels(maps[index], cells)
+            elif now[name].rate > 0 and now[name].concentration > PURE:
+                for how, turn in TURNS.items():
+                    injecting[how] += _levels(maps[index], turn(cells))
+    if not all(injecting.values()):  # no well injected stock where the maps show it
+        return
+    means = {how: float(np.mean(found)) for how, found in injecting.items()}
+    if means[''] >= EMPTY_LEVEL:
+        return
+    turned = max(means, key=means.__getitem__)
+    where_they_inject = f'where wells inject stock they show {means[""]:.2g} in the mean'
+    if taking and np.mean(taking) > FULL_LEVEL:
+        yield remark_about_maps(
+            f'the rates seem to have the wrong sign: {where_they_inject}, and '
+            f'{np.mean(taking):.2g} where wells take water out; a positive rate injects'
+        )
+    elif means[turned] > FULL_LEVEL:
+        yield remark_about_maps(
+            f'the maps seem to be {turned}: {where_they_inject}, and {means[turned]:.2g} at their '
+            'mirror images; turn the maps, whose rows go from the bottom up and whose columns from '
+            'left to right'
+        )
+
+
+def _levels(frame: FloatArray, cells: NDArray[np.bool_]) -> list[float]:
+    """Return the known values of a map (nz, nx) in some cells."""
+    seen = frame[cells]
+    found: list[float] = seen[np.isfinite(seen)].tolist()
+    return found

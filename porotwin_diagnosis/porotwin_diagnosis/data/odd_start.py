@@ -1,0 +1,92 @@
+"""Oddities of the first map of a recording beside the rates until then."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from porotwin_core.plausibility import Remark
+from porotwin_core.units import ML
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.initial_tracer import LONGEST_LATENESS, initial_tracer
+from porotwin_diagnosis.data.observed_maps import FILLED_SHARE
+from porotwin_diagnosis.data.odd_maps import VISIBLE_TRACER, remark_about_maps
+from porotwin_recording.recording import Recording
+from porotwin_solver.exact_solutions import radial_front
+
+INVERTED_LEVEL = 0.5
+"""Median of the first map [-] above which its values may be those of water."""
+
+REACH = 2.5
+"""Reach of a plume over the radius of a disc of its volume [-]."""
+
+LEAST_INJECTED, LEAST_HELD = 0.02, 0.3
+"""Share of the pore volume that was injected before the first map, and share of it in that map: a
+plume that is hardly there was flushed, or its pump did not run."""
+
+
+def remarks_about_early_tracer(
+    recording: Recording, rates: Schedule, told: str
+) -> Iterator[Remark]:
+    """Yield a remark if the first map holds more tracer than was injected, as `told`."""
+    maps = recording.present_maps
+    inverted = np.nanmedian(maps[0]) > INVERTED_LEVEL
+    start = float(maps.times[0])
+    if inverted:
+        yield remark_about_maps(f'{told}. If 1 is water in these maps, write 1 minus their values')
+    elif initial_tracer(recording) is None:
+        yield remark_about_maps(
+            f'{told}. A late clock of the camera looks the same, and so does tracer from before '
+            'the recording'
+        )
+    elif rates.injected_stock(start, float(maps.times[-1])) > 0.0:
+        yield remark_about_maps(
+            f'the first map, at {start:g} s, holds tracer from before the recording, with which '
+            'the model starts; if the rig was clean then, compare the clocks of camera and pumps'
+        )
+
+
+def remarks_about_first_plume(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+    """Yield remarks if the plume of the first map is too small, or lies where no well reaches."""
+    yield from _lost_before(recording, rates)
+    yield from _beyond_reach(recording, rates)
+
+
+def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+    """Yield a remark if the first map holds little of the stock that was injected before it."""
+    maps, rig = recording.present_maps, recording.rig
+    start = float(maps.times[0])
+    pores = rig.cell_pore_volume(maps.grid)
+    injected = rates.injected_stock(-np.inf, start)
+    held = float(np.nansum(maps[0] * pores))
+    if injected > LEAST_INJECTED * float(pores.sum()) and held < LEAST_HELD * injected:
+        yield remark_about_maps(
+            f'the first map, at {start:g} s, holds {held * ML:.3g} ml of tracer stock, but the '
+            f'pumps injected {injected * ML:.3g} ml before it; if the rig was flushed, begin the '
+            'rates after that'
+        )
+
+
+def _beyond_reach(recording: Recording, rates: Schedule) -> Iterator[Remark]:
+    """Yield a remark if the first map shows tracer that no well can have brought there.
+
+    The stock of a well fills a disc around it (`radial_front`). Flow stretches the disc, so that
+    `REACH` of its radius counts, with the volume that a clock may be late for.
+    """
+    maps, rig = recording.present_maps, recording.rig
+    start, end = float(maps.times[0]), float(maps.times[-1])
+    late = start + LONGEST_LATENESS * (end - start)
+    grid = maps.grid
+    thickness = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
+    x, z = np.meshgrid(grid.x, grid.z)
+    far = np.nan_to_num(maps[0]) > VISIBLE_TRACER
+    for name in rates.wells:
+        alone = Schedule(tuple(row for row in rates.rows if row.well == name))
+        radius = radial_front(alone.injected_stock(-np.inf, late), thickness=thickness)
+        well = rig.wells[name]
+        far &= np.hypot(x - well.x_m, z - well.z_m) > REACH * radius
+    if far.mean() > FILLED_SHARE:
+        yield remark_about_maps(
+            f'the first map, at {start:g} s, shows tracer around x = {x[far].mean():.3g} m, '
+            f'z = {z[far].mean():.3g} m, where no well can have brought it yet; is it from before '
+            'the recording, or a reflection? Begin with a clean rig, or take a new baseline'
+        )
