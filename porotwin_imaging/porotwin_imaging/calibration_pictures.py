@@ -1,6 +1,5 @@
 """The calibration file, and pictures of each step for a person who checks the calibration."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from porotwin_core.errors import writing
+from porotwin_core.whole_folder import whole_folder
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
 from porotwin_imaging.calibration_evidence import Anchor
@@ -41,37 +41,20 @@ def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
         InputError: the folder may not be written.
         OSError: the disk is full or fails.
     """
-    unfinished = folder.with_name(f'.{folder.name}.unfinished')
+    refused = bool(fit.trust.objections)
     with writing(folder):
-        shutil.rmtree(unfinished, ignore_errors=True)  # of a call that was killed
-        unfinished.mkdir(parents=True)
-        try:
+        with whole_folder(folder, replaces=True) as unfinished:
             pictures = draw_fit(fit, unfinished)
-            if fit.trust.objections:
+            if refused:
                 reasons = fit.trust.refusal + '\n'
                 (unfinished / REFUSED).write_text(reasons, encoding='utf-8')
             else:
                 save_calibration(fit.calibration, unfinished / FILE_NAME)
-            _put(unfinished, folder)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
-    if fit.trust.objections:
+        # last, because the next call may write a folder that holds REFUSED
+        (folder / (FILE_NAME if refused else REFUSED)).unlink(missing_ok=True)
+    if refused:
         raise CalibrationRefused(fit.trust.refusal, fit.lines, folder / _REASONS_SEEN)
     return [folder / picture.name for picture in pictures]
-
-
-def _put(made: Path, folder: Path) -> None:
-    """Rename the folder `made` to `folder`; if this exists, move the files into it.
-
-    `REFUSED` goes last: a folder that holds it may be written by the next call.
-    """
-    if not folder.exists():
-        made.rename(folder)
-        return
-    refused = (made / REFUSED).exists()
-    for file in made.iterdir():
-        file.replace(folder / file.name)
-    (folder / (FILE_NAME if refused else REFUSED)).unlink(missing_ok=True)
 
 
 def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:

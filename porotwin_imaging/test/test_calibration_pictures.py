@@ -61,7 +61,7 @@ def test_an_interruption_leaves_nothing_that_blocks_the_next_call(
 
 
 def test_the_rest_of_a_killed_call_is_removed(target: Path) -> None:
-    rest = target.with_name(f'.{target.name}.unfinished')
+    rest = target.with_name(f'.{target.name}.partial')
     rest.mkdir()
     (rest / 'old.png').touch()
     write_fit(GOOD, target)

@@ -10,8 +10,6 @@ diagnostics.
 import array
 import heapq
 import math
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +30,7 @@ from porotwin_core.conversions import (
 )
 from porotwin_core.errors import InputError, write_error
 from porotwin_core.wells import Schedule, WellRate
+from porotwin_core.whole_folder import whole_folder
 from porotwin_msgs.msg import (
     CleanState,
     NewState,
@@ -109,7 +108,13 @@ def import_experiment(
     counts: dict[str, int] = {}
     total = len(recording.photos) + (len(recording.maps) if recording.maps else 0)
     done = 0
-    with _complete_or_absent(Path(bag)) as path, BagWriter(path) as writer:
+    target = Path(bag)
+    with (
+        one_writer(target),
+        _told_of(target),
+        whole_folder(target, named=True) as path,
+        BagWriter(path) as writer,
+    ):
         for stamp, topic, message in _messages(recording):
             name = f'{topic_names.NAMESPACE}/{topic}'
             program = PROGRAM
@@ -180,27 +185,17 @@ def export_bag(
 
 
 @contextmanager
-def _complete_or_absent(target: Path) -> Iterator[Path]:
-    """Yield a temporary path that is renamed to `target` at the end, or removed after an error."""
-    with (
-        one_writer(target),
-        _told_of(target),
-        tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent) as folder,
-    ):
-        path = Path(folder, target.name)
-        yield path
-        path.rename(target)
-
-
-@contextmanager
 def _kept_after_interrupt(target: Path, source: str) -> Iterator[Path]:
     """Yield a folder that is renamed to `target` at the end, or removed after an error.
 
     A kill or an interrupt leaves it. It is yielded again, with its photographs, if `source` is the
     same.
     """
-    with one_writer(target), _told_of(target):
-        yield from _kept(target, source)
+    with one_writer(target), _told_of(target), whole_folder(target, source=source) as path:
+        for file in path.iterdir():
+            if file.is_file():
+                file.unlink()
+        yield path
 
 
 @contextmanager
@@ -213,25 +208,6 @@ def _told_of(target: Path) -> Iterator[None]:
         if error.errno is None or not str(error.filename or begun).startswith(begun):
             raise
         raise write_error(target, error) from None
-
-
-def _kept(target: Path, source: str) -> Iterator[Path]:
-    path, mark = (target.with_name(f'.{target.name}.{kind}') for kind in ('partial', 'source'))
-    if not mark.is_file() or mark.read_text(encoding='utf-8') != source:
-        shutil.rmtree(path, ignore_errors=True)
-    path.mkdir(parents=True, exist_ok=True)
-    mark.write_text(source, encoding='utf-8')
-    for file in path.iterdir():
-        if file.is_file():
-            file.unlink()
-    try:
-        yield path
-    except Exception:
-        shutil.rmtree(path)
-        mark.unlink()
-        raise
-    path.rename(target)
-    mark.unlink()
 
 
 def _messages(data: RecordedData) -> Iterator[_StampedMessage]:

@@ -2,9 +2,7 @@
 
 import math
 import shlex
-import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,6 +66,8 @@ def command(
 
     Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
     """
+    from porotwin_core.whole_folder import whole_folder
+    from porotwin_recording.one_writer import one_writer
     from porotwin_recording.recording import open_recording
     from porotwin_rig.effects import parse_effects, refuse_slips
     from porotwin_rig.made_experiment import make_experiment
@@ -89,7 +89,7 @@ def command(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
             '--photo-interval-s'
         )
-    with _renamed_at_end(output) as unfinished, progress() as bar:
+    with one_writer(output), whole_folder(output) as unfinished, progress() as bar:
         task = bar.add_task('running the virtual rig', total=1.0)
         made = make_experiment(
             unfinished,
@@ -147,27 +147,6 @@ def _refuse_rig_alone(experiment: Path) -> None:
             f'{folder}: has no {COMMANDED_FILE} to rehearse; write one beside {RIG_FILE} '
             '(docs/formats.md shows one)'
         )
-
-
-@contextmanager
-def _renamed_at_end(output: Path) -> Iterator[Path]:
-    """Yield a hidden folder that becomes `output` at the end of the block.
-
-    A call that was killed leaves the hidden folder. The next call removes it and begins again.
-
-    Raises:
-        InputError: another call writes `output`.
-    """
-    from porotwin_recording.one_writer import one_writer
-
-    unfinished = output.with_name(f'.{output.name}.partial')
-    with one_writer(output):
-        shutil.rmtree(unfinished, ignore_errors=True)
-        try:
-            yield unfinished
-            unfinished.rename(output)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _ways_out(recording: 'Recording', effects: 'Sequence[EffectDescription]') -> list[str]:
