@@ -1,12 +1,12 @@
 """Parameters of effects: unit, range, default and neutral value, and how a report states them."""
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from porotwin_core.errors import InputError
+from porotwin_core.likely_name import did_you_mean
 from porotwin_core.plausibility import LENGTHS
 
 Values = Mapping[str, Any]
@@ -87,7 +87,7 @@ FAR = 5.0
 """Place over size of the rig above which a place is probably in another unit."""
 
 ALIKE = 0.7
-"""Likeness of two names from which one may be meant by the other."""
+"""Likeness of two effects from which one may be meant by the other: many end alike."""
 
 SIDES = {'x': 'wide', 'x_end': 'wide', 'z': 'high', 'z_end': 'high'}
 """The side of the rig along which a parameter is a place."""
@@ -140,8 +140,7 @@ def written_effect(text: str) -> tuple[str, dict[str, str]]:
 def known_effects(name: str, known: Iterable[str]) -> str:
     """Return the remedy for an effect `name` that is not among the `known` ones."""
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=ALIKE)
-    return f"did you mean '{near[0]}'?" if near else f'choose from {", ".join(names)}'
+    return did_you_mean(name, names, alike=ALIKE) or f'choose from {", ".join(names)}'
 
 
 def checked_values(

@@ -12,13 +12,13 @@ The rmw of Fast DDS reads environment variables (https://docs.ros.org/en/jazzy, 
 Discovery"; https://fast-dds.docs.eprosima.com, "Discovery Server Settings").
 """
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.likely_name import did_you_mean
 from porotwin_core.ros_environment import DOMAIN, PEERS, RANGE, domain_of, namespace_of
 from porotwin_hub.parameter_file import NETWORK, read_parameter_file
 
@@ -70,8 +70,7 @@ def parsed_network(content: Any) -> Network:
     known = [each.name for each in fields(Network)]
     for key in content:
         if key not in known:
-            close = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"did you mean '{close[0]}'?" if close else f'known: {", ".join(known)}'
+            hint = did_you_mean(key, known) or f'known: {", ".join(known)}'
             raise InputError(f"{NETWORK}: unknown key '{key}'; {hint}")
     peers = content.get('peers') or []
     if not isinstance(peers, list) or not all(isinstance(peer, str) for peer in peers):

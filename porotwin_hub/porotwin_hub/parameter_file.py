@@ -9,7 +9,6 @@ The file `node_parameters.json` in this package holds the parameters of all node
 """
 
 import dataclasses
-import difflib
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,6 +19,7 @@ from typing import Any
 import yaml
 
 from porotwin_core.errors import InputError
+from porotwin_core.likely_name import did_you_mean
 from porotwin_core.parameter_rule import ParameterRule
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
@@ -178,8 +178,7 @@ def _nodes_with(name: str, pattern: str, matched: list[str], rules: Rules) -> li
 
 
 def _hint(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"did you mean '{close[0]}'?" if close else f'known: {", ".join(sorted(known))}'
+    return did_you_mean(name, known) or f'known: {", ".join(sorted(known))}'
 
 
 def _refuse_difference(node: NodeDescription | None, name: str, value: Any, default: Any) -> None:

@@ -3,11 +3,11 @@
 `calibration` describes the file and checks its values.
 """
 
-import difflib
 from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.likely_name import did_you_mean
 from porotwin_core.rig.yaml_reader import read_yaml_file
 
 FILE_NAME = 'calibration.yaml'
@@ -101,9 +101,9 @@ def _check_keys(
     known = (*needed, *optional)
     for key in section:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            guess = f"; did you mean '{prefix}{near[0]}'?" if near else ''
-            raise InputError(f"unknown key '{prefix}{key}'; correct or remove it{guess}")
+            guess = did_you_mean(key, known, within=prefix)
+            remedy = f'correct or remove it; {guess}' if guess else 'correct or remove it'
+            raise InputError(f"unknown key '{prefix}{key}'; {remedy}")
     for key in needed:
         if key not in section:
             raise InputError(f"'{prefix}{key}' is missing; calibrate again")

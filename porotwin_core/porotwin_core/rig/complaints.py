@@ -1,12 +1,12 @@
 """Validation errors of pydantic as one line for the owner of a rig."""
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
+from porotwin_core.likely_name import did_you_mean
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
@@ -48,11 +48,11 @@ def one_line(
     more = _also(where, ['.'.join(_key(other)) or section for other in others])
     reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
-        near = difflib.get_close_matches(parts[-1], KNOWN_KEYS, n=1)
-        guess = f"; did you mean '{near[0]}'?" if near else ''
+        guess = did_you_mean(parts[-1], KNOWN_KEYS)
         if parts[-1].isdigit():
-            guess = '; a number with a decimal comma? Write a point, as in 0.39'
-        return f"{source}: unknown key '{where}'; correct or remove it{guess}{more}"
+            guess = 'a number with a decimal comma? Write a point, as in 0.39'
+        remedy = f'correct or remove it; {guess}' if guess else 'correct or remove it'
+        return f"{source}: unknown key '{where}'; {remedy}{more}"
     if first['type'] == 'missing' and not parts[-1].isdigit():
         return f"{source}: '{where}' is missing: {KNOWN_KEYS.get(parts[-1], 'needed')}{more}"
     if first['type'] == 'missing':
