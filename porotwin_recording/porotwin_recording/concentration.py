@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
@@ -12,10 +12,11 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError, write_error
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.units import LONGEST_EXPERIMENT_S
+from porotwin_recording.map_writer import MapWriter
 
 Maps = NDArray[np.float32]
 
@@ -55,12 +56,6 @@ _NO_UNIT = {'', '1', '1.0', '-', 'none', 'dimensionless', 'unitless', 'fraction'
 
 _MAPS_AT_ONCE = 16
 """Maps in memory during iteration: 14 MB at 750 x 300 cells."""
-
-_TIMES_PER_CHUNK = 4096
-"""A NetCDF chunk of one time would cost a kilobyte of memory per map."""
-
-_COMPRESSION_LEVEL: Final = 4
-"""Level of zlib, from 1 (fastest) to 9 (smallest)."""
 
 
 VIRTUAL: Final = 'virtual rig'
@@ -332,7 +327,7 @@ def _check_coordinate(
         )
 
 
-class ConcentrationWriter:
+class ConcentrationWriter(MapWriter):
     """Writes `concentration.nc` map by map; memory use does not depend on their number.
 
     The file gets its name when it is complete. Values are stored as float32, bit for bit. With
@@ -362,19 +357,21 @@ class ConcentrationWriter:
         packed: bool = False,
         origin: MapOrigin = UNKNOWN_ORIGIN,
     ) -> None:
-        self.path = path
-        self.grid = grid
-        self._partial = path.with_name(path.name + '.partial')
-        self._last = -np.inf
-        if not path.parent.is_dir():  # the NetCDF library would say: permission denied
-            raise InputError(f'{path}: there is no folder {path.parent}; make it, or name another')
+        super().__init__(path, grid)
         self._packed = packed
-        try:
-            self._dataset = netCDF4.Dataset(self._partial, 'w')
-        except OSError as error:
-            raise write_error(path, error) from None
-        self._define_coordinates()
-        self._define_concentration()
+        attributes: dict[str, object] = {
+            'units': '1',
+            'long_name': 'tracer concentration, 1 = stock',
+        }
+        if packed:
+            attributes |= {'scale_factor': np.float32(PACKED_STEP), 'add_offset': np.float32(0)}
+        self._define(
+            'concentration',
+            'u1' if packed else 'f4',
+            PACKED_NAN if packed else np.float32(np.nan),
+            attributes,
+            shuffle=not packed,
+        )
         self._define_origin(origin)
 
     def _define_origin(self, origin: MapOrigin) -> None:
@@ -384,36 +381,6 @@ class ConcentrationWriter:
             'program': origin.program,
         }
         self._dataset.setncatts({name: word for name, word in words.items() if word})
-
-    def _define_coordinates(self) -> None:
-        dataset = self._dataset
-        dataset.createDimension('time', None)
-        for name, size in (('z', self.grid.nz), ('x', self.grid.nx)):
-            dataset.createDimension(name, size)
-        time = dataset.createVariable('time', 'f8', ('time',), chunksizes=(_TIMES_PER_CHUNK,))
-        time.setncatts({'units': 's', 'long_name': 'time since the start of the experiment'})
-        for name, centres in (('z', self.grid.z), ('x', self.grid.x)):
-            coordinate = dataset.createVariable(name, 'f8', (name,))
-            coordinate.setncatts({'units': 'm', 'long_name': f'cell centres, {name}'})
-            coordinate[:] = centres
-
-    def _define_concentration(self) -> None:
-        packed = self._packed
-        variable = self._dataset.createVariable(
-            'concentration',
-            'u1' if packed else 'f4',
-            ('time', 'z', 'x'),
-            zlib=True,
-            complevel=_COMPRESSION_LEVEL,
-            shuffle=not packed,
-            chunksizes=(1, self.grid.nz, self.grid.nx),
-            fill_value=PACKED_NAN if packed else np.float32(np.nan),
-        )
-        variable.setncatts({'units': '1', 'long_name': 'tracer concentration, 1 = stock'})
-        if packed:
-            variable.setncatts(
-                {'scale_factor': np.float32(PACKED_STEP), 'add_offset': np.float32(0)}
-            )
 
     def append(
         self,
@@ -436,75 +403,19 @@ class ConcentrationWriter:
             OSError: the disk is full or fails.
         """
         deviations = {'deviation': deviation, 'systematic': systematic}
-        known = {name: values for name, values in deviations.items() if values is not None}
-        for values in (concentration, *known.values()):
-            if values.shape != self.grid.shape:
-                raise InputError(
-                    f'{self.path}: map of shape {values.shape} at {time:g} s; '
-                    f'the grid has {self.grid.shape}'
-                )
-        if not time > self._last:
-            raise InputError(
-                f'{self.path}: map at {time:g} s after the one at {self._last:g} s; '
-                'times must increase'
-            )
-        number = len(self._dataset.dimensions['time'])
+        known = {
+            name: np.asarray(values, dtype=np.float32)
+            for name, values in deviations.items()
+            if values is not None
+        }
+        self._check(time, (concentration, *known.values()))
         values = np.asarray(concentration, dtype=np.float32)
         if self._packed:
             unseen = np.isnan(values)
             values = np.clip(np.where(unseen, 0, values), 0, (PACKED_NAN - 1) * PACKED_STEP)
             values = np.ma.array(values, mask=unseen)
-        try:
-            self._dataset.variables['concentration'][number] = values
-            for name, values in known.items():
-                self._deviations(name)[number] = np.asarray(values, dtype=np.float32)
-            self._dataset.variables['time'][number] = time
-        except (OSError, RuntimeError) as error:
-            raise write_error(self.path, error) from None
-        self._last = time
-
-    def _deviations(self, name: str) -> netCDF4.Variable:
-        """Return the variable `name` of standard deviations; the first map with them makes it."""
-        if name in self._dataset.variables:
-            return self._dataset.variables[name]
-        variable = self._dataset.createVariable(
-            name,
-            'f4',
-            ('time', 'z', 'x'),
-            zlib=True,
-            complevel=_COMPRESSION_LEVEL,
-            shuffle=True,
-            chunksizes=(1, self.grid.nz, self.grid.nx),
-            fill_value=np.float32(np.nan),
-        )
-        variable.setncatts({'units': '1', 'long_name': DEVIATIONS[name]})
-        return variable
-
-    def close(self) -> None:
-        """Complete the file and rename it to its final name.
-
-        Raises:
-            OSError: the disk is full or fails.
-        """
-        try:
-            self._dataset.close()
-            self._partial.replace(self.path)
-        except (OSError, RuntimeError) as error:
-            told = write_error(self.path, error)  # before the removal makes room again
-            self._partial.unlink(missing_ok=True)
-            raise told from None
-
-    def discard(self) -> None:
-        """Remove what was written."""
-        with suppress(OSError, RuntimeError):
-            self._dataset.close()
-        self._partial.unlink(missing_ok=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is None:
-            self.close()
-            return
-        self.discard()
+        for name in known:  # the first map with them makes the variable
+            if name not in self._dataset.variables:
+                words = {'units': '1', 'long_name': DEVIATIONS[name]}
+                self._define(name, 'f4', np.float32(np.nan), words)
+        self._write(time, {'concentration': values, **known})

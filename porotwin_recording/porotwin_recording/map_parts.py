@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError, write_error
+from porotwin_core.errors import write_error
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_recording.concentration import (
@@ -24,6 +24,7 @@ from porotwin_recording.concentration import (
     MapOrigin,
     open_maps,
 )
+from porotwin_recording.map_writer import check_next
 
 MAPS_PER_PART = 16
 """Maps of a part: a kill costs at most so many."""
@@ -105,11 +106,7 @@ class MapParts:
         Raises:
             InputError: as there.
         """
-        if not time > self._last:
-            raise InputError(
-                f'{self.path}: map at {time:g} s after the one at {self._last:g} s; '
-                'times must increase'
-            )
+        check_next(self.path, time, self._last)
         if self._part is None:
             file = self._folder / f'{len(self._files()):06d}.nc'
             self._part = ConcentrationWriter(file, self._grid, origin=self._origin)

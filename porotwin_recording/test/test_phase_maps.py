@@ -39,3 +39,11 @@ def test_a_file_that_failed_is_not_there(tmp_path: Path) -> None:
         writer.append(5.0, nothing, nothing)
         writer.append(5.0, nothing, nothing)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_map_of_another_grid_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match=r'map of shape \(4, 3\) at 5 s; the grid has \(3, 4\)'),
+        PhaseMapWriter(tmp_path / 'phases.nc', GRID, PHASES) as writer,
+    ):
+        writer.append(5.0, np.zeros(GRID.shape), np.zeros((4, 3)))
