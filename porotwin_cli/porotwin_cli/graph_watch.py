@@ -2,14 +2,11 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Self
 
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-
+from porotwin_cli.live_node import listening, live_node
 from porotwin_core import qos
-from porotwin_core.node import END_S, until_shutdown
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import CleanState, CycleReport, Setpoint
 
@@ -35,31 +32,19 @@ class GraphWatch:
         self.finished = threading.Event()
         self._on_cycle = on_cycle
         self._on_setpoint = on_setpoint
-        self._context = Context()
+        self._listening = ExitStack()
 
     def __enter__(self) -> Self:
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node('watch', namespace=NAMESPACE, context=self._context)
-        self._node.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
-        self._node.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        node = live_node('watch', namespace=NAMESPACE)
+        node.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        node.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         if self._on_setpoint is not None:
-            self._node.create_subscription(
-                Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT
-            )
-        self._spinning = threading.Thread(target=self._spin, daemon=True)
-        self._spinning.start()
+            node.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self._listening.enter_context(listening(node))
         return self
 
     def __exit__(self, *_: object) -> None:
-        rclpy.try_shutdown(context=self._context)
-        self._spinning.join(END_S)
-        self._node.destroy_node()
-
-    def _spin(self) -> None:
-        executor = SingleThreadedExecutor(context=self._context)
-        executor.add_node(self._node)
-        with until_shutdown(self._context):
-            executor.spin()
+        self._listening.close()
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause == CleanState.FINISHED:

@@ -5,14 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-import rclpy
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 
+from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.errors import InputError
-from porotwin_core.node import END_S, until_shutdown
-from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -50,21 +48,13 @@ def diagnose_run_so_far(
         WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
         KeyboardInterrupt: after Ctrl-C has cancelled the diagnosis.
     """
-    prepare_environment()
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node('diagnose', namespace=namespace, context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    spinning = threading.Thread(target=_spin, args=(executor,), daemon=True)
-    spinning.start()
+    node = live_node('diagnose', namespace=namespace)
     client = ActionClient(node, Diagnose, 'diagnosis/diagnose')
-    try:
-        result = _result(client, executor, output, progress)
-    finally:
-        client.destroy()
-        rclpy.try_shutdown(context=context)
-        spinning.join(END_S)
+    with listening(node) as executor:
+        try:
+            result = _result(client, executor, output, progress)
+        finally:
+            client.destroy()
     if result.outcome.code == Outcome.INVALID_INPUT:
         raise InputError(result.outcome.message)
     if result.outcome.code != Outcome.OK:
@@ -106,11 +96,6 @@ def _asked(
     comes at once is dropped ("Ignoring unexpected result response").
     """
     return answer_of(client, answer_of(client, executor.create_task(request)))
-
-
-def _spin(executor: SingleThreadedExecutor) -> None:
-    with until_shutdown(executor.context):
-        executor.spin()
 
 
 def answer_of(server: Server, future: Any, *, last_answer_s: float = LAST_ANSWER_S) -> Any:

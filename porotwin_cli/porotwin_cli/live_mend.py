@@ -3,18 +3,14 @@
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Self
 
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-
+from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core import qos
 from porotwin_core.errors import InputError
-from porotwin_core.node import END_S, until_shutdown
-from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
@@ -61,31 +57,19 @@ class MendDesk:
         """Prepare to listen; `on_offer` is called with this desk and every offer."""
         self._namespace = namespace
         self._on_offer = on_offer
-        self._context = Context()
+        self._listening = ExitStack()
         self._arrived = threading.Event()
         self.newest: MendOffer | None = None
 
     def __enter__(self) -> Self:
-        prepare_environment()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node(
-            'mend_desk', namespace=self._namespace, context=self._context
-        )
-        self._node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
-        self._client = self._node.create_client(AnswerMend, 'mend/answer')
-        self._spinning = threading.Thread(target=self._spin, daemon=True)
-        self._spinning.start()
+        node = live_node('mend_desk', namespace=self._namespace)
+        node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
+        self._client = node.create_client(AnswerMend, 'mend/answer')
+        self._listening.enter_context(listening(node))
         return self
 
     def __exit__(self, *_: object) -> None:
-        rclpy.try_shutdown(context=self._context)
-        self._spinning.join(END_S)
-
-    def _spin(self) -> None:
-        executor = SingleThreadedExecutor(context=self._context)
-        executor.add_node(self._node)
-        with until_shutdown(self._context):
-            executor.spin()
+        self._listening.close()
 
     def _take(self, message: MendOffer) -> None:
         self.newest = message

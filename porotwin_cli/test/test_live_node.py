@@ -1,0 +1,46 @@
+"""The node of a command hears the graph until its block ends."""
+
+import threading
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from porotwin_cli.live_node import listening, live_node  # noqa: E402
+from porotwin_core import qos  # noqa: E402
+from porotwin_msgs.msg import CleanState  # noqa: E402
+
+pytestmark = pytest.mark.graph
+
+PATIENCE = 60.0
+"""Longest wait for a message [s]; a busy machine needs a few."""
+
+
+def test_messages_are_heard_in_a_thread_until_the_block_ends() -> None:
+    heard = threading.Event()
+    threads = []
+
+    def hear(_: CleanState) -> None:
+        threads.append(threading.current_thread())
+        heard.set()
+
+    sender = live_node('sender', namespace='/porotwin')
+    node = live_node('watch', namespace='/porotwin')
+    publisher = sender.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
+    node.create_subscription(CleanState, 'asset/clean_state', hear, qos.FIELD)
+    with listening(sender), listening(node):
+        for _ in range(int(10 * PATIENCE)):
+            publisher.publish(CleanState())
+            if heard.wait(0.1):
+                break
+        assert heard.is_set()
+    assert threading.current_thread() not in threads
+    assert not node.context.ok()
+    assert not any(thread.is_alive() for thread in threads)
+
+
+def test_an_error_in_the_block_ends_the_node() -> None:
+    node = live_node('watch', namespace='/porotwin')
+    with pytest.raises(KeyboardInterrupt), listening(node):
+        raise KeyboardInterrupt
+    assert not node.context.ok()
