@@ -10,7 +10,6 @@ baseline photograph of a real rig.
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -24,7 +23,6 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import Calibration, save_calibration
-from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.photo_to_map import concentration_map
@@ -36,10 +34,10 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer
-from porotwin_solver.plume_model import plume_model
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.case_progress import Share, no_share, part_of
 from porotwin_validation.dyed_sand import DyedSand, Shot, sands_of
+from porotwin_validation.known_injection import fit_of_injection
 from porotwin_validation.photo_cases import baseline_of, drawn_dye, drawn_shots
 
 PHOTO_WIDTH_PX = 1000
@@ -217,7 +215,7 @@ def photograph_case(
     part = part_of(progress, RECORDING_SHARE, INJECTION_SHARE)
     _experiment(case, room, 1, schedule, moments, folder / INJECTION, progress=part)
     try:
-        calibration = calibrated(folder / INJECTION)
+        calibration = fit_of_injection(folder / INJECTION).calibration
     except CalibrationRefused as refusal:
         (folder / REFUSED).write_text(f'{refusal}\n', encoding='utf-8')
         raise
@@ -298,27 +296,6 @@ def _experiment(
 
 def _photo(time: float, role: Role, data: bytes) -> Photo:
     return Photo(time, role, f'photos/{role}_{round(time):06d}.jpg', lambda: data)
-
-
-def calibrated(folder: Path) -> Calibration:
-    """Return the calibration from the known injection in `folder`, as `calibrate` makes it.
-
-    Raises:
-        CalibrationRefused: it cannot be trusted.
-    """
-    data = folder_data(folder)
-    schedule = data.commanded
-    fit = fit_calibration(
-        data.rig,
-        [photo.read() for photo in data.photos if photo.role == 'baseline'],
-        [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
-        schedule=schedule,
-        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
-        source=folder.name,
-    )
-    if fit.trust.objections:
-        raise CalibrationRefused(fit.trust.refusal)
-    return fit.calibration
 
 
 def write_maps(folder: Path, grid: Grid, calibration: Calibration, made_by: str) -> None:

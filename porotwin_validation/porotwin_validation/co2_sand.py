@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.rig import Rig
 from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
-from porotwin_validation.dyed_sand import TO_LINEAR, Sensor, Shot, photograph_of, places
+from porotwin_validation.dyed_sand import TO_LINEAR, Sensor, Shot, at_pixels, photograph_of, places
 
 Array = NDArray[Any]
 
@@ -100,14 +100,7 @@ class Co2Sand:
 
     def _shown(self, field: Array) -> Array:
         """Return a field (nz, nx) over the rig at every pixel."""
-        rows, columns = field.shape
-        shown = cv2.remap(
-            np.ascontiguousarray(field, np.float32),
-            self._across * columns - np.float32(0.5),
-            self._up * rows - np.float32(0.5),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        shown = at_pixels(field, self._across, self._up)
         return np.asarray(cv2.GaussianBlur(shown, (0, 0), _PLACE_BLUR_PX))
 
 

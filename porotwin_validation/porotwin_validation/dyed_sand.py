@@ -188,14 +188,7 @@ class DyedSand:
 
     def _seen(self, concentration: Array) -> Linear:
         """Return g of the tracer at every pixel; tracer outside the rig is not seen."""
-        rows, columns = concentration.shape
-        tracer = cv2.remap(
-            np.ascontiguousarray(concentration, np.float32),
-            self._across * columns - np.float32(0.5),
-            self._up * rows - np.float32(0.5),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        tracer = at_pixels(concentration, self._across, self._up)
         outside = (np.abs(self._across - 0.5) > 0.5) | (np.abs(self._up - 0.5) > 0.5)
         tracer[outside] = 0.0
         blurred = cv2.GaussianBlur(tracer, (0, 0), _TRACER_BLUR_PX)
@@ -223,6 +216,23 @@ def places(rig: Rig, shape: tuple[int, int]) -> tuple[Linear, Linear]:
     return (x / rig.width_m).astype(np.float32), (z / rig.height_m).astype(np.float32)
 
 
+def at_pixels(field: Array, across: Linear, up: Linear) -> Linear:
+    """Return a field (nz, nx) over the whole rig at the `places` of pixels, shape of `across`.
+
+    It is linear between the centres of cells. Beyond the rig it has the values of the edge.
+    """
+    rows, columns = field.shape
+    return np.asarray(
+        cv2.remap(
+            np.ascontiguousarray(field, np.float32),
+            across * columns - np.float32(0.5),
+            up * rows - np.float32(0.5),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+    )
+
+
 def sands_of(rig: Rig, baseline: NDArray[np.uint8]) -> Labels:
     """Return the index of the sand of every pixel, 0 for water and the frame.
 
@@ -235,16 +245,9 @@ def sands_of(rig: Rig, baseline: NDArray[np.uint8]) -> Labels:
         levels = np.unique(np.quantile(permeability, np.linspace(0, 1, _MOST_SANDS)))
     kind = np.abs(permeability[..., None] - levels).argmin(axis=-1)
     across, up = places(rig, baseline.shape[:2])
-    rows, columns = kind.shape
     best, labels = np.full(baseline.shape[:2], -1.0, np.float32), np.zeros(across.shape, np.uint8)
     for number in range(len(levels)):
-        share = cv2.remap(
-            (kind == number).astype(np.float32),
-            across * columns - np.float32(0.5),
-            up * rows - np.float32(0.5),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        share = at_pixels(kind == number, across, up)
         nearer = share > best
         labels[nearer], best[nearer] = number + 1, share[nearer]
     labels[_water(baseline) | (np.abs(across - 0.5) > 0.5) | (np.abs(up - 0.5) > 0.5)] = 0

@@ -8,7 +8,6 @@ Each FOLDER is a recording with `truth.nc`; its calibration is the folder `FOLDE
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +18,11 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import Calibration
-from porotwin_imaging.calibration_fit import fit_calibration
-from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_imaging.sand_refinement import refined
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.experiment_folder import folder_data
-from porotwin_solver.plume_model import plume_model
+from porotwin_validation.known_injection import fit_of_injection
 
 Array = NDArray[Any]
 
@@ -128,32 +125,11 @@ def score_case(folder: Path) -> PhotoCaseScore:
     told = yaml.safe_load((folder / 'truth.yaml').read_text(encoding='utf-8'))
     flaw, expected = told.get('flaw', 'unknown'), told.get('expected', 'either')
     try:
-        calibration, lines = calibrated(folder.with_name(f'{folder.name}_cal'))
+        fit = fit_of_injection(folder.with_name(f'{folder.name}_cal'))
     except InputError as refusal:
         return PhotoCaseScore(folder.name, flaw, expected, str(refusal), None)
-    maps = imaged(folder, calibration)
-    return PhotoCaseScore(folder.name, flaw, expected, '', maps, tuple(lines))
-
-
-def calibrated(folder: Path) -> tuple[Calibration, list[str]]:
-    """Return the calibration of the injection in `folder` and its lines.
-
-    Raises:
-        CalibrationRefused: the calibration cannot be trusted.
-    """
-    data = folder_data(folder)
-    schedule = data.measured or data.commanded
-    fit = fit_calibration(
-        data.rig,
-        [photo.read() for photo in data.photos if photo.role == 'baseline'],
-        [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
-        schedule=schedule,
-        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
-        source=folder.name,
-    )
-    if fit.trust.objections:
-        raise CalibrationRefused(fit.trust.refusal)
-    return fit.calibration, fit.lines
+    maps = imaged(folder, fit.calibration)
+    return PhotoCaseScore(folder.name, flaw, expected, '', maps, tuple(fit.lines))
 
 
 def imaged(folder: Path, calibration: Calibration) -> MapScore:

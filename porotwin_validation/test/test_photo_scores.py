@@ -6,11 +6,11 @@ from photo_examples import small_rig, textured_baseline
 
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_validation import photo_cases
+from porotwin_validation.known_injection import fit_of_injection
 from porotwin_validation.photo_cases import draw_case, write_case
 from porotwin_validation.photo_scores import (
     MapScore,
     PhotoCaseScore,
-    calibrated,
     compared,
     score_case,
 )
@@ -73,4 +73,4 @@ def test_a_small_case_is_scored_and_its_wrong_pump_log_refused(small, tmp_path) 
     wrong = draw_case(small_rig(), 1, 1, 'log x3')
     folder = write_case(wrong, textured_baseline(), tmp_path / 'wrong')
     with pytest.raises(CalibrationRefused, match='more tracer than the plume'):
-        calibrated(folder.with_name('c001_cal'))
+        fit_of_injection(folder.with_name('c001_cal'))

@@ -1,0 +1,31 @@
+"""The calibration from photographs of a known injection, as `calibrate` makes it."""
+
+from functools import partial
+from pathlib import Path
+
+from porotwin_imaging.calibration_fit import CalibrationFit, fit_calibration
+from porotwin_imaging.calibration_trust import CalibrationRefused
+from porotwin_recording.experiment_folder import folder_data
+from porotwin_solver.plume_model import plume_model
+
+
+def fit_of_injection(folder: Path) -> CalibrationFit:
+    """Return the fit to the photographs and rates of the recording in `folder`.
+
+    Raises:
+        CalibrationRefused: the calibration cannot be trusted.
+        InputError: a photograph cannot be used.
+    """
+    data = folder_data(folder)
+    schedule = data.measured or data.commanded
+    fit = fit_calibration(
+        data.rig,
+        [photo.read() for photo in data.photos if photo.role == 'baseline'],
+        [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
+        schedule=schedule,
+        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
+        source=folder.name,
+    )
+    if fit.trust.objections:
+        raise CalibrationRefused(fit.trust.refusal)
+    return fit
