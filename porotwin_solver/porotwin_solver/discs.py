@@ -1,5 +1,7 @@
 """Distribution of a well's disc, at its true position, over the cells of a grid."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,10 @@ LEAST_OVERLAP = 1e-12
 """Overlap, relative to the squared radius, that counts as zero: above round-off."""
 
 
+DISCS_KEPT = 256
+"""Discs that are kept: a search runs thousands of simulations with the same few wells."""
+
+
 def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray:
     """Return the area of {0 <= s <= x, 0 <= t <= z} inside the disc about the origin (x, z >= 0).
 
@@ -33,12 +39,14 @@ def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray
     return flat * z + under_arc(x) - under_arc(flat)
 
 
+@lru_cache(DISCS_KEPT)
 def disc_fractions(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArray, FloatArray]:
     """Return the cells that the disc about (`x`, `z`) [m] overlaps, and the fraction in each.
 
     The fractions are exact areas of overlap divided by the area of the disc inside the rig. They
     add up to one. The cells are flat indices into a field (nz, nx). A disc smaller than a cell is
     widened to the width of a cell, so that a shift within the cell moves water to its neighbours.
+    Both arrays are read-only, because later calls return them again.
 
     Raises:
         InputError: the centre lies outside the rig.
@@ -62,7 +70,10 @@ def disc_fractions(grid: Grid, x: float, z: float, radius: float) -> tuple[CellA
     area = signed[1:, 1:] - signed[:-1, 1:] - signed[1:, :-1] + signed[:-1, :-1]
     cells = rows[:, None] * grid.nx + columns[None, :]
     overlapped = area > LEAST_OVERLAP * radius**2
-    return cells[overlapped], area[overlapped] / area[overlapped].sum()
+    found = cells[overlapped], area[overlapped] / area[overlapped].sum()
+    for array in found:
+        array.flags.writeable = False
+    return found
 
 
 def _overlapped(centre: float, radius: float, size: float, count: int) -> CellArray:

@@ -20,7 +20,7 @@ class ActiveSource(NamedTuple):
 
 
 class SourcesAndSinks:
-    """The sources and sinks of `physics`, distributed over its cells once each."""
+    """The sources and sinks of `physics`, distributed over its cells."""
 
     def __init__(self, physics: Physics) -> None:
         """List the wells and leaks of `physics`, each place once."""
@@ -28,7 +28,6 @@ class SourcesAndSinks:
         self.all = tuple(
             dict.fromkeys([*physics.wells.values(), *(leak.source_sink for leak in physics.leaks)])
         )
-        self._fractions: dict[SourceSink, tuple[CellArray, FloatArray]] = {}
 
     def active(self, rates: WellRates) -> list[ActiveSource]:
         """Return the sources and sinks whose rate is not zero.
@@ -74,9 +73,4 @@ class SourcesAndSinks:
         return float(fractions @ field.ravel()[cells])
 
     def _fractions_of(self, source_sink: SourceSink) -> tuple[CellArray, FloatArray]:
-        if source_sink not in self._fractions:
-            grid = self.physics.grid
-            self._fractions[source_sink] = disc_fractions(
-                grid, source_sink.x, source_sink.z, source_sink.radius
-            )
-        return self._fractions[source_sink]
+        return disc_fractions(self.physics.grid, source_sink.x, source_sink.z, source_sink.radius)
