@@ -135,9 +135,10 @@ def least_seconds_left(task: Task) -> float | None:
 
 
 def left_in_words(task: Task) -> str:
-    """Return the remaining time of a task, a range where work may be left out; empty: unknown.
+    """Return the remaining time of a task, such as "2 min left"; empty where it is unknown.
 
-    A task is unknown at its very beginning, where the time to start would count as slow work.
+    Where work may be left out, the least time comes first: "2 min left, 9 min at most". The time is
+    unknown at the very beginning, where the time to start would count as slow work.
     """
     if task.percentage < KNOWN_FROM_PERCENT and (task.elapsed or 0.0) < KNOWN_FROM_S:
         return ''
@@ -145,14 +146,11 @@ def left_in_words(task: Task) -> str:
     if not most or least is None:
         return ''
     high, low = duration_in_words(most), duration_in_words(least)
-    if low == high:
-        return high
-    same_unit = low.split()[1] == high.split()[1]
-    return f'{low.split()[0] if same_unit else low} to {high}'
+    return f'{low} left' if low == high else f'{low} left, {high} at most'
 
 
 class _TimeLeft(ProgressColumn):
-    """The remaining time, as h:mm:ss or as a range in words."""
+    """The remaining time, as h:mm:ss or in words."""
 
     max_refresh = 0.5
 
@@ -192,7 +190,7 @@ class _ProgressLines(Progress):
             return
         self._told_s, self._stage = self.get_time(), task.description
         left = left_in_words(task)
-        say(f'{task.description}: {task.percentage:.0f} %{f", {left} left" if left else ""}')
+        say(f'{task.description}: {task.percentage:.0f} %{f", {left}" if left else ""}')
 
 
 def print_json(result: dict[str, Any]) -> None:

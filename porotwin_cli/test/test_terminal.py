@@ -103,13 +103,13 @@ def test_a_slow_start_makes_no_estimate() -> None:
 @pytest.mark.parametrize(
     ('fields', 'words'),
     [
-        ({}, '6 min'),
-        ({'least_left': 20.0}, '2 to 6 min'),
-        ({'least_left': 5.0}, '40 s to 6 min'),
-        ({'least_left': 50.0}, '6 min'),
+        ({}, '6 min left'),
+        ({'least_left': 20.0}, '2 min left, 6 min at most'),
+        ({'least_left': 5.0}, '40 s left, 6 min at most'),
+        ({'least_left': 50.0}, '6 min left'),
     ],
 )
-def test_the_remaining_time_is_a_range_where_work_may_be_left_out(
+def test_the_remaining_time_has_a_least_one_where_work_may_be_left_out(
     fields: dict[str, float], words: str
 ) -> None:
     now = 0.0
