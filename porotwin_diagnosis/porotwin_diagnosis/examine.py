@@ -16,7 +16,7 @@ from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
-from porotwin_diagnosis.data.odd_tracer import odd_lines
+from porotwin_diagnosis.data.odd_tracer import odd_lines, odd_times
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
@@ -57,7 +57,7 @@ def examine(
         prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
         progress: called with the stage and its position in the work, below 0.98.
-        tell: called with a line for all that is odd in the recordings, before the search begins.
+        tell: called with a line for all that is odd in their rates and maps, before the search.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -68,8 +68,8 @@ def examine(
     _check_same_rig(recordings)
     progress = forward_only(progress)
     progress('reading the recording', 0.0)
-    remarks = tuple(odd_lines(recordings))
-    for line in remarks:
+    odd = odd_lines(recordings)
+    for line in odd:
         tell(line)
     recordings = [without_false_cells(recording) for recording in recordings]
     samples = tuple(read_sample(recording) for recording in recordings)
@@ -108,7 +108,7 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
-        remarks=remarks,
+        remarks=(*odd_times(recordings), *odd),
         seconds=time.perf_counter() - began,
     )
 

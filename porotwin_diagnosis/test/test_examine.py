@@ -30,7 +30,7 @@ def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet):
     result = examine(
         [recording], preset='upwind', excluded=all_but('dispersion', 'clock'), tell=told.append
     )
-    assert diagnosis_json(result)['remarks'] == told
+    assert diagnosis_json(result)['remarks'] == told, 'its times are not odd'
     assert any('look for a glare' in line for line in told), 'the diagnosis takes it out'
     assert result.verdict.name == 'numerical_diffusion'
     assert result.evidence.numerics.model_diffusion > 1e-8

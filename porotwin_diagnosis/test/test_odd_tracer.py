@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
+from porotwin_diagnosis.data.odd_tracer import odd_times, remarks_about_tracer
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
 
@@ -73,6 +73,16 @@ def test_a_clean_start_after_an_injection_is_told() -> None:
     late = ConcentrationMaps(maps.times + 2000.0, maps.grid, lambda a, b: maps[a:b])
     (remark,) = remarks_about_tracer(replace(given, maps=late))
     assert 'but the pumps injected 278 ml before it' in remark.why
+
+
+def test_a_clock_that_was_set_is_told_among_the_odd_times() -> None:
+    given = recording(level=0.2)
+    maps = given.present_maps
+    later = np.where(maps.times > 1800.0, maps.times + 7200.0, maps.times)
+    set_forward = ConcentrationMaps(later, maps.grid, lambda a, b: maps[a:b])
+    (line,) = odd_times([replace(given, maps=set_forward)])
+    assert line.startswith('run: concentration.nc at 1600 s: 7600 s pass to the next one')
+    assert not odd_times([given])
 
 
 def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:

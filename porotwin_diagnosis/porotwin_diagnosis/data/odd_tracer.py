@@ -20,7 +20,11 @@ from porotwin_diagnosis.data.odd_start import (
     remarks_about_first_plume,
 )
 from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_measured_rates
+from porotwin_recording.odd_recording import (
+    remarks_about_maps,
+    remarks_about_measured_rates,
+    remarks_about_times,
+)
 from porotwin_recording.recording import Recording
 
 LOOKED_AT = 8
@@ -37,6 +41,15 @@ def odd_lines(recordings: Sequence[Recording]) -> list[str]:
         f'{recording.source}: {remark}'
         for recording in recordings
         for remark in (*remarks_about_measured_rates(recording), *remarks_about_tracer(recording))
+    ]
+
+
+def odd_times(recordings: Sequence[Recording]) -> list[str]:
+    """Return a line for all that is odd in the times of `recordings`; opening them told it."""
+    return [
+        f'{recording.source}: {remark}'
+        for recording in recordings
+        for remark in remarks_about_times(recording)
     ]
 
 
