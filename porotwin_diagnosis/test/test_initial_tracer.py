@@ -12,7 +12,9 @@ from porotwin_core.units import ML, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording
+from porotwin_recording.recording import Recording, open_recording
+
+CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 
 RIG = load_rig('rigs/small')
 GRID = RIG.grid(100, 60)
@@ -75,3 +77,9 @@ def test_without_a_pause_a_short_lateness_is_a_clock_and_a_long_one_is_not() -> 
 def test_a_rig_that_loses_as_much_tracer_as_it_gets_held_it_before() -> None:
     lost = recording(STEADY, lambda _at: 120.0 / ML)
     assert initial_tracer(lost) is not None
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason='needs ../shared/cases beside the repository')
+def test_a_clock_that_is_late_until_the_first_pause_leaves_the_rig_clean() -> None:
+    """The first map is of 624 s. The pump pauses from 437 to 776 s, so both volumes agree."""
+    assert initial_tracer(open_recording(CASES / 'case_007')) is None
