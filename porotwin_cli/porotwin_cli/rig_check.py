@@ -29,7 +29,7 @@ from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_imaging.corner_check import REMEDY, small_rig
+from porotwin_imaging.corner_check import REMEDY, corners_off_the_sand, small_rig
 from porotwin_imaging.geometry import Geometry
 from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_folder import is_bag
@@ -145,6 +145,8 @@ def check(
         remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
+        if photograph is not None and not any(remark.refused for remark in remarks):
+            remarks += _corners_off(rig, photograph)
     runs = not any(remark.refused for remark in remarks)
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(rig, cells, preset, chosen.seconds) if runs else None
@@ -395,6 +397,15 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
         why = f'it is damaged: {damage}'
         damaged = Remark('photographs', baseline.name, why, 'copy it from the camera again')
         return None, [*remarks, damaged]
+
+
+def _corners_off(rig: Rig, photograph: np.ndarray) -> list[Remark]:
+    """Return the remark about corners off the sand in a photograph, red-green-blue."""
+    assert rig.camera is not None
+    if small_rig(rig.camera.corners_px, (photograph.shape[1], photograph.shape[0])):
+        return []  # told already, and the edges lie far away
+    off = corners_off_the_sand(rig, np.ascontiguousarray(photograph[..., ::-1]), reduction=1)
+    return [off] if off else []
 
 
 def _size(photo: Photo) -> tuple[int, int] | None:

@@ -23,7 +23,7 @@ from porotwin_imaging.baseline_mask import BaselineMask, baseline_mask, texture
 from porotwin_imaging.baseline_subtraction import log_ratio
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.colour_correction import ColourReference, colour_reference
-from porotwin_imaging.corner_check import REMEDY, small_rig
+from porotwin_imaging.corner_check import REMEDY, corners_off_the_sand, small_rig
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.light_check import refuse_grey_baseline
@@ -169,6 +169,7 @@ def make_baseline(
     sampling = Sampling.of(geometry, grid, reduction)
     with named(called[0]):
         refuse_grey_baseline(first, used_calibration.signal)
+        odd_corners = _remarks_on_corners(rig, first, size, reduction)
         features = reference_features(
             first, _inside_rig(camera, first.shape, reduction), settings.alignment
         )
@@ -182,7 +183,7 @@ def make_baseline(
         usable = mask.usable & used_calibration.shown(mask.usable.shape)
         share = sampling.cell_means(usable.astype(np.float32))
         if not (share > settings.validity.least_visible_share).any():
-            raise InputError('baseline shows no sand: check light and corners_px')
+            raise InputError(_no_sand(odd_corners))
         over_exposed = _remarks_on_exposure(first_colours, settings)
     chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
     sampled = [first_colours, *_sampled(pictures[1:], called[1:], sampling, features, settings)]
@@ -205,7 +206,7 @@ def make_baseline(
         sand_factors=used_calibration.factor_map(grid),
         settings=settings,
         remarks=(
-            *_remarks_on_corners(camera, size),
+            *odd_corners,
             *remarks,
             *over_exposed,
             *_remarks_on_files(photographs),
@@ -253,10 +254,28 @@ def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
     )
 
 
-def _remarks_on_corners(camera: Camera, size: tuple[int, int]) -> list[str]:
-    """Return a remark if the corners belong to a smaller copy of the photograph."""
-    odd = small_rig(camera.corners_px, size)
-    return [f'camera.corners_px in rig.yaml: {odd}; {REMEDY}'] if odd else []
+def _remarks_on_corners(
+    rig: Rig, pixels: NDArray[np.uint8], size: tuple[int, int], reduction: int
+) -> list[str]:
+    """Return a remark if the corners belong to a smaller copy, or lie off the sand."""
+    assert rig.camera is not None
+    if small := small_rig(rig.camera.corners_px, size):
+        return [f'camera.corners_px in rig.yaml: {small}; {REMEDY}']
+    off = corners_off_the_sand(rig, pixels, reduction)
+    return [str(off)] if off else []
+
+
+def _no_sand(odd_corners: Sequence[str]) -> str:
+    """Return the message that a baseline shows no sand; its corners may be the cause."""
+    cause = (
+        odd_corners[0]
+        if odd_corners
+        else (
+            'is it dark, or something in front of it, or are camera.corners_px in rig.yaml wrong? '
+            './porotwin check draws them over it'
+        )
+    )
+    return f'baseline shows no sand: {cause}'
 
 
 def _inside_rig(camera: Camera, shape: tuple[int, ...], reduction: int) -> NDArray[np.bool_]:

@@ -138,13 +138,23 @@ def _water(colours: Array, settings: BaselineMaskSettings) -> Mask:
         high = upper < rows // _WATER_STARTS_ABOVE
         if high and wide > columns // _WATER_WIDTH and area > wide * _WATER_THICKNESS_PX:
             band[labels == label] = 1
-    if band.any(axis=0).mean() < _LEAST_WATER_COLUMNS:
-        return np.zeros(rough.shape, bool)
-    depth = np.where(band.any(axis=0), rows - 1 - np.argmax(band[::-1], axis=0), -1)
+    depth = _lower_edge(band)
     known = depth >= 0
+    if known.mean() < _LEAST_WATER_COLUMNS:
+        return np.zeros(rough.shape, bool)
     depth = np.interp(np.arange(columns), np.flatnonzero(known), depth[known])
     surface = _surface(colours, depth)
     return np.arange(rows)[:, None] <= surface[None, :]
+
+
+def _lower_edge(band: Array) -> Array:
+    """Return the last row of the band in each column (columns,), -1 where there is none.
+
+    Bolts in the water interrupt the band. Below the sand, a smooth frame goes on with it: the row
+    counts above which the band covers most more rows than it leaves free.
+    """
+    covered = np.cumsum(np.where(band > 0, 1, -1), axis=0)
+    return np.where(covered.max(axis=0) > 0, covered.argmax(axis=0), -1)
 
 
 def _surface(colours: Array, depth: Array) -> Array:
@@ -167,15 +177,15 @@ def _surface(colours: Array, depth: Array) -> Array:
     total = change.copy()
     came_from = np.zeros((rows, columns), np.int8)
     for column in range(1, columns):
-        before = total[:, column - 1]
-        choices = np.stack([np.roll(before, 1), before, np.roll(before, -1)])
+        before = np.pad(total[:, column - 1], 1, constant_values=-np.inf)
+        choices = np.stack([before[:-2], before[1:-1], before[2:]])
         came_from[:, column] = choices.argmax(axis=0) - 1
         total[:, column] += choices.max(axis=0)
     surface = np.empty(columns, np.float32)
     row = int(total[:, -1].argmax())
     for column in range(columns - 1, -1, -1):
         surface[column] = row
-        row = min(max(row + int(came_from[row, column]), 0), rows - 1)
+        row += int(came_from[row, column])
     covered = cv2.dilate(surface[None, :], np.ones((1, 9), np.uint8))
     return np.asarray(covered)[0] + 2 * lag
 

@@ -1,10 +1,19 @@
-"""A check of the corners of a rig: corners from a smaller copy lie close together."""
+"""Checks of the corners of a rig.
+
+Corners that were read in a smaller copy of the photograph lie close together. Other wrong corners
+lie off the edges of the sand, as far as the photograph shows these.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from porotwin_core.plausibility import Remark
+from porotwin_core.rig import Rig
 from porotwin_core.units import percent
+from porotwin_imaging.edge_search import SeenEdge, Side, seen_edges
+from porotwin_imaging.geometry import Geometry
 
 SMALL_IN_PHOTOGRAPH = 0.1
 """Part of a photograph below which the rig is suspiciously small in it."""
@@ -14,6 +23,19 @@ HALF = 0.52
 half, because corners of a rig may lie just outside the photograph."""
 
 REMEDY = 'were they read in a copy of another size? correct them'
+
+LEAST_OFF = 0.01
+"""Distance of a corner from an edge of the sand that is told, relative to the longer side of the
+rig [-]. Corners that people marked with care are off by up to half of it."""
+
+CORNERS: tuple[tuple[str, tuple[Side, bool], tuple[Side, bool]], ...] = (
+    ('upper left', ('left', True), ('upper', False)),
+    ('lower left', ('left', False), ('lower', False)),
+    ('lower right', ('right', False), ('lower', True)),
+    ('upper right', ('right', True), ('upper', True)),
+)
+"""The corners in the order of `camera.corners_px`: name, and its two sides with True where the
+corner lies at the end of the side."""
 
 
 def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> str:
@@ -30,3 +52,45 @@ def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> 
     if part >= SMALL_IN_PHOTOGRAPH and not quarter:
         return ''
     return f'the rig covers {percent(part)} of the photograph of {size[0]} x {size[1]} px{quarter}'
+
+
+def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) -> Remark | None:
+    """Return a remark about corners off the edges of the sand, None if none is seen.
+
+    Args:
+        rig: the rig with its camera.
+        pixels: a decoded photograph without tracer, shape (rows, columns, 3), blue-green-red.
+        reduction: ratio of file pixels to decoded pixels.
+
+    Raises:
+        InputError: the rig has no camera, or its corners have another order.
+    """
+    geometry = Geometry.of(rig)
+    assert rig.camera is not None  # Geometry.of has checked it
+    edges = seen_edges(pixels, geometry, reduction)
+    least = LEAST_OFF * max(rig.width_m, rig.height_m)
+    told, remedy = [], 'correct them'
+    for (name, beside, across), given in zip(CORNERS, rig.camera.corners_px, strict=True):
+        inward, down = _at_corner(edges, *beside), _at_corner(edges, *across)
+        if max(abs(inward), abs(down)) <= least:
+            continue
+        x = inward if beside[0] == 'left' else rig.width_m - inward
+        z = down if across[0] == 'lower' else rig.height_m - down
+        seen = np.array(geometry.to_pixels(np.array(x), np.array(z)))
+        column, row = np.rint(seen).astype(int)
+        apart = float(np.linalg.norm(seen - given))
+        told.append(f'{name} near [{column}, {row}], {apart:.0f} px from the given one')
+        if across[0] == 'upper' and down > least:
+            remedy = 'correct them, unless water covers the sand'
+    if not told:
+        return None
+    why = f'the photograph shows other corners of the sand: {"; ".join(told)}'
+    return Remark('camera.corners_px in rig.yaml', '', why, remedy)
+
+
+def _at_corner(edges: dict[Side, SeenEdge], side: Side, at_end: bool) -> float:
+    """Return the distance of an edge from one corner into the rig [m], 0 if it is not seen."""
+    edge = edges.get(side)
+    if edge is None:
+        return 0.0
+    return edge.end if at_end else edge.start

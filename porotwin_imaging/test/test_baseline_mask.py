@@ -60,3 +60,11 @@ def test_a_surface_in_the_lower_part_of_a_tall_picture_is_found(sand) -> None:
     water = baseline_mask(sand, width_m=1.0, checker=None).water
     assert water[:138].all()
     assert not water[155:].any()
+
+
+def test_a_smooth_frame_around_the_sand_is_no_water_below_its_surface(sand) -> None:
+    for strip in (sand[:22], sand[-22:], sand[:, :22], sand[:, -22:]):
+        strip[:] = [0.35, 0.35, 0.36]
+    mask = baseline_mask(sand, width_m=1.0, checker=None)
+    assert mask.water[:18].all()
+    assert mask.usable[50:-30, 30:-30].all()

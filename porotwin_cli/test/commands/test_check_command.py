@@ -1,6 +1,7 @@
 """./porotwin check."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -149,6 +150,19 @@ def test_an_experiment_is_checked_with_its_photographs(experiment: Path, tmp_pat
     picture = str(tmp_path / 'check.png')
     result = CliRunner().invoke(app, ['check', str(experiment), '--output', picture])
     assert result.exit_code == 0, result.output
+
+
+def test_a_corner_off_the_sand_is_told_with_its_place(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    data = yaml.safe_load((folder / 'rig.yaml').read_text())
+    column, row = data['camera']['corners_px'][2]
+    data['camera']['corners_px'][2] = [column - 18, row]
+    (folder / 'rig.yaml').write_text(yaml.safe_dump(data))
+    remarks = check(folder).remarks
+    assert len(remarks) == 1
+    assert 'lower right near [' in str(remarks[0])
+    assert re.search(r'\b1[789] px from the given one', str(remarks[0]))
 
 
 def test_mistakes_of_an_experiment_are_all_listed(experiment: Path, tmp_path: Path) -> None:
