@@ -30,7 +30,7 @@ MAPS_PER_PART = 16
 """Maps of a part: a kill costs at most so many."""
 
 _SOURCE = 'source.json'
-"""File beside the parts that tells what they were made from."""
+"""File beside the parts that tells their source."""
 
 
 class MapParts:

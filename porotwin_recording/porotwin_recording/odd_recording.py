@@ -19,7 +19,7 @@ TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
 """Units that times may be written in by mistake [s]."""
 
 MOST_EARLY = 0.5
-"""Share of the photographs before the pumps start from which on their clocks are compared."""
+"""Least share of photographs before the start of the pumps for a remark about both clocks."""
 
 LATE_BEGIN = 0.5
 """Begin over end of maps above which they are late as a whole: no other unit explains that."""
@@ -316,7 +316,7 @@ def _photographs(data: RecordedData) -> Iterator[Remark]:
 
 
 def _maps_beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
-    """Yield a remark if no map is of the time at which the pumps ran."""
+    """Yield a remark if the pumps ran at no time of a map."""
     if data.commanded is None or data.maps is None or not len(data.maps.times):
         return
     rows = data.commanded.rows

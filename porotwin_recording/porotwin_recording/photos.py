@@ -28,7 +28,7 @@ class Photo:
         name: path relative to the experiment folder.
         read: returns the bytes of the camera's file.
         path: the file; None for a photograph in a bag.
-        concentration: that of a dilution [-], 1 = tracer stock; None for other roles.
+        concentration: concentration of a dilution [-], 1 = tracer stock; None for other roles.
     """
 
     time: float

@@ -34,7 +34,7 @@ def listed_photographs(
 ) -> ForeignTable | None:
     """Return the table of the photographs in `folder`; None if there is none and no EXIF time.
 
-    Columns are those of `imaging_protocol.csv`, or `path` and `datetime` from EXIF.
+    `imaging_protocol.csv` names its columns itself; a table from EXIF has `path` and `datetime`.
     """
     if (folder / IMAGING_PROTOCOL).is_file():
         return read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
