@@ -56,3 +56,13 @@ def test_a_plume_that_turns_at_a_change_of_the_rates_is_not_odd():
 
 def test_few_maps_are_not_judged():
     assert misplaced_maps(TIMES, plume()[:2], None) == []
+
+
+def test_flickering_light_over_a_resting_plume_is_not_odd():
+    """While all pumps rest, light is all that changes: two neighbours may just be alike."""
+    resting = plume(noise=0.0)[-1]
+    lights = [1.0, 1.01, 0.99, 1.0, 1.03, 1.001, 0.99, 1.02, 1.01, 1.0]
+    maps = [light * resting for light in lights]
+    rest = Schedule((ScheduleRow(0.0, 'in', WellRate(0.0, 1.0)),))
+    assert misplaced_maps(TIMES[: len(maps)], maps, rest) == []
+    assert misplaced_maps(TIMES[: len(maps)], maps, None) != []

@@ -38,7 +38,8 @@ def misplaced_maps(
 ) -> list[int]:
     """Return the numbers of the maps that are out of place in time; none if many seem to be.
 
-    The first and last map, and maps at a change of the rates, are not judged.
+    The first and last map are not judged. Nor are maps at a change of the rates, and maps while all
+    pumps rest: their noise is all that changes.
 
     Args:
         times: times of the maps [s].
@@ -49,14 +50,20 @@ def misplaced_maps(
     if not len(ratios):
         return []
     limits = np.maximum(LEAST_RATIO, LEAST_OUTLIER * median_filter(ratios, NEARBY, mode='nearest'))
-    changes = np.array([row.time for row in rates.rows] if rates is not None else [])
     odd = [
         number
         for number, (ratio, limit) in enumerate(zip(ratios, limits, strict=True), start=1)
-        if ratio > limit
-        and not np.any((changes > times[number - 1]) & (changes < times[number + 1]))
+        if ratio > limit and _flows_evenly(rates, times[number - 1], times[number + 1])
     ]
     return odd if len(odd) <= MOST_MISPLACED else []
+
+
+def _flows_evenly(rates: Schedule | None, start: float, end: float) -> bool:
+    """Return whether some pump runs, and none changes, from `start` to `end` [s], if known."""
+    if rates is None:
+        return True
+    changes = any(start < row.time < end for row in rates.rows)
+    return not changes and any(rate.rate for rate in rates.at(start).values())
 
 
 def _ratios(maps: Iterable[FloatArray]) -> Iterator[float]:
