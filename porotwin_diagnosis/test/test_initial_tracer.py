@@ -1,6 +1,7 @@
 """Tracer of the first map: from before the recording, or seen by a camera that is late."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +34,16 @@ PULSES = pumps((0.0, True), (400.0, False), (900.0, True), (1500.0, False), (200
 
 
 def recording(rates: Schedule, stock_at: Callable[[float], float]) -> Recording:
-    """Return maps that hold `stock_at(t)` [m^3] at every time, in whole cells from one corner."""
+    """Return maps with a plume of `stock_at(t)` [m^3] around the injector, in whole cells."""
     pores = float(RIG.cell_pore_volume(GRID).mean())
+    well = RIG.wells['injector']
+    x, z = np.meshgrid(GRID.x, GRID.z)
+    nearest = np.argsort(np.hypot(x - well.x_m, z - well.z_m), axis=None)
 
     def read(start: int, stop: int) -> NDArray[np.float32]:
         values = np.zeros((stop - start, GRID.nz * GRID.nx), np.float32)
         for row, time in zip(values, TIMES[start:stop], strict=True):
-            row[: round(stock_at(time) / pores)] = 1.0
+            row[nearest[: round(stock_at(time) / pores)]] = 1.0
         return values.reshape(-1, GRID.nz, GRID.nx)
 
     maps = ConcentrationMaps(TIMES, GRID, read)
@@ -83,3 +87,11 @@ def test_a_rig_that_loses_as_much_tracer_as_it_gets_held_it_before() -> None:
 def test_a_clock_that_is_late_until_the_first_pause_leaves_the_rig_clean() -> None:
     """The first map is of 624 s. The pump pauses from 437 to 776 s, so both volumes agree."""
     assert initial_tracer(open_recording(CASES / 'case_007')) is None
+
+
+def test_tracer_far_from_the_wells_is_no_late_clock() -> None:
+    """The stock is as much as a late clock would show, but it lies far from the injector."""
+    seen = late(PULSES, 420.0)
+    maps = seen.present_maps
+    turned = ConcentrationMaps(TIMES, GRID, lambda start, stop: maps[start:stop][:, ::-1, ::-1])
+    assert initial_tracer(replace(seen, maps=turned)) is not None

@@ -50,12 +50,26 @@ def test_tracer_that_the_pumps_injected_is_not_odd() -> None:
     [
         ({'level': 20.0}, 'was this in percent'),
         ({'level': 1.0, 'first': 0.0, 'from_s': 3500.0}, 'but the pumps injected'),
-        ({'level': 0.9, 'first': 0.35}, 'A late clock of the camera looks the same'),
+        ({'level': 0.9, 'first': 0.35}, 'from before the recording, with which the model starts'),
         ({'level': 0.9, 'first': 0.9}, 'from before the recording, with which the model starts'),
     ],
 )
 def test_tracer_that_no_pump_explains_is_told(given: dict[str, float], named: str) -> None:
     assert any(named in str(remark) for remark in remarks_about_tracer(recording(**given)))
+
+
+def test_a_plume_around_the_injector_may_be_that_of_a_late_clock() -> None:
+    given = recording(level=0.2)
+    maps, well = given.present_maps, RIG.wells['injector']
+    x, z = np.meshgrid(maps.grid.x, maps.grid.z)
+    nearest = np.argsort(np.hypot(x - well.x_m, z - well.z_m), axis=None)
+    values = np.zeros((10, nearest.size), np.float32)
+    for frame, time in zip(values, maps.times, strict=True):
+        injected = given.delivered.injected_stock(0.0, time + 300.0)
+        frame[nearest[: round(injected / RIG.cell_pore_volume(maps.grid).mean())]] = 1.0
+    late = with_maps(given, values.reshape(10, maps.grid.nz, maps.grid.nx))
+    (remark,) = remarks_about_tracer(late)
+    assert remark.why.startswith('the clock of the camera is late, or the rig held tracer before')
 
 
 def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:

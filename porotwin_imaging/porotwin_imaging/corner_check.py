@@ -77,9 +77,17 @@ def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) 
         x = inward if beside[0] == 'left' else rig.width_m - inward
         z = down if across[0] == 'lower' else rig.height_m - down
         seen = np.array(geometry.to_pixels(np.array(x), np.array(z)))
-        column, row = np.rint(seen).astype(int)
         apart = float(np.linalg.norm(seen - given))
-        told.append(f'{name} near [{column}, {row}], {apart:.0f} px from the given one')
+        unseen = [side for side, _ in (beside, across) if side not in edges]
+        if unseen:
+            (side,) = {beside[0], across[0]} - {*unseen}
+            told.append(
+                f'{name} {apart:.0f} px off the {side} edge of the sand, while the {unseen[0]} '
+                'edge is not seen'
+            )
+        else:
+            column, row = np.rint(seen).astype(int)
+            told.append(f'{name} near [{column}, {row}], {apart:.0f} px from the given one')
         if across[0] == 'upper' and down > least:
             remedy = 'correct them, unless water covers the sand'
     if not told:

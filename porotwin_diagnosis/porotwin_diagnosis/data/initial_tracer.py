@@ -14,6 +14,7 @@ from porotwin_diagnosis.data.observed_maps import (
     filled_map,
     tracer_share,
 )
+from porotwin_diagnosis.data.plume_reach import tracer_beyond_reach
 from porotwin_recording.recording import Recording
 
 LONGEST_LATENESS = 0.15
@@ -36,6 +37,10 @@ MOST_WRONG = 1.5
 CLEARLY_BETTER = 0.7
 """Ratio of the errors of two courses of the tracer below which the better one is believed. While
 one rate goes on, both courses are equal."""
+
+SMALL_ERROR = 0.02
+"""Error of a course, relative to the mean stock, that noise and the steps of the lateness make. It
+is added to both errors."""
 
 COMPARED_SHARE, COMPARED_MAPS = 0.7, 24
 """Share of the recording, and number of its maps, that both courses are compared with."""
@@ -68,7 +73,8 @@ def _is_late(recording: Recording, held: float) -> bool:
 
     Two courses of the stock in the rig are compared with the maps: V(until t + lateness) of a late
     clock, and held + V(from the first map to t) of a rig with tracer. The better one is believed.
-    If both are about equally good, the clock is believed up to `LONGEST_LATENESS`.
+    If both are about equally good, the clock is believed up to `LONGEST_LATENESS`. No clock is
+    believed if the map shows tracer where the stock injected until then cannot be.
     """
     times = np.array(recording.times)
     duration = times[-1] - times[0]
@@ -89,8 +95,12 @@ def _is_late(recording: Recording, held: float) -> bool:
     if not possible:
         return False
     share = min(possible, key=lambda tried: possible[tried])
+    far = tracer_beyond_reach(recording, recording.delivered, times[0] + share * duration)
+    if far.mean() > FILLED_SHARE:
+        return False
     better = CLEARLY_BETTER if share > LONGEST_LATENESS else 1.0 / CLEARLY_BETTER
-    return bool(possible[share] < better * from_start)
+    small = SMALL_ERROR * float(seen.mean())
+    return bool(possible[share] + small < better * (from_start + small))
 
 
 def _held(recording: Recording, index: int) -> float:

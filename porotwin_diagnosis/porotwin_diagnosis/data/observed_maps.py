@@ -12,6 +12,9 @@ from porotwin_recording.recording import Recording
 TRACER_LEVEL = 0.3
 """Concentration [-] above which a cell clearly holds tracer, whatever the noise."""
 
+VISIBLE_TRACER = 0.1
+"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
+
 FILLED_SHARE = 0.02
 """Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
 

@@ -11,10 +11,8 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
+from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
 from porotwin_recording.concentration import ConcentrationMaps
-
-VISIBLE_TRACER = 0.1
-"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 
 MOST_OFFSET = 0.03
 """Concentration [-] of clean sand that is odd; light and shake leave less."""

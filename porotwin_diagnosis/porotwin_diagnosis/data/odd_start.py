@@ -9,15 +9,12 @@ from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.initial_tracer import LONGEST_LATENESS, initial_tracer
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE
-from porotwin_diagnosis.data.odd_maps import VISIBLE_TRACER, remark_about_maps
+from porotwin_diagnosis.data.odd_maps import remark_about_maps
+from porotwin_diagnosis.data.plume_reach import tracer_beyond_reach
 from porotwin_recording.recording import Recording
-from porotwin_solver.exact_solutions import radial_front
 
 INVERTED_LEVEL = 0.5
 """Median of the first map [-] above which its values may be those of water."""
-
-REACH = 2.5
-"""Reach of a plume over the radius of a disc of its volume [-]."""
 
 LEAST_INJECTED, LEAST_HELD = 0.02, 0.3
 """Share of the pore volume that was injected before the first map, and share of it in that map: a
@@ -35,8 +32,7 @@ def remarks_about_early_tracer(
         yield remark_about_maps(f'{told}. If 1 is water in these maps, write 1 minus their values')
     elif initial_tracer(recording) is None:
         yield remark_about_maps(
-            f'{told}. A late clock of the camera looks the same, and so does tracer from before '
-            'the recording'
+            f'the clock of the camera is late, or the rig held tracer before the recording: {told}'
         )
     elif rates.injected_stock(start, float(maps.times[-1])) > 0.0:
         yield remark_about_maps(
@@ -69,21 +65,12 @@ def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
 def _beyond_reach(recording: Recording, rates: Schedule) -> Iterator[Remark]:
     """Yield a remark if the first map shows tracer that no well can have brought there.
 
-    The stock of a well fills a disc around it (`radial_front`). Flow stretches the disc, so that
-    `REACH` of its radius counts, with the volume that a clock may be late for.
+    The wells count with the volume that a clock may be late for.
     """
-    maps, rig = recording.present_maps, recording.rig
+    maps = recording.present_maps
     start, end = float(maps.times[0]), float(maps.times[-1])
-    late = start + LONGEST_LATENESS * (end - start)
-    grid = maps.grid
-    thickness = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
-    x, z = np.meshgrid(grid.x, grid.z)
-    far = np.nan_to_num(maps[0]) > VISIBLE_TRACER
-    for name in rates.wells:
-        alone = Schedule(tuple(row for row in rates.rows if row.well == name))
-        radius = radial_front(alone.injected_stock(-np.inf, late), thickness=thickness)
-        well = rig.wells[name]
-        far &= np.hypot(x - well.x_m, z - well.z_m) > REACH * radius
+    far = tracer_beyond_reach(recording, rates, start + LONGEST_LATENESS * (end - start))
+    x, z = np.meshgrid(maps.grid.x, maps.grid.z)
     if far.mean() > FILLED_SHARE:
         yield remark_about_maps(
             f'the first map, at {start:g} s, shows tracer around x = {x[far].mean():.3g} m, '

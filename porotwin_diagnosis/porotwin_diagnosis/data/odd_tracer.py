@@ -7,8 +7,8 @@ import numpy as np
 from porotwin_core.mass_check import excess_remark
 from porotwin_core.plausibility import Remark
 from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
 from porotwin_diagnosis.data.odd_maps import (
-    VISIBLE_TRACER,
     remark_about_maps,
     remarks_about_cells,
     remarks_about_clean_sand,

@@ -31,7 +31,7 @@ from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
-from porotwin_diagnosis.data.observed_maps import evenly_spread
+from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER, evenly_spread
 from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
     ErrorSizes,
@@ -82,9 +82,6 @@ FEWEST_FRAMES = 8
 
 FEWEST_CELLS = 4
 """Fewest columns and rows of the maps: slopes and blur need neighbours on both sides."""
-
-VISIBLE_TRACER = 0.1
-"""Concentration [-] that one cell of a frame must exceed for the frame to show tracer."""
 
 NOISE_FRAMES = 40
 """About so many frames are used to estimate the noise. All frames share the grain, so that more of
