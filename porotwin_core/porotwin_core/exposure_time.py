@@ -42,7 +42,7 @@ def written_time(data: bytes) -> str:
     except ValueError:
         return ''
     fraction = f'.{digits}' if digits.isdecimal() else ''
-    return f'{moment.isoformat(" ")}{fraction}{offset if _OFFSET.fullmatch(offset) else ""}'
+    return f'{moment:%Y-%m-%d %H:%M:%S}{fraction}{offset if _OFFSET.fullmatch(offset) else ""}'
 
 
 def exif_time(data: bytes) -> float | None:

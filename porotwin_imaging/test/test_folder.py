@@ -197,9 +197,9 @@ def test_a_photograph_with_an_impossible_exif_time_gets_its_file_time(folder) ->
     assert list(folder.times.values()) == [BEGIN + 30, BEGIN + 60, BEGIN + 90]
     assert sorted(problem.split(' of ')[0] for problem in folder.problems) == [
         'EXIF time 2001-01-01 00:00:00 UTC',
-        "photograph '1.jpg': EXIF time '2021-09-03 14:05:06+99:00' is impossible; set the camera's "
+        "photograph '1.jpg': EXIF time '2021:09:03 14:05:06+99:00' is impossible; set the camera's "
         'clock',
-        "photograph '2.jpg': EXIF time '0001-01-01 00:00:00' is impossible; set the camera's clock",
+        "photograph '2.jpg': EXIF time '0001:01:01 00:00:00' is impossible; set the camera's clock",
     ]
 
 
