@@ -265,7 +265,7 @@ def _read_maps(path: Path) -> None:
 
 
 def _read_photograph(path: Path) -> None:
-    from porotwin_core.exposure_time import exif_time
+    from porotwin_imaging.exposure_time import exif_time
     from porotwin_imaging.photo_file import decode
 
     data = path.read_bytes()

@@ -3,8 +3,7 @@
 Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
 (a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
 `rate_ml/min`. See https://github.com/pmgbergen/DarSIA. The log of a flow meter or a balance,
-`measured_protocol.csv`, has the columns of the injection. Without `imaging_protocol.csv`,
-photographs have the times that the camera wrote (EXIF).
+`measured_protocol.csv`, has the columns of the injection.
 """
 
 import os
@@ -14,7 +13,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.foreign_table import ForeignTable, read_foreign_table
+from porotwin_recording.foreign_table import read_foreign_table
 from porotwin_recording.foreign_time import names_zone
 from porotwin_recording.map_import import ARRAY_FILES
 from porotwin_recording.protocol_answers import (
@@ -24,7 +23,6 @@ from porotwin_recording.protocol_answers import (
     ProtocolAnswers,
 )
 from porotwin_recording.protocol_photographs import (
-    listed_photographs,
     place_photographs,
     protocol_photographs,
     with_roles,
@@ -65,16 +63,13 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     there = [name for name in PROTOCOLS if (folder / name).is_file()]
     if not {IMAGING_PROTOCOL, INJECTION_PROTOCOL} & {*there}:
         raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
-    listed = listed_photographs(folder, answers, told)
-    photographs = [] if listed is None else protocol_photographs(folder, listed, answers, told)
+    photographs = protocol_photographs(folder, answers, told) if IMAGING_PROTOCOL in there else []
     commanded = measured = None
     if INJECTION_PROTOCOL in there:
         commanded = pumped_rates(folder / INJECTION_PROTOCOL, rig, answers, told)
     if MEASURED_PROTOCOL in there:
         measured = pumped_rates(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
-    pumps = (name for name in there if name != IMAGING_PROTOCOL)
-    tables = [read_foreign_table(folder / name, answers.decimal) for name in pumps]
-    _check_clocks([listed, *tables] if listed else tables, answers)
+    _check_clocks([folder / name for name in there], answers)
     pumped = commanded or measured or []
     running = [row.start for row in pumped if row.rate.rate] or [row.start for row in pumped]
     begin = min(running or [moment for moment, _ in photographs])
@@ -98,20 +93,21 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     return told
 
 
-def _check_clocks(tables: list[ForeignTable], answers: ProtocolAnswers) -> None:
-    """Check that the times of all `tables` can be compared.
+def _check_clocks(paths: list[Path], answers: ProtocolAnswers) -> None:
+    """Check that the times of all protocols can be compared.
 
     Raises:
         InputError: one names its zone, and nothing says the zone of another.
     """
     if answers.time_zone:
         return
+    tables = [read_foreign_table(path, answers.decimal) for path in paths]
     zoned = {
         table.path: any(names_zone(words) for words in table.columns.values()) for table in tables
     }
-    without = [path for path in zoned if not zoned[path]]
-    if without and len(without) < len(zoned):
-        other = next(path.name for path in zoned if zoned[path])
+    without = [path for path in paths if not zoned[path]]
+    if without and len(without) < len(paths):
+        other = next(path.name for path in paths if zoned[path])
         raise InputError(
             f'{without[0]}: its times name no zone, those of {other} do; give --time-zone, such as '
             'Europe/Oslo, the zone of the times that name none'

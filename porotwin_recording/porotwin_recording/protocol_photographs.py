@@ -1,7 +1,4 @@
-"""The photographs of a laboratory folder: their files, times and roles.
-
-`imaging_protocol.csv` lists them. Without it, the times that the camera wrote (EXIF) count.
-"""
+"""The photographs of `imaging_protocol.csv`: their files, times and roles."""
 
 import os
 import re
@@ -11,7 +8,6 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from porotwin_core.errors import InputError
-from porotwin_core.exposure_time import HEADER_BYTES, written_time
 from porotwin_recording.clock_order import check_order, counters
 from porotwin_recording.csv_table import number_text, write_table
 from porotwin_recording.foreign_table import ForeignTable, read_foreign_table
@@ -29,52 +25,15 @@ MOST_DIGITS = 18
 """Most digits of an image_id; a camera counts to a few thousand."""
 
 
-def listed_photographs(
-    folder: Path, answers: ProtocolAnswers, told: list[str]
-) -> ForeignTable | None:
-    """Return the table of the photographs in `folder`; None if there is none and no EXIF time.
-
-    `imaging_protocol.csv` names its columns itself; a table from EXIF has `path` and `datetime`.
-    """
-    if (folder / IMAGING_PROTOCOL).is_file():
-        return read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
-    files = _images(folder)
-    written = [(file, _written_time(file)) for file in files]
-    timed = [(str(file.relative_to(folder)), word) for file, word in written if word]
-    if timed:
-        told.append(
-            f'{folder}: no {IMAGING_PROTOCOL}: {len(timed)} photographs have the times that the '
-            'camera wrote (EXIF)'
-        )
-    if missing := [file.name for file, word in written if not word]:
-        told.append(
-            f'{folder}: {len(missing)} of {len(files)} photographs hold no time of the camera and '
-            f"are left out, the first is '{missing[0]}'; list them in {IMAGING_PROTOCOL}"
-        )
-    if not timed:
-        return None
-    names, words = zip(*timed, strict=True)
-    columns = {'path': list(names), 'datetime': list(words)}
-    return ForeignTable(folder, columns, 'point', {'datetime': 'EXIF time'})
-
-
-def _written_time(file: Path) -> str:
-    with file.open('rb') as photograph:
-        return written_time(photograph.read(HEADER_BYTES))
-
-
-def _images(folder: Path) -> list[Path]:
-    found = (path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
-    return sorted(path for path in found if path.is_file())
-
-
 def protocol_photographs(
-    folder: Path, table: ForeignTable, answers: ProtocolAnswers, told: list[str]
+    folder: Path, answers: ProtocolAnswers, told: list[str]
 ) -> list[tuple[datetime, Path]]:
-    """Return times and files of the photographs in `table`, the oldest first."""
+    """Return times and files of the photographs, the oldest first."""
+    table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
     column = table.needed('datetime', 'time', 'date')
     times = protocol_moments(table, column, answers, told)
-    files = _images(folder)
+    found_names = (path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
+    files = sorted(path for path in found_names if path.is_file())
     title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
     by_name = title == table.find('path', 'file', 'filename')
     found, missing = [], []
@@ -126,7 +85,7 @@ def _check_order(
         and all(word.isdecimal() and len(word) <= MOST_DIGITS for word in table.columns[ids])
     ):
         numbers = [int(word) for word in table.columns[ids]]
-    remark = check_order(times, words, f'{table.path}: {table.spelt(column)}', numbers)
+    remark = check_order(times, words, f'{table.path}: {column}', numbers)
     told += [remark] if remark else []
 
 

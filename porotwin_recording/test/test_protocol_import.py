@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from PIL import Image
 from recording_examples import bench_rig
 
 from porotwin_core.errors import InputError
@@ -457,56 +456,3 @@ def test_maps_beside_protocols_are_told_to_be_left_out(folder: Path) -> None:
     (folder / 'maps.nc').write_bytes(b'')
     _, told = imported(folder)
     assert any(line.startswith('maps.nc: not read') for line in told)
-
-
-def photograph(path: Path, taken: str, offset: str = '') -> None:
-    """Write a small photograph with the time that a camera wrote."""
-    exif = Image.Exif()
-    details = exif.get_ifd(0x8769)
-    details |= {0x9003: taken} if taken else {}
-    details |= {0x9011: offset} if offset else {}
-    Image.new('RGB', (8, 6)).save(path, 'JPEG', exif=exif)
-
-
-def with_camera_times(folder: Path, *, offset: str = '') -> Path:
-    """Return `folder` with photographs that hold their times, and without a list of them."""
-    (folder / 'imaging_protocol.csv').unlink()
-    for path in (folder / 'images').iterdir():
-        path.unlink()
-    for number, clock in ((1, '09:59:00'), (2, '10:00:30'), (3, '10:01:00')):
-        photograph(folder / 'images' / f'IMG_{number:04d}.JPG', f'2024:05:31 {clock}', offset)
-    return folder
-
-
-def test_photographs_without_a_list_have_the_times_of_the_camera(folder: Path) -> None:
-    lab = with_camera_times(folder)
-    photograph(lab / 'images' / 'scan.jpg', '')
-    recording, told = imported(lab)
-    assert [(p.time, p.role) for p in recording.photos] == [
-        (-60.0, 'baseline'),
-        (30.0, 'state'),
-        (60.0, 'state'),
-    ]
-    text = '\n'.join(told)
-    assert '3 photographs have the times that the camera wrote (EXIF)' in text
-    assert (
-        "1 of 4 photographs hold no time of the camera and are left out, the first is 'scan.jpg'"
-        in text
-    )
-
-
-def test_the_zone_of_the_camera_needs_the_zone_of_the_pumps(folder: Path) -> None:
-    lab = with_camera_times(folder, offset='+02:00')
-    with pytest.raises(
-        InputError, match=r'injection_protocol.csv: its times name no zone, those of'
-    ):
-        imported(lab)
-    recording, _ = imported(lab, replace(PLAIN, time_zone='Europe/Oslo'))
-    assert [p.time for p in recording.photos] == [-60.0, 30.0, 60.0]
-
-
-def test_a_camera_whose_clock_was_set_back_is_named(folder: Path) -> None:
-    lab = with_camera_times(folder)
-    photograph(lab / 'images' / 'IMG_0004.JPG', '2024:05:31 09:30:00')
-    with pytest.raises(InputError, match=r'lab: EXIF time'):
-        imported(lab)

@@ -70,8 +70,7 @@ def command(
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
     them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv or .nc or
-    a folder .zarr. Without imaging_protocol.csv, photographs have the times that the camera wrote
-    (EXIF). The command asks for missing facts, one line each.
+    a folder .zarr. The command asks for missing facts, one line each.
 
     Example: ./porotwin import experiment experiment_bag
 

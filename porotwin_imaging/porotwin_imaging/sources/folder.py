@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porotwin_core.errors import InputError
-from porotwin_core.exposure_time import HEADER_BYTES, exif_time
+from porotwin_imaging.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.file_names import natural_order, printable
 from porotwin_imaging.photo_clock import TimeEvidence, own_time
 from porotwin_imaging.photo_file import MOST_BYTES, is_complete, is_photograph

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_core.exposure_time import exif_time
+from porotwin_imaging.exposure_time import exif_time
 
 
 def with_exif(**tags: str) -> bytes:
