@@ -77,8 +77,8 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(
             f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times; '
-            f'./porotwin import {folder / "photos"} TARGET --rig {folder / RIG_FILE} makes one from '
-            'their EXIF times'
+            f'./porotwin import {folder / "photos"} TARGET --rig {folder / RIG_FILE} makes one '
+            'from their EXIF times'
         )
     return RecordedData(
         rig,
