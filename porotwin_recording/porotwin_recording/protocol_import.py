@@ -153,6 +153,6 @@ def _check_clocks(zoned: dict[str, bool], answers: ProtocolAnswers) -> None:
         return
     other = next(name for name, names in zoned.items() if names)
     raise InputError(
-        f'{without[0]}: the times name no zone, those of {other} do; give --time-zone, such as '
+        f'{without[0]}: the times have no zone, but {other} has one; give --time-zone, such as '
         'Europe/Oslo, the zone of the times that name none'
     )

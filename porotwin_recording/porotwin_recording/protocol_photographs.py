@@ -132,7 +132,7 @@ def with_roles(
 ) -> list[Photo]:
     """Return the photographs with times and roles; those before `begin` are baselines.
 
-    `pumped` tells whether there is a pump log, in which an injection starts at `begin`.
+    With `pumped`, `begin` is the first injection of a pump log, else the first photograph.
 
     Raises:
         InputError: a photograph is more than a year from `begin`.
@@ -147,7 +147,7 @@ def with_roles(
     if pumped and photographs and photographs[-1][0] < begin:
         told.append(
             'all photographs are older than the first injection, so all are baselines: compare '
-            'the clocks of camera and pumps; --camera-ahead corrects that of the camera'
+            'the clocks of camera and pumps; --camera-ahead corrects the clock of the camera'
         )
     if photographs and photographs[0][0] >= begin:
         why = 'no photograph is older than the first injection' if pumped else 'no pump log'

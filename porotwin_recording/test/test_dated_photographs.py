@@ -23,7 +23,7 @@ NO_FILE = ''
 def imported(
     folder: Path, words: dict[str, str], *, pumps: str = PUMPS, answers: ProtocolAnswers = PLAIN
 ) -> tuple[tuple[Photo, ...], str]:
-    """Return the photographs and what was told about them.
+    """Return the photographs and the lines about them.
 
     Args:
         folder: an empty folder.
@@ -74,7 +74,7 @@ def test_without_a_pump_log_the_first_photograph_is_the_baseline_at_zero(tmp_pat
 
 def test_offsets_need_the_zone_of_the_pump_log(tmp_path: Path) -> None:
     words = {'IMG_0001.JPG': '2024-05-31 09:59:00+02:00', 'IMG_0002.JPG': '2024-05-31 08:05+00:00'}
-    with pytest.raises(InputError, match=r'injection_protocol\.csv: the times name no zone.*give'):
+    with pytest.raises(InputError, match=r'injection_protocol\.csv: the times have no zone.*give'):
         imported(tmp_path / 'one', words)
     answers = replace(PLAIN, time_zone='Europe/Oslo', camera_ahead_s=10.0)
     photos, told = imported(tmp_path / 'two', words, answers=answers)
@@ -122,7 +122,7 @@ def test_photographs_without_a_time_are_left_out_and_named(tmp_path: Path) -> No
         ),
         (
             {'IMG_0001.JPG': '2024-05-31 10:00:00+02:00', 'IMG_0002.JPG': '2024-05-31 10:05:00'},
-            r'IMG_0002\.JPG: its EXIF time names no zone',
+            r'IMG_0002\.JPG: its EXIF time has no zone',
         ),
         (
             {'IMG_0001.JPG': '2016-01-01 00:00:00', 'IMG_0002.JPG': '2016-01-01 00:05:00'},
