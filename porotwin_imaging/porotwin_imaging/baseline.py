@@ -152,6 +152,7 @@ def make_baseline(
         )
     used_calibration = calibration or Calibration()
     used_calibration.check_rig(rig)
+    doubt = calibration.doubt_about(rig) if calibration else ''
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it
@@ -206,6 +207,7 @@ def make_baseline(
         sand_factors=used_calibration.factor_map(grid),
         settings=settings,
         remarks=(
+            *([doubt] if doubt else []),
             *odd_corners,
             *remarks,
             *over_exposed,

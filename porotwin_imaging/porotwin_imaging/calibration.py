@@ -173,6 +173,25 @@ class Calibration:
             f'{rig.height_m:g} m; use a calibration of this rig, or correct its size in rig.yaml'
         )
 
+    def doubt_about(self, rig: Rig) -> str:
+        """Return a line if nothing shows that the calibration is of `rig`; '' if its name does.
+
+        `check_rig` refuses another size before.
+        """
+        made_on = self.made.get('rig')
+        if made_on is None:
+            origin = f' (of {self.made["from"]})' if 'from' in self.made else ''
+            return (
+                f'the calibration{origin} does not tell its rig, so it cannot be checked for '
+                f"'{rig.name}'; renew it with ./porotwin calibrate, which writes the rig into it"
+            )
+        if made_on['name'] != rig.name:
+            return (
+                f"the calibration was made on the rig '{made_on['name']}', which is as large as "
+                f"'{rig.name}'; calibrate this one, unless both are the same rig"
+            )
+        return ''
+
     def factor_map(self, grid: Grid) -> Array:
         """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""
         return self._map_of(self.factors, grid)

@@ -5,8 +5,11 @@ cameras, `OffsetTimeOriginal`. Without an offset the time is local time of this 
 """
 
 import io
+import re
 import warnings
 from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 from PIL import Image
 
@@ -14,6 +17,7 @@ from porotwin_core.errors import InputError
 
 _EXIF_DIRECTORY = 0x8769
 _ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG = 0x9003, 0x9291, 0x9011
+_OFFSET = re.compile(r'[+-]\d\d:\d\d')
 HEADER_BYTES = 1 << 18
 """Bytes that contain the EXIF data, which lies in the first 64 kB of a JPEG."""
 
@@ -24,28 +28,60 @@ def exif_time(data: bytes) -> float | None:
     Raises:
         InputError: the camera wrote an impossible time.
     """
+    written = _written(io.BytesIO(data[:HEADER_BYTES]))
+    if written is None:
+        return None
+    try:
+        seconds = written.moment.replace(tzinfo=_zone(written.offset)).timestamp()
+    except (ValueError, OverflowError, OSError):
+        original = str(written.moment).replace('-', ':') + written.offset
+        raise InputError(f"EXIF time '{original}' is impossible; set the camera's clock") from None
+    return seconds + (float('0.' + written.digits) if written.digits else 0.0)
+
+
+def exif_words(path: Path) -> str:
+    """Return the exposure time in the photograph `path` as 2024-05-31 14:30:00.25+02:00.
+
+    Fraction and offset are left out where the camera wrote none; '' if it wrote no time.
+    """
+    try:
+        with path.open('rb') as file:
+            written = _written(file)
+    except OSError:
+        return ''
+    if written is None:
+        return ''
+    fraction = f'.{written.digits}' if written.digits else ''
+    offset = written.offset if _OFFSET.fullmatch(written.offset) else ''
+    return f'{written.moment}{fraction}{offset}'
+
+
+class _Written(NamedTuple):
+    """What a camera wrote: local time, digits of the fraction of a second, offset from UTC."""
+
+    moment: datetime
+    digits: str
+    offset: str
+
+
+def _written(file: BinaryIO) -> _Written | None:
+    """Return the exposure time in a photograph, None if it has none."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # of a large or damaged file; decoding judges it
-            image = Image.open(io.BytesIO(data[:HEADER_BYTES]))
+            image = Image.open(file)
         with image:
             tags = image.getexif().get_ifd(_EXIF_DIRECTORY)
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return None
-    written = str(tags.get(_ORIGINAL_TAG, '')).strip('\0 ')
+    original, digits, offset = (
+        str(tags.get(tag, '')).strip('\0 ') for tag in (_ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG)
+    )
     try:
-        moment = datetime.strptime(written, '%Y:%m:%d %H:%M:%S')
+        moment = datetime.strptime(original, '%Y:%m:%d %H:%M:%S')
     except ValueError:
         return None
-    offset = str(tags.get(_OFFSET_TAG, '')).strip('\0 ')
-    try:
-        seconds = moment.replace(tzinfo=_zone(offset)).timestamp()
-    except (ValueError, OverflowError, OSError):
-        raise InputError(
-            f"EXIF time '{written}{offset}' is impossible; set the camera's clock"
-        ) from None
-    digits = str(tags.get(_SUBSECOND_TAG, '')).strip('\0 ')
-    return seconds + (float('0.' + digits) if digits.isdecimal() else 0.0)
+    return _Written(moment, digits if digits.isdecimal() else '', offset)
 
 
 def _zone(offset: str) -> timezone | None:

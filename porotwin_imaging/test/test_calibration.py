@@ -245,5 +245,23 @@ def test_a_calibration_of_another_rig_is_refused(
         ImagingSession(rig, rig.grid(90, 50), calibration=calibration)
 
 
-def test_a_calibration_that_does_not_tell_its_rig_fits_any_rig(laboratory) -> None:
-    Calibration(made={'from': 'an older file'}).check_rig(laboratory.rig)
+@pytest.mark.parametrize(
+    ('made_on', 'words'),
+    [
+        (None, 'calibration (of run 3) does not tell its rig, so it cannot be checked for'),
+        ('other', "was made on the rig 'other', which is as large as 'test'; calibrate this one"),
+        ('test', ''),
+    ],
+)
+def test_a_calibration_that_may_be_of_another_rig_is_told(
+    laboratory, empty_photograph, made_on, words
+) -> None:
+    rig = laboratory.rig
+    size = {'width_m': rig.width_m, 'height_m': rig.height_m}
+    made = {'from': 'run 3'} | ({'rig': {'name': made_on, **size}} if made_on else {})
+    baseline = make_baseline(
+        rig, rig.grid(90, 50), [empty_photograph], calibration=Calibration(made=made)
+    )
+    told = [line for line in baseline.remarks if 'calibration' in line]
+    assert len(told) == bool(words)
+    assert words in ''.join(told)

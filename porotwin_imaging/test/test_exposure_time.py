@@ -4,13 +4,14 @@ import contextlib
 import io
 import random
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.exposure_time import exif_time
+from porotwin_imaging.exposure_time import exif_time, exif_words
 
 
 def with_exif(**tags: str) -> bytes:
@@ -70,3 +71,25 @@ def test_damaged_metadata_gives_no_time() -> None:
             spoiled[place] = generator.randrange(256)
         with contextlib.suppress(InputError):
             exif_time(bytes(spoiled))
+
+
+@pytest.mark.parametrize(
+    ('tags', 'words'),
+    [
+        ({'original': '2021:09:03 14:05:06'}, '2021-09-03 14:05:06'),
+        (
+            {'original': '2021:09:03 14:05:06', 'subsecond': '25', 'offset': '+02:00'},
+            '2021-09-03 14:05:06.25+02:00',
+        ),
+        ({'original': '2021:09:03 14:05:06', 'offset': 'local'}, '2021-09-03 14:05:06'),
+        ({'original': '0000:00:00 00:00:00'}, ''),
+        ({}, ''),
+    ],
+)
+def test_the_time_in_a_file_is_given_as_words(
+    tmp_path: Path, tags: dict[str, str], words: str
+) -> None:
+    path = tmp_path / 'IMG_0001.JPG'
+    path.write_bytes(with_exif(**tags))
+    assert exif_words(path) == words
+    assert exif_words(tmp_path / 'no such file') == ''

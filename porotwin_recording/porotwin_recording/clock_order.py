@@ -48,17 +48,17 @@ def check_order(
     Raises:
         InputError: times fall where they should rise; the message names the row.
     """
-    falls = _falls(times, numbers)
-    if not falls:
+    found = falls(times, numbers)
+    if not found:
         return ''
-    if len(falls) == len(times) - 1 > 1:
+    if len(found) == len(times) - 1 > 1:
         return f'{where}: times fall all the way: taken as a list with the newest first'
-    before, after = falls[0]
+    before, after = found[0]
     fall = (times[before] - times[after]).total_seconds()
-    if numbers is None and (len(falls) > 1 or fall > LONGEST_SETBACK_S):
+    if numbers is None and (len(found) > 1 or fall > LONGEST_SETBACK_S):
         return f'{where}: rows are not in the order of their times: sorted by time'
     first, second = (
-        f'row {at + 2}' if numbers is None else f'photograph {numbers[at]}' for at in falls[0]
+        f'row {at + 2}' if numbers is None else f'photograph {numbers[at]}' for at in found[0]
     )
     raise InputError(
         f"{where}:{after + 2}: '{words[after]}' of {second} is earlier than '{words[before]}' of "
@@ -71,8 +71,13 @@ def _remedy(numbers: Sequence[int] | None) -> str:
     return 'sort the rows by time' if numbers is None else 'correct the row'
 
 
-def _falls(times: Sequence[datetime], numbers: Sequence[int] | None) -> list[tuple[int, int]]:
-    """Return the pairs of rows that follow each other and whose times fall."""
+def falls(times: Sequence[datetime], numbers: Sequence[int] | None) -> list[tuple[int, int]]:
+    """Return the pairs of rows that follow each other, by number, and whose times fall.
+
+    Args:
+        times: the times of the rows.
+        numbers: numbers of the photographs that rise with time; None: the rows are in order.
+    """
     tried = [list(range(len(times)))]
     if numbers is not None:
         tried = [

@@ -75,7 +75,11 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
             f'{IMAGING_FILE}{rename or HOW_TO_TRY}'
         )
     if not imaging.exists() and (folder / 'photos').is_dir():
-        raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')
+        raise InputError(
+            f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times; '
+            f'./porotwin import {folder / "photos"} TARGET --rig {folder / RIG_FILE} makes one '
+            'from their EXIF times'
+        )
     return RecordedData(
         rig,
         commanded=read_rates(commanded, rig.wells) if commanded.exists() else None,

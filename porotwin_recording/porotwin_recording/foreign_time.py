@@ -34,6 +34,7 @@ def moments(
     *,
     order: DateOrder | None = None,
     zone: str = '',
+    places: Sequence[str] = (),
 ) -> tuple[list[datetime], list[str]]:
     """Return the times in `words`, and the assumptions that were made, one line each.
 
@@ -46,17 +47,19 @@ def moments(
         where: file and column, for messages.
         order: order of day and month in dates such as 3/4/2024; None: as the dates show.
         zone: time zone, such as Europe/Oslo; empty: none.
+        places: the place of each word, for messages; empty: its row in a table with a header.
 
     Raises:
         InputError: a word is no time, lacks the time of day that others have, is none in its zone,
             is more than a year from most others, or can be read in two ways.
     """
     matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
-    for number, (word, match) in enumerate(zip(words, matches, strict=True), 2):
+    places = places or [f'{where}:{row}' for row in range(2, len(words) + 2)]
+    for word, match, place in zip(words, matches, places, strict=True):
         if match is None:
-            raise InputError(f"{where}:{number}: '{word}' is no date; write 2024-05-31 14:30:00")
+            raise InputError(f"{place}: '{word}' is no date; write 2024-05-31 14:30:00")
     found = [match for match in matches if match is not None]
-    _check_clock_times(found, where)
+    _check_clock_times(found, places)
     told: list[str] = []
     doubtful = [match for match in found if 'one' in match.groupdict()]
     day_first = _is_day_first(
@@ -72,10 +75,9 @@ def moments(
             else 'times without a zone: taken as times of one clock; --time-zone names its zone'
         )
     times = [
-        _moment(match, day_first, zone, f'{where}:{number}')
-        for number, match in enumerate(found, 2)
+        _moment(match, day_first, zone, place) for match, place in zip(found, places, strict=True)
     ]
-    _check_years(times, words, where)
+    _check_years(times, words, places)
     return times, told
 
 
@@ -85,7 +87,7 @@ def names_zone(words: Sequence[str]) -> bool:
     return any(match is not None and match['zone'] is not None for match in matches)
 
 
-def _check_years(times: Sequence[datetime], words: Sequence[str], where: str) -> None:
+def _check_years(times: Sequence[datetime], words: Sequence[str], places: Sequence[str]) -> None:
     """Refuse a time that is more than a year from most others: a clock was not set."""
     if not times:
         return
@@ -93,18 +95,18 @@ def _check_years(times: Sequence[datetime], words: Sequence[str], where: str) ->
     for at, time in enumerate(times):
         if abs((time - times[middle]).total_seconds()) > LONGEST_EXPERIMENT_S:
             raise InputError(
-                f"{where}:{at + 2}: '{words[at]}' is more than a year from '{words[middle]}' in "
-                f'row {middle + 2}; correct the one that is wrong'
+                f"{places[at]}: '{words[at]}' is more than a year from '{words[middle]}' of "
+                f'{places[middle]}; correct the one that is wrong'
             )
 
 
-def _check_clock_times(found: Sequence[re.Match[str]], where: str) -> None:
+def _check_clock_times(found: Sequence[re.Match[str]], places: Sequence[str]) -> None:
     """Refuse a date without a time of day beside dates with one: it is no midnight for sure."""
-    missing = [number for number, match in enumerate(found, 2) if match['time'] is None]
+    missing = [at for at, match in enumerate(found) if match['time'] is None]
     if missing and len(missing) < len(found):
-        date = found[missing[0] - 2][0]
+        date = found[missing[0]][0]
         raise InputError(
-            f"{where}:{missing[0]}: '{date}' has no time of day, and other rows have one; write it "
+            f"{places[missing[0]]}: '{date}' has no time of day, and other rows have one; write it "
             f"as in '{date} 14:30:00', or '{date} 00:00:00' if it was midnight"
         )
 

@@ -1,4 +1,5 @@
-"""Folders with `imaging_protocol.csv` and `injection_protocol.csv`, as DarSIA uses them.
+"""Folders with `imaging_protocol.csv` and `injection_protocol.csv`, as DarSIA uses them, or with
+photographs alone.
 
 Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
 (a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
@@ -7,12 +8,18 @@ Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the inj
 """
 
 import os
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import LONGEST_EXPERIMENT_S
-from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.dated_photographs import (
+    ReadExposure,
+    camera_files,
+    dated_photographs,
+)
+from porotwin_recording.experiment_folder import FILES, RIG_FILE, write_folder
 from porotwin_recording.foreign_table import read_foreign_table
 from porotwin_recording.foreign_time import names_zone
 from porotwin_recording.map_import import ARRAY_FILES
@@ -23,6 +30,7 @@ from porotwin_recording.protocol_answers import (
     ProtocolAnswers,
 )
 from porotwin_recording.protocol_photographs import (
+    LISTED,
     place_photographs,
     protocol_photographs,
     with_roles,
@@ -33,23 +41,34 @@ from porotwin_recording.recorded_data import RecordedData
 PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
 
 
-def has_protocols(folder: Path) -> bool:
-    """Return whether a folder has one of the protocols."""
-    return any((folder / name).is_file() for name in PROTOCOLS)
+def is_lab_folder(folder: Path) -> bool:
+    """Return whether a folder has one of the protocols, or photographs and no experiment."""
+    if any((folder / name).is_file() for name in PROTOCOLS):
+        return True
+    recorded = any((folder / name).exists() for name in FILES if name != RIG_FILE)
+    return not recorded and bool(camera_files(folder))
 
 
-def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnswers) -> list[str]:
+def import_protocols(
+    folder: Path,
+    target: Path,
+    rig: Rig,
+    answers: ProtocolAnswers,
+    *,
+    exposure: ReadExposure = lambda _: '',
+) -> list[str]:
     """Write an experiment folder from protocols and photographs; return the assumptions made.
 
     Time zero is the first commanded rate above or below zero, else the first measured one, else
     the first photograph. Photographs before time zero are baselines. Photographs are linked where
-    the file system allows it.
+    the file system allows it. Without a list of them, they have the times that they hold.
 
     Args:
         folder: the folder with the protocols.
         target: the new experiment folder.
         rig: the rig, whose wells the locations mean.
         answers: answers to the questions that the protocols leave open.
+        exposure: reads the time that a camera wrote into a file.
 
     Raises:
         InputError: one line with the file, the fault and the remedy.
@@ -61,19 +80,28 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
             f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
         )
     there = [name for name in PROTOCOLS if (folder / name).is_file()]
-    if not {IMAGING_PROTOCOL, INJECTION_PROTOCOL} & {*there}:
-        raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
-    photographs = protocol_photographs(folder, answers, told) if IMAGING_PROTOCOL in there else []
+    zoned = _zones([folder / name for name in there], answers)
+    if IMAGING_PROTOCOL in there:
+        photographs = protocol_photographs(folder, answers, told)
+    else:
+        dated = dated_photographs(folder, answers, exposure, told)
+        photographs = dated.exposures
+        zoned |= {f'the photographs in {folder}': dated.zoned} if photographs else {}
+    if not photographs and INJECTION_PROTOCOL not in there:
+        raise InputError(
+            f'{folder}: has no {INJECTION_PROTOCOL}, and no photograph holds its time; {LISTED}'
+        )
+    photographs = _by_pumps(photographs, answers, told)
     commanded = measured = None
     if INJECTION_PROTOCOL in there:
         commanded = pumped_rates(folder / INJECTION_PROTOCOL, rig, answers, told)
     if MEASURED_PROTOCOL in there:
         measured = pumped_rates(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
-    _check_clocks([folder / name for name in there], answers)
+    _check_clocks(zoned, answers)
     pumped = commanded or measured or []
     running = [row.start for row in pumped if row.rate.rate] or [row.start for row in pumped]
     begin = min(running or [moment for moment, _ in photographs])
-    photos = with_roles(photographs, begin, told)
+    photos = with_roles(photographs, begin, told, pumped=bool(pumped))
     asked = schedule_of(since(begin, commanded, told), begin) if commanded else None
     delivered = schedule_of(since(begin, measured, told), begin) if measured else None
     if asked is not None and delivered is not None:
@@ -84,7 +112,8 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     for file in target.iterdir():  # a recording has the date of its oldest file
         if file.is_file():
             os.utime(file, (begin.timestamp(), begin.timestamp()))
-    told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
+    in_utc = bool(answers.time_zone) or all(zoned.values())
+    told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + ' UTC' * in_utc)
     told += [
         f'{name}: not read, only protocols and photographs are; ./porotwin import {folder / name} '
         'TARGET reads maps'
@@ -93,22 +122,37 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     return told
 
 
-def _check_clocks(paths: list[Path], answers: ProtocolAnswers) -> None:
-    """Check that the times of all protocols can be compared.
+def _by_pumps(
+    photographs: list[tuple[datetime, Path]], answers: ProtocolAnswers, told: list[str]
+) -> list[tuple[datetime, Path]]:
+    """Return the photographs with times of the pumps' clock."""
+    if not answers.camera_ahead_s or not photographs:
+        return photographs
+    told.append(f"the camera's clock is {answers.camera_ahead_s:g} s ahead")
+    ahead = timedelta(seconds=answers.camera_ahead_s)
+    return [(moment - ahead, path) for moment, path in photographs]
+
+
+def _zones(paths: list[Path], answers: ProtocolAnswers) -> dict[str, bool]:
+    """Return whether the times of each protocol name their zone."""
+    tables = [read_foreign_table(path, answers.decimal) for path in paths]
+    return {
+        str(table.path): any(names_zone(words) for words in table.columns.values())
+        for table in tables
+    }
+
+
+def _check_clocks(zoned: dict[str, bool], answers: ProtocolAnswers) -> None:
+    """Check that the times of all protocols and photographs can be compared.
 
     Raises:
         InputError: one names its zone, and nothing says the zone of another.
     """
-    if answers.time_zone:
+    without = [name for name, names in zoned.items() if not names]
+    if answers.time_zone or not without or len(without) == len(zoned):
         return
-    tables = [read_foreign_table(path, answers.decimal) for path in paths]
-    zoned = {
-        table.path: any(names_zone(words) for words in table.columns.values()) for table in tables
-    }
-    without = [path for path in paths if not zoned[path]]
-    if without and len(without) < len(paths):
-        other = next(path.name for path in paths if zoned[path])
-        raise InputError(
-            f'{without[0]}: its times name no zone, those of {other} do; give --time-zone, such as '
-            'Europe/Oslo, the zone of the times that name none'
-        )
+    other = next(name for name, names in zoned.items() if names)
+    raise InputError(
+        f'{without[0]}: the times have no zone, but {other} has one; give --time-zone, such as '
+        'Europe/Oslo, the zone of the times that name none'
+    )

@@ -4,10 +4,11 @@ import os
 import re
 import shutil
 from collections import Counter
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.clock_order import check_order, counters
 from porotwin_recording.csv_table import number_text, write_table
 from porotwin_recording.foreign_table import ForeignTable, read_foreign_table
@@ -20,6 +21,9 @@ from porotwin_recording.protocol_answers import (
 )
 
 IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
+
+LISTED = f'list the photographs with their times in {IMAGING_PROTOCOL} (columns path, datetime)'
+"""Remedy for times that cannot be used."""
 
 MOST_DIGITS = 18
 """Most digits of an image_id; a camera counts to a few thousand."""
@@ -54,10 +58,7 @@ def protocol_photographs(
             f'{table.path}: {len(missing)} of {table.length} photographs are not there and left '
             f"out, the first is '{missing[0]}'"
         )
-    if answers.camera_ahead_s:
-        told.append(f"{table.path}: the camera's clock is {answers.camera_ahead_s:g} s ahead")
-    ahead = timedelta(seconds=answers.camera_ahead_s)
-    return sorted((moment - ahead, file) for moment, file in found)
+    return sorted(found)
 
 
 def _check_order(
@@ -127,14 +128,30 @@ def _numbered(files: list[Path], word: str, table: ForeignTable) -> Path | None:
 
 
 def with_roles(
-    photographs: list[tuple[datetime, Path]], begin: datetime, told: list[str]
+    photographs: list[tuple[datetime, Path]], begin: datetime, told: list[str], *, pumped: bool
 ) -> list[Photo]:
-    """Return the photographs with times and roles; those before `begin` are baselines."""
-    if photographs and photographs[0][0] >= begin:
+    """Return the photographs with times and roles; those before `begin` are baselines.
+
+    With `pumped`, `begin` is the first injection of a pump log, else the first photograph.
+
+    Raises:
+        InputError: a photograph is more than a year from `begin`.
+    """
+    for moment, file in photographs:
+        if abs((moment - begin).total_seconds()) > LONGEST_EXPERIMENT_S:
+            raise InputError(
+                f'{file}: taken at {moment:%Y-%m-%d %H:%M:%S}, more than a year from the first '
+                f'injection at {begin:%Y-%m-%d %H:%M:%S}: was the clock of the camera set? write '
+                f'the right time into {IMAGING_PROTOCOL}'
+            )
+    if pumped and photographs and photographs[-1][0] < begin:
         told.append(
-            f'no photograph is older than the first injection: {photographs[0][1].name} is taken '
-            'as the baseline'
+            'all photographs are older than the first injection, so all are baselines: compare '
+            'the clocks of camera and pumps; --camera-ahead corrects the clock of the camera'
         )
+    if photographs and photographs[0][0] >= begin:
+        why = 'no photograph is older than the first injection' if pumped else 'no pump log'
+        told.append(f'{why}: {photographs[0][1].name} is taken as the baseline')
     return [
         Photo(
             (moment - begin).total_seconds(),

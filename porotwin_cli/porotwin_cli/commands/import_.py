@@ -27,12 +27,15 @@ PROTOCOL_OPTIONS = (
     '--concentration',
     '--camera-ahead',
 )
-"""Options for a folder with protocols."""
+"""Options for a folder with protocols or photographs."""
 
 
 def command(
     source: Annotated[
-        Path, typer.Argument(help='Experiment folder, folder with protocols, or file of maps.')
+        Path,
+        typer.Argument(
+            help='Experiment folder, folder with protocols or photographs, or file of maps.'
+        ),
     ],
     target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
     rig: Annotated[
@@ -70,17 +73,19 @@ def command(
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
     them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv or .nc or
-    a folder .zarr. The command asks for missing facts, one line each.
+    a folder .zarr. Photographs that no imaging_protocol.csv lists have the times that the camera
+    wrote into them (EXIF), or into their names. The command asks for missing facts, one line each.
 
     Example: ./porotwin import experiment experiment_bag
 
     Example: ./porotwin import lab_folder experiment --rig rig.yaml --date-order day-first
     """
+    from porotwin_imaging.exposure_time import exif_words
     from porotwin_recording.bag_conversion import import_experiment
     from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
     from porotwin_recording.one_writer import one_writer
     from porotwin_recording.protocol_answers import ProtocolAnswers
-    from porotwin_recording.protocol_import import has_protocols, import_protocols
+    from porotwin_recording.protocol_import import import_protocols, is_lab_folder
 
     given = {
         '--rig': rig,
@@ -97,8 +102,8 @@ def command(
     has_maps = source.suffix in SUFFIXES
     if has_maps:
         _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
-    elif source.is_dir() and has_protocols(source):
-        _refuse_others(given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols')
+    elif source.is_dir() and is_lab_folder(source):
+        _refuse_others(given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols or photographs')
     else:
         _refuse_others(given, (), f'{source}: an experiment folder')
         convert(import_experiment, source, target, as_json=as_json)
@@ -112,7 +117,7 @@ def command(
             answers = ProtocolAnswers(
                 date_order, time_zone, decimal, rate_unit, concentration, camera_ahead
             )
-            told = import_protocols(source, target, _rig(source, rig), answers)
+            told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
         for line in told:
             say(line)
         _report(source, target, told, as_json=as_json)

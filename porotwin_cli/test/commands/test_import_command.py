@@ -129,3 +129,22 @@ def test_a_part_is_cut_out_of_a_folder(experiment: Path, tmp_path: Path) -> None
         assert complaint in refused.stderr
         assert len(refused.stderr.strip().splitlines()) == 1
         assert not (tmp_path / 'none').exists()
+
+
+def test_a_folder_of_photographs_becomes_an_experiment_with_their_times(
+    experiment: Path, tmp_path: Path
+) -> None:
+    lab = tmp_path / 'lab'
+    lab.mkdir()
+    before = open_recording(experiment).photos
+    for number, photo in enumerate(before):
+        (lab / f'IMG_{9997 + number if number < 3 else number - 2:04d}.JPG').write_bytes(
+            photo.read()
+        )
+    result = porotwin('import', lab, tmp_path / 'made', '--rig', experiment / 'rig.yaml')
+    assert result.returncode == 0, result.stderr
+    assert 'EXIF times of 7 photographs' in result.stderr
+    after = open_recording(tmp_path / 'made').photos
+    assert [photo.read() for photo in after] == [photo.read() for photo in before]
+    times = [photo.time - before[0].time for photo in before]
+    np.testing.assert_allclose([photo.time for photo in after], times, atol=2e-3)

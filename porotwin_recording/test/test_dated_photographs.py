@@ -1,0 +1,169 @@
+"""Photographs without a list: their times are in the files or in the names."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from recording_examples import bench_rig
+
+from porotwin_core.errors import InputError
+from porotwin_recording.photos import Photo
+from porotwin_recording.protocol_answers import ProtocolAnswers
+from porotwin_recording.protocol_import import import_protocols, is_lab_folder
+from porotwin_recording.recording import open_recording
+
+PLAIN = ProtocolAnswers()
+PUMPS = (
+    'well,start,end,rate [ml/h],concentration\nin,2024-05-31 10:00:00,2024-05-31 10:30:00,100,1\n'
+)
+NO_FILE = ''
+"""The time of a photograph into which no camera wrote one."""
+
+
+def imported(
+    folder: Path, words: dict[str, str], *, pumps: str = PUMPS, answers: ProtocolAnswers = PLAIN
+) -> tuple[tuple[Photo, ...], str]:
+    """Return the photographs and the lines about them.
+
+    Args:
+        folder: an empty folder.
+        words: the times that a camera wrote, by the paths of the files.
+        pumps: the pump log; '' for none.
+        answers: the answers of a person.
+    """
+    source, target = folder / 'lab', folder / 'experiment'
+    for name in words:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes(b'\xff\xd8' + name.encode())
+    if pumps:
+        (source / 'injection_protocol.csv').write_text(pumps)
+    assert is_lab_folder(source)
+    told = import_protocols(
+        source,
+        target,
+        bench_rig(),
+        answers,
+        exposure=lambda path: words[str(path.relative_to(source))],
+    )
+    return open_recording(target).photos, '\n'.join(told)
+
+
+def test_photographs_have_the_times_that_the_camera_wrote(tmp_path: Path) -> None:
+    words = {
+        'DCIM/IMG_0012.JPG': '2024-05-31 10:05:00.75',
+        'DCIM/IMG_0010.JPG': '2024-05-31 09:59:00',
+        'DCIM/IMG_0011.JPG': '2024-05-31 10:05:00.25',
+        '._IMG_0010.JPG': NO_FILE,  # a file of macOS
+    }
+    photos, told = imported(tmp_path, words)
+    assert [(photo.time, photo.role) for photo in photos] == [
+        (-60.0, 'baseline'),
+        (300.25, 'state'),
+        (300.75, 'state'),
+    ]
+    assert photos[1].read().endswith(b'IMG_0011.JPG')
+    assert 'EXIF times of 3 photographs: 2024-05-31 09:59:00 to 2024-05-31 10:05:00' in told
+
+
+def test_without_a_pump_log_the_first_photograph_is_the_baseline_at_zero(tmp_path: Path) -> None:
+    words = {'IMG_0001.JPG': '2024-05-31 10:05:00', 'IMG_0002.JPG': '2024-05-31 10:06:00'}
+    photos, told = imported(tmp_path, words, pumps='')
+    assert [(photo.time, photo.role) for photo in photos] == [(0.0, 'baseline'), (60.0, 'state')]
+    assert 'no pump log: IMG_0001.JPG is taken as the baseline' in told
+
+
+def test_offsets_need_the_zone_of_the_pump_log(tmp_path: Path) -> None:
+    words = {'IMG_0001.JPG': '2024-05-31 09:59:00+02:00', 'IMG_0002.JPG': '2024-05-31 08:05+00:00'}
+    with pytest.raises(InputError, match=r'injection_protocol\.csv: the times have no zone.*give'):
+        imported(tmp_path / 'one', words)
+    answers = replace(PLAIN, time_zone='Europe/Oslo', camera_ahead_s=10.0)
+    photos, told = imported(tmp_path / 'two', words, answers=answers)
+    assert [photo.time for photo in photos] == [-70.0, 290.0]
+    assert 'time zero is 2024-05-31 08:00:00 UTC' in told
+
+
+def test_times_in_names_count_if_files_hold_none(tmp_path: Path) -> None:
+    words = {
+        'IMG_20240531_095900.jpg': NO_FILE,
+        'PXL_20240531_100500250.jpg': '2024-05-31 10:05:00',
+        'timelapse 2024-05-31 10.06.00.png': NO_FILE,
+        'sands.png': NO_FILE,
+    }
+    photos, told = imported(tmp_path, words)
+    assert [photo.time for photo in photos] == [-60.0, 300.0, 360.0]
+    assert 'times in the names of 3 photographs' in told
+
+
+def test_photographs_without_a_time_are_left_out_and_named(tmp_path: Path) -> None:
+    words = {
+        'IMG_0001.JPG': '2024-05-31 09:59:00',
+        'IMG_0002.JPG': NO_FILE,
+        'IMG_0003.JPG': '2024-05-31 10:05:00',
+    }
+    photos, told = imported(tmp_path / 'some', words)
+    assert len(photos) == 2
+    assert '1 of 3 photographs hold no time and are left out, the first is IMG_0002.JPG' in told
+    none = dict.fromkeys(words, NO_FILE)
+    assert not imported(tmp_path / 'pumps', none)[0]
+    with pytest.raises(InputError, match=r'no photograph holds its time; list .*_protocol\.csv'):
+        imported(tmp_path / 'nothing', none, pumps='')
+
+
+@pytest.mark.parametrize(
+    ('words', 'fault'),
+    [
+        (
+            {'IMG_0001.JPG': '2024-05-31 09:59:00', 'IMG_0001 (1).JPG': '2024-05-31 09:59:00'},
+            r'IMG_0001 \(1\)\.JPG and .*IMG_0001\.JPG have the same time 2024-05-31 09:59:00',
+        ),
+        (
+            {'IMG_0001.JPG': '2024-10-27 02:50:00', 'IMG_0002.JPG': '2024-10-27 02:10:00'},
+            r'IMG_0002\.JPG: its EXIF time .* is earlier than 02:50:00 of IMG_0001.*--time-zone',
+        ),
+        (
+            {'IMG_0001.JPG': '2024-05-31 10:00:00+02:00', 'IMG_0002.JPG': '2024-05-31 10:05:00'},
+            r'IMG_0002\.JPG: its EXIF time has no zone',
+        ),
+        (
+            {'IMG_0001.JPG': '2016-01-01 00:00:00', 'IMG_0002.JPG': '2016-01-01 00:05:00'},
+            r'IMG_0001\.JPG: taken at 2016-01-01 00:00:00, more than a year from the first',
+        ),
+        (
+            {
+                'IMG_20240531_095900.jpg': '2024-05-31 09:59:00',
+                'IMG_20240531_100500.jpg': '2024-05-31 10:15:00',
+                'IMG_20240531_100600.jpg': '2024-05-31 10:06:00',
+            },
+            r'100500\.jpg: its EXIF time is 2024-05-31 10:15:00, its name says 2024-05-31 10:05:00',
+        ),
+    ],
+    ids=['copy', 'set back', 'zones', 'never set', 'name'],
+)
+def test_times_that_contradict_each_other_are_refused(
+    tmp_path: Path, words: dict[str, str], fault: str
+) -> None:
+    with pytest.raises(InputError, match=fault):
+        imported(tmp_path, words)
+
+
+def test_one_lag_of_all_names_is_told(tmp_path: Path) -> None:
+    words = {
+        'IMG_20240531_115900.jpg': '2024-05-31 09:59:00',
+        'IMG_20240531_120501.jpg': '2024-05-31 10:05:00',
+    }
+    photos, told = imported(tmp_path, words)
+    assert [photo.time for photo in photos] == [-60.0, 300.0]
+    assert 'EXIF times count; names say 7200 s to 7201 s more' in told
+
+
+def test_photographs_before_all_pumps_are_told(tmp_path: Path) -> None:
+    words = {'IMG_0001.JPG': '2024-05-31 07:59:00', 'IMG_0002.JPG': '2024-05-31 08:05:00'}
+    _, told = imported(tmp_path, words)
+    assert 'all photographs are older than the first injection' in told
+
+
+def test_an_experiment_is_no_lab_folder(tmp_path: Path) -> None:
+    (tmp_path / 'IMG_0001.JPG').write_bytes(b'')
+    assert is_lab_folder(tmp_path)
+    (tmp_path / 'imaging.csv').write_text('time_s,path,role\n0,IMG_0001.JPG,baseline\n')
+    assert not is_lab_folder(tmp_path)
