@@ -6,7 +6,7 @@ writes a time there too.
 
 import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -29,6 +29,22 @@ _NAMED_TIME = re.compile(
 """A time in a name, as in IMG_20240531_143000 or 2024-05-31 14.30.00, perhaps with milliseconds."""
 _PICTURE = '.png'
 """Ending of pictures of sands and zones too: here a time in the name tells a photograph."""
+_UNREAD = (
+    '.heic',
+    '.heif',
+    '.webp',
+    '.dng',
+    '.nef',
+    '.cr2',
+    '.cr3',
+    '.arw',
+    '.raf',
+    '.orf',
+    '.rw2',
+)
+"""Endings of photographs that cannot be read."""
+_SYSTEM_FOLDERS = ('@eaDir', '__MACOSX')
+"""Folders of a file server and of macOS that hold small copies of photographs."""
 _SAME_S = 5.0
 """Times in names may differ by this from those in files [s]: a name may tell when a file was
 saved."""
@@ -49,11 +65,17 @@ class DatedPhotographs:
 
 def camera_files(folder: Path) -> list[Path]:
     """Return the files in and below a folder that may be photographs, in the order of names."""
-    return sorted(
-        path
-        for path in folder.rglob('*')
-        if not path.name.startswith('.') and path.is_file() and _is_of_camera(path)
-    )
+    return sorted(path for path in _visible_files(folder) if _is_of_camera(path))
+
+
+def _visible_files(folder: Path) -> Iterator[Path]:
+    """Yield the files in and below a folder that no program has put out of sight."""
+    for path in folder.rglob('*'):
+        parts = path.relative_to(folder).parts
+        if path.is_file() and not any(
+            part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts
+        ):
+            yield path
 
 
 def _is_of_camera(path: Path) -> bool:
@@ -70,6 +92,7 @@ def dated_photographs(
         InputError: times in files do not fit the names, or two photographs have the same time.
     """
     files = camera_files(folder)
+    _tell_unread(folder, told)
     words = [exposure(path) for path in files]
     named = [_named_time(path) for path in files]
     _check_names(files, words, named, told)
@@ -93,6 +116,15 @@ def dated_photographs(
     _check_same(exposures)
     _check_counters(found, times, zoned=zoned or bool(answers.time_zone))
     return DatedPhotographs(exposures, zoned)
+
+
+def _tell_unread(folder: Path, told: list[str]) -> None:
+    unread = sorted(path for path in _visible_files(folder) if path.suffix.lower() in _UNREAD)
+    if unread:
+        told.append(
+            f'{folder}: photographs in other formats are left out ({len(unread)}, such as '
+            f"'{unread[0].name}'); save them as JPEG or TIFF with their times"
+        )
 
 
 def _named_time(path: Path) -> str:

@@ -4,7 +4,7 @@ import os
 import re
 import shutil
 from collections import Counter
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from porotwin_core.errors import InputError
@@ -24,6 +24,9 @@ IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 LISTED = f'list the photographs with their times in {IMAGING_PROTOCOL} (columns path, datetime)'
 """Remedy for times that cannot be used."""
+
+LONG_BEFORE = timedelta(hours=6)
+"""Time before the first injection at which a baseline is odd."""
 
 MOST_DIGITS = 18
 """Most digits of an image_id; a camera counts to a few thousand."""
@@ -144,6 +147,12 @@ def with_roles(
                 f'injection at {begin:%Y-%m-%d %H:%M:%S}: was the clock of the camera set? write '
                 f'the right time into {IMAGING_PROTOCOL}'
             )
+    early = [file.name for moment, file in photographs if begin - moment > LONG_BEFORE]
+    if early:
+        told.append(
+            f'photographs from more than 6 h before the first injection ({len(early)}, such as '
+            f"'{early[0]}') count as baselines; are they of another run? take them out"
+        )
     if pumped and photographs and photographs[-1][0] < begin:
         told.append(
             'all photographs are older than the first injection, so all are baselines: compare '

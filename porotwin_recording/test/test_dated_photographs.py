@@ -167,3 +167,21 @@ def test_an_experiment_is_no_lab_folder(tmp_path: Path) -> None:
     assert is_lab_folder(tmp_path)
     (tmp_path / 'imaging.csv').write_text('time_s,path,role\n0,IMG_0001.JPG,baseline\n')
     assert not is_lab_folder(tmp_path)
+
+
+def test_copies_of_programs_are_left_out_and_unread_formats_told(tmp_path: Path) -> None:
+    words = {
+        'IMG_0001.JPG': '2024-05-31 09:59:00',
+        '.thumbnails/IMG_0001.JPG': '2024-05-31 09:59:00',
+        '@eaDir/IMG_0001.JPG': '2024-05-31 09:59:00',
+        'IMG_0002.HEIC': NO_FILE,
+    }
+    photos, told = imported(tmp_path, words)
+    assert len(photos) == 1
+    assert "other formats are left out (1, such as 'IMG_0002.HEIC'); save them as JPEG" in told
+
+
+def test_photographs_of_long_before_are_told(tmp_path: Path) -> None:
+    words = {'IMG_0001.JPG': '2024-05-27 09:59:00', 'IMG_0002.JPG': '2024-05-31 09:59:00'}
+    _, told = imported(tmp_path, words)
+    assert '1 photographs are more than 6 h older than the first injection, the first is' in told
