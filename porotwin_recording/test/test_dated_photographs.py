@@ -184,4 +184,4 @@ def test_copies_of_programs_are_left_out_and_unread_formats_told(tmp_path: Path)
 def test_photographs_of_long_before_are_told(tmp_path: Path) -> None:
     words = {'IMG_0001.JPG': '2024-05-27 09:59:00', 'IMG_0002.JPG': '2024-05-31 09:59:00'}
     _, told = imported(tmp_path, words)
-    assert '1 photographs are more than 6 h older than the first injection, the first is' in told
+    assert "6 h before the first injection (1, such as 'IMG_0001.JPG') count as baselines" in told
