@@ -91,8 +91,9 @@ def dated_photographs(
     Raises:
         InputError: times in files do not fit the names, or two photographs have the same time.
     """
-    files = camera_files(folder)
-    _tell_unread(folder, told)
+    visible = sorted(_visible_files(folder))
+    files = [path for path in visible if _is_of_camera(path)]
+    _tell_unread(folder, [path for path in visible if path.suffix.lower() in _UNREAD], told)
     words = [exposure(path) for path in files]
     named = [_named_time(path) for path in files]
     _check_names(files, words, named, told)
@@ -118,8 +119,7 @@ def dated_photographs(
     return DatedPhotographs(exposures, zoned)
 
 
-def _tell_unread(folder: Path, told: list[str]) -> None:
-    unread = sorted(path for path in _visible_files(folder) if path.suffix.lower() in _UNREAD)
+def _tell_unread(folder: Path, unread: Sequence[Path], told: list[str]) -> None:
     if unread:
         told.append(
             f'{folder}: photographs in other formats are left out ({len(unread)}, such as '

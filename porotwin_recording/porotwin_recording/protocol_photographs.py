@@ -25,8 +25,8 @@ IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 LISTED = f'list the photographs with their times in {IMAGING_PROTOCOL} (columns path, datetime)'
 """Remedy for times that cannot be used."""
 
-LONG_BEFORE = timedelta(hours=6)
-"""Time before the first injection at which a baseline is odd."""
+LONG_BEFORE_H = 6
+"""Time before the first injection at which a baseline is odd [h]."""
 
 MOST_DIGITS = 18
 """Most digits of an image_id; a camera counts to a few thousand."""
@@ -147,11 +147,13 @@ def with_roles(
                 f'injection at {begin:%Y-%m-%d %H:%M:%S}: was the clock of the camera set? write '
                 f'the right time into {IMAGING_PROTOCOL}'
             )
-    early = [file.name for moment, file in photographs if begin - moment > LONG_BEFORE]
+    early = [
+        file.name for moment, file in photographs if begin - moment > timedelta(hours=LONG_BEFORE_H)
+    ]
     if early:
         told.append(
-            f'photographs from more than 6 h before the first injection ({len(early)}, such as '
-            f"'{early[0]}') count as baselines; are they of another run? take them out"
+            f'photographs from more than {LONG_BEFORE_H} h before the first injection '
+            f"({len(early)}, such as '{early[0]}') count as baselines; are they of another run? take them out"
         )
     if pumped and photographs and photographs[-1][0] < begin:
         told.append(
