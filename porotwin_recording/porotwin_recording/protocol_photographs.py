@@ -153,8 +153,8 @@ def with_roles(
     if early:
         told.append(
             f'photographs from more than {LONG_BEFORE_H} h before the first injection '
-            f"({len(early)}, such as '{early[0]}') count as baselines; are they of another run? take "
-            'them out'
+            f"({len(early)}, such as '{early[0]}') count as baselines; are they of another run? "
+            'take them out'
         )
     if pumped and photographs and photographs[-1][0] < begin:
         told.append(
