@@ -15,6 +15,12 @@ LEAST_SHARE = 0.01
 """Share of the pore volume below which an excess may be the noise of clean sand."""
 
 
+def stock_in_map(values: FloatArray, rig: Rig) -> float:
+    """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-]; NaN counts as 0."""
+    rows, columns = values.shape
+    return float(np.nansum(values * rig.cell_pore_volume(rig.grid(columns, rows))))
+
+
 def excess_remark(values: FloatArray, time: float, rig: Rig, schedule: Schedule) -> str:
     """Return what is wrong if a map holds much more tracer than was injected; '' if it does not.
 
@@ -28,11 +34,9 @@ def excess_remark(values: FloatArray, time: float, rig: Rig, schedule: Schedule)
     """
     if not schedule.rows:
         return ''
-    rows, columns = values.shape
-    pores = rig.cell_pore_volume(rig.grid(columns, rows))
-    held = float(np.nansum(values * pores))
+    held = stock_in_map(values, rig)
     injected = schedule.injected_stock(-np.inf, time)
-    if held - injected < LEAST_SHARE * float(pores.sum()) or held < MOST_EXCESS * injected:
+    if held - injected < LEAST_SHARE * rig.pore_volume or held < MOST_EXCESS * injected:
         return ''
     return (
         f'the map at {time:.0f} s holds {held * ML:.3g} ml of tracer stock, but the pumps '

@@ -275,6 +275,9 @@ LOST_PLACE_CONFIDENCE = 0.6
 """Confidence in `unexplained` where leaks or zones without a place would close the gap, and the
 largest one in a leak or a zone whose place a weak gap leaves open."""
 
+OPEN_CLOCK_CONFIDENCE = 0.6
+"""Largest confidence in a late clock where tracer from before the recording makes the same maps."""
+
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both

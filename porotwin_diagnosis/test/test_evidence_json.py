@@ -48,6 +48,11 @@ def test_a_verdict_can_be_decided_again_from_the_file(tmp_path, changes):
     assert second.probabilities == pytest.approx(first.probabilities)
 
 
+def test_an_open_clock_is_kept(tmp_path):
+    write_evidence(tmp_path / 'findings.json', replace(evidence(), may_have_held_tracer=True))
+    assert read_evidence(tmp_path / 'findings.json').may_have_held_tracer
+
+
 def test_the_pair_is_named_with_the_numerical_diffusion(tmp_path):
     write_evidence(tmp_path / 'findings.json', evidence())
     verdict = decide(read_evidence(tmp_path / 'findings.json'))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from porotwin_core.rig import load_rig
 from porotwin_core.units import ML, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.data.initial_tracer import initial_tracer
+from porotwin_diagnosis.data.initial_tracer import initial_tracer, may_have_held_tracer
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording, open_recording
 
@@ -76,6 +76,14 @@ def test_pauses_of_the_pump_show_that_a_rig_held_tracer(held_ml: float) -> None:
 def test_without_a_pause_a_short_lateness_is_a_clock_and_a_long_one_is_not() -> None:
     assert initial_tracer(late(STEADY, 0.12 * 3600.0)) is None
     assert initial_tracer(late(STEADY, 0.5 * 3600.0)) is not None
+
+
+def test_only_a_change_of_a_rate_tells_a_late_clock_from_tracer_before_the_recording() -> None:
+    assert may_have_held_tracer(late(STEADY, 0.12 * 3600.0))
+    assert not may_have_held_tracer(late(PULSES, 420.0))
+    assert not may_have_held_tracer(late(STEADY, 0.0))
+    long_ago = used_before(STEADY, STEADY.injected_stock(0.0, 1800.0))
+    assert not may_have_held_tracer(long_ago)
 
 
 def test_a_rig_that_loses_as_much_tracer_as_it_gets_held_it_before() -> None:

@@ -97,6 +97,15 @@ def test_a_leak_of_a_weak_gap_without_a_place_is_named_with_doubt():
     assert (verdict.name, verdict.doubt, verdict.confidence) == ('leak', Doubt.PLACE, 0.6)
 
 
+def test_a_late_clock_that_old_tracer_imitates_is_named_with_doubt():
+    clock = evidence(findings(5.0, ('clock', 0.45), ('illumination', 2.4)))
+    assert decide(clock).confidence > 0.8
+    verdict = decide(replace(clock, may_have_held_tracer=True))
+    assert (verdict.name, verdict.doubt, verdict.confidence) == ('clock', Doubt.START, 0.6)
+    decay = evidence(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
+    assert decide(replace(decay, may_have_held_tracer=True)) == decide(decay)
+
+
 def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():
     found = findings(5.0, ('viscosity', 0.85), ('decay', 3.0))
     pair = fit_of('viscosity', 'decay', misfit=0.15)

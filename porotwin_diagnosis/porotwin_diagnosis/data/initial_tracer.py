@@ -2,11 +2,23 @@
 
 A camera whose clock is late shows tracer in its first map as well. Then the rig was clean when the
 pumps began, and the model must start clean, so that the effect `clock` can explain the map.
+
+Two courses of the stock in the rig are compared with the maps, where V(t) is the volume of stock
+that the known rates inject until the time t:
+
+- V(t + lateness), if the rig was clean and the clock is late;
+- held + V(t) - V(first map), if the rig held tracer before.
+
+While one rate goes on, both courses are the same line. Pauses and changes of the pumps tell them
+apart.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.mass_check import stock_in_map
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import (
     FILLED_SHARE,
@@ -51,62 +63,96 @@ def initial_tracer(recording: Recording) -> FloatArray | None:
 
     The rig has `held` [m^3] of stock in its first map. It is tracer from before the recording if
 
-        held > MOST_EXCESS * V(before the map),
+        held > MOST_EXCESS * V(first map),
 
-    where V is the volume of stock that the known rates inject, and if no late clock explains it.
+    and if no late clock explains it (see `_Courses.late_clock_believed`).
 
     Raises:
         InputError: the recording holds no maps.
     """
-    first, times = recording.present_maps[0], recording.times
-    if tracer_share(first) < FILLED_SHARE:
+    if not _has_unexplained_tracer(recording):
         return None
-    before = recording.delivered.injected_stock(-np.inf, times[0])
-    held = _held(recording, 0)
-    if held <= MOST_EXCESS * before or _is_late(recording, held):
+    courses = _compared_courses(recording)
+    if courses is not None and courses.late_clock_believed:
         return None
-    return filled_map(first, recording.grid)
+    return filled_map(recording.present_maps[0], recording.grid)
 
 
-def _is_late(recording: Recording, held: float) -> bool:
-    """Return whether a late clock explains the `held` stock [m^3] of the first map.
+def may_have_held_tracer(recording: Recording) -> bool:
+    """Return whether the model starts clean because a late clock is believed, while tracer from
+    before the recording explains the maps about as well.
 
-    Two courses of the stock in the rig are compared with the maps: V(until t + lateness) of a late
-    clock, and held + V(from the first map to t) of a rig with tracer. The better one is believed.
-    If both are about equally good, the clock is believed up to `LONGEST_LATENESS`. No clock is
-    believed if the map shows tracer where the stock injected until then cannot be.
+    Raises:
+        InputError: the recording holds no maps.
     """
-    times = np.array(recording.times)
+    if not _has_unexplained_tracer(recording):
+        return False
+    courses = _compared_courses(recording)
+    return courses is not None and courses.late_clock_believed and not courses.clearly_late
+
+
+def _has_unexplained_tracer(recording: Recording) -> bool:
+    """Return whether the first map holds much more stock than was injected before it."""
+    first = recording.present_maps[0]
+    if tracer_share(first) < FILLED_SHARE:
+        return False
+    before = recording.delivered.injected_stock(-np.inf, recording.times[0])
+    return stock_in_map(first, recording.rig) > MOST_EXCESS * before
+
+
+class _Courses(NamedTuple):
+    """Mean errors [m^3] of the two courses of the stock, with `SMALL_ERROR`, and the lateness.
+
+    `share` is the best lateness of the clock as a share of the recording.
+    """
+
+    of_late_clock: float
+    of_used_rig: float
+    share: float
+
+    @property
+    def clearly_late(self) -> bool:
+        """Whether the course of a late clock fits the maps clearly better."""
+        return self.of_late_clock < CLEARLY_BETTER * self.of_used_rig
+
+    @property
+    def late_clock_believed(self) -> bool:
+        """Whether the clock is late: it fits clearly better, or about as well and is short."""
+        if self.share > LONGEST_LATENESS:
+            return self.clearly_late
+        return CLEARLY_BETTER * self.of_late_clock < self.of_used_rig
+
+
+def _compared_courses(recording: Recording) -> _Courses | None:
+    """Return how well both courses fit the maps of `recording`.
+
+    None if no lateness gives about the stock of the first map, or if that map shows tracer where
+    the stock injected until then cannot be.
+    """
+    times, rates, rig = np.array(recording.times), recording.delivered, recording.rig
     duration = times[-1] - times[0]
     early = np.flatnonzero(times <= times[0] + COMPARED_SHARE * duration)
     chosen = evenly_spread(early, COMPARED_MAPS)
-    seen = np.array([_held(recording, int(index)) for index in chosen])
-
-    def injected(at: FloatArray) -> FloatArray:
-        return _injected(recording.delivered, at)
-
-    start = injected(times[:1])
-    from_start = np.abs(seen - held - injected(times[chosen]) + start).mean()
+    maps = recording.present_maps
+    seen = np.array([stock_in_map(maps[int(index)], rig) for index in chosen])
+    held = stock_in_map(maps[0], rig)
+    until_first = _injected(rates, times[:1])
+    from_start = np.abs(seen - held - _injected(rates, times[chosen]) + until_first).mean()
     possible = {
-        share: np.abs(seen - injected(times[chosen] + share * duration)).mean()
+        share: np.abs(seen - _injected(rates, times[chosen] + share * duration)).mean()
         for share in np.linspace(0.0, MOST_LATENESS, LATENESS_STEPS + 1)
-        if held / MOST_WRONG <= injected(times[:1] + share * duration)[0] <= held * MOST_WRONG
+        if held / MOST_WRONG
+        <= _injected(rates, times[:1] + share * duration)[0]
+        <= held * MOST_WRONG
     }
     if not possible:
-        return False
+        return None
     share = min(possible, key=lambda tried: possible[tried])
-    far = tracer_beyond_reach(recording, recording.delivered, times[0] + share * duration)
+    far = tracer_beyond_reach(recording, rates, times[0] + share * duration)
     if far.mean() > FILLED_SHARE:
-        return False
-    better = CLEARLY_BETTER if share > LONGEST_LATENESS else 1.0 / CLEARLY_BETTER
+        return None
     small = SMALL_ERROR * float(seen.mean())
-    return bool(possible[share] + small < better * (from_start + small))
-
-
-def _held(recording: Recording, index: int) -> float:
-    """Return the stock [m^3] in the map `index`."""
-    shown = recording.present_maps[index]
-    return float(np.nansum(shown * recording.rig.cell_pore_volume(recording.grid)))
+    return _Courses(float(possible[share]) + small, float(from_start) + small, float(share))
 
 
 def _injected(rates: Schedule, times: FloatArray) -> FloatArray:

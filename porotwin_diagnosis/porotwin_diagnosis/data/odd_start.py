@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from porotwin_core.mass_check import stock_in_map
 from porotwin_core.plausibility import Remark
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
@@ -51,10 +52,9 @@ def _lost_before(recording: Recording, rates: Schedule) -> Iterator[Remark]:
     """Yield a remark if the first map holds little of the stock that was injected before it."""
     maps, rig = recording.present_maps, recording.rig
     start = float(maps.times[0])
-    pores = rig.cell_pore_volume(maps.grid)
     injected = rates.injected_stock(-np.inf, start)
-    held = float(np.nansum(maps[0] * pores))
-    if injected > LEAST_INJECTED * float(pores.sum()) and held < LEAST_HELD * injected:
+    held = stock_in_map(maps[0], rig)
+    if injected > LEAST_INJECTED * rig.pore_volume and held < LEAST_HELD * injected:
         yield remark_about_maps(
             f'the first map, at {start:g} s, holds {held * ML:.3g} ml of tracer stock, but the '
             f'pumps injected {injected * ML:.3g} ml before it; if the rig was flushed, begin the '

@@ -28,7 +28,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
-from porotwin_diagnosis.data.initial_tracer import initial_tracer
+from porotwin_diagnosis.data.initial_tracer import initial_tracer, may_have_held_tracer
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER, evenly_spread
@@ -105,6 +105,8 @@ class Sample:
         held_out_start: beginning of the held-out part [s].
         end: time of the last map of the recording [s].
         initial: first map (nz, nx) [-] if it holds tracer from before the recording; else None.
+        may_have_held_tracer: whether `initial` is None because a late clock is believed, although
+            tracer from before the recording explains the first map as well.
         own_deviation: delivered standard deviation [-] of each value by itself, (nt, nz, nx); None
             where the recording has none.
         shared_errors: delivered standard deviations of the errors that all maps share, or None.
@@ -121,6 +123,7 @@ class Sample:
     held_out_start: float
     end: float
     initial: FloatArray | None = None
+    may_have_held_tracer: bool = False
     own_deviation: FloatArray | None = None
     shared_errors: ErrorSizes | None = None
 
@@ -371,6 +374,7 @@ def read_sample(recording: Recording) -> Sample:
         held_out_start=float(held_out),
         end=float(times[-1]),
         initial=initial_tracer(recording),
+        may_have_held_tracer=may_have_held_tracer(recording),
         own_deviation=own,
         shared_errors=shared,
     )

@@ -35,6 +35,8 @@ class Evidence:
         fitted_frames: frames that the fits saw, of all recordings.
         place_uncertainty: largest half width [-] of the 90 % interval of a place in the kept model,
             relative to the rig; 0 if it has no leak and no zone.
+        may_have_held_tracer: whether a late clock and tracer from before a recording make the same
+            maps of it.
     """
 
     findings: Findings
@@ -44,6 +46,7 @@ class Evidence:
     cells_along: int
     fitted_frames: int
     place_uncertainty: float = 0.0
+    may_have_held_tracer: bool = False
 
     @property
     def contradicted(self) -> bool:
@@ -64,6 +67,11 @@ class Evidence:
     def leaves_place_open(self) -> bool:
         """Whether the place of a leak or a zone of the kept model is hardly known."""
         return self.place_uncertainty > LOST_PLACE
+
+    @property
+    def has_open_clock(self) -> bool:
+        """Whether the kept model shifts the clock, and the rig may have held tracer instead."""
+        return self.may_have_held_tracer and 'clock' in self.explanation.members
 
     @property
     def scant(self) -> bool:
@@ -87,6 +95,7 @@ def gather(
         cells_along=max(max(sample.grid.shape) for sample in samples),
         fitted_frames=sum(sample.fitted_frames for sample in samples),
         place_uncertainty=place_uncertainty(explanation.model),
+        may_have_held_tracer=any(sample.may_have_held_tracer for sample in samples),
     )
 
 

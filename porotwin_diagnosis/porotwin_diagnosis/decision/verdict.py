@@ -26,6 +26,7 @@ class Doubt(StrEnum):
     ORDER = 'order'
     CONTRADICTED = 'contradicted'
     PLACE = 'place'
+    START = 'start'
     SCANT = 'scant'
 
 

@@ -26,6 +26,7 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.thresholds import (
     CONTRADICTED_CONFIDENCE,
     LOST_PLACE_CONFIDENCE,
+    OPEN_CLOCK_CONFIDENCE,
     SCANT_CONFIDENCE,
     SINGLE_SHARE_RANGE,
 )
@@ -42,7 +43,9 @@ def decide(evidence: Evidence) -> Verdict:
     4. A leak or a zone of the best model may lie almost anywhere: `unexplained`. It imitates
        something that acts in the whole rig. If the gap in the fitted part is weak, the place of a
        true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
-    5. Otherwise the effects of the best model are named, and numerical diffusion with them.
+    5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
+       clock has `OPEN_CLOCK_CONFIDENCE` at most if tracer from before the recording makes the same
+       maps.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -62,6 +65,8 @@ def decide(evidence: Evidence) -> Verdict:
         sure = confidence(log_odds)
         if members and evidence.leaves_place_open and sure > LOST_PLACE_CONFIDENCE:
             doubt, sure = Doubt.PLACE, LOST_PLACE_CONFIDENCE
+        if evidence.has_open_clock and sure > OPEN_CLOCK_CONFIDENCE:
+            doubt, sure = Doubt.START, OPEN_CLOCK_CONFIDENCE
     if evidence.scant and sure > SCANT_CONFIDENCE:
         doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
     if name == UNEXPLAINED:

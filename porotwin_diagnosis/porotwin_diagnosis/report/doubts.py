@@ -29,6 +29,9 @@ def doubt_words(result: Diagnosis) -> str:
         if verdict.name == UNEXPLAINED
         else 'where the leak or the zone lies: the gap is weak, so that its place and its size are '
         'hardly known',
+        Doubt.START: 'whether the clock is late: while one rate goes on, tracer that the rig held '
+        'before the recording makes the same maps. Compare the clocks of camera and pumps, or '
+        'change a rate in the next recording',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 

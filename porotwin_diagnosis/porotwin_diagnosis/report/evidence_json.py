@@ -40,6 +40,7 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'cells_along': evidence.cells_along,
         'fitted_frames': evidence.fitted_frames,
         'place_uncertainty': evidence.place_uncertainty,
+        'may_have_held_tracer': evidence.may_have_held_tracer,
     }
     write_whole(path, json.dumps(content, indent=1) + '\n')
 
@@ -60,6 +61,7 @@ def read_evidence(path: Path) -> Evidence:
         cells_along=content['cells_along'],
         fitted_frames=content['fitted_frames'],
         place_uncertainty=content.get('place_uncertainty', 0.0),
+        may_have_held_tracer=content.get('may_have_held_tracer', False),
     )
 
 
