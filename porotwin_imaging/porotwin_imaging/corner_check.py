@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.plausibility import Remark
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Camera, Rig
 from porotwin_core.units import percent
 from porotwin_imaging.edge_search import SeenEdge, Side, seen_edges
 from porotwin_imaging.geometry import Geometry
@@ -27,6 +27,10 @@ REMEDY = 'were they read in a copy of another size? correct them'
 LEAST_OFF = 0.01
 """Distance of a corner from an edge of the sand that is told, relative to the longer side of the
 rig [-]. Corners that people marked with care are off by up to half of it."""
+
+FRAME_SHARE = 0.03
+"""Distance of all corners from the rim of the photograph, relative to the longer side of the rig
+[-], from which on the photograph shows what lies around the rig."""
 
 CORNERS: tuple[tuple[str, tuple[Side, bool], tuple[Side, bool]], ...] = (
     ('upper left', ('left', True), ('upper', False)),
@@ -68,6 +72,13 @@ def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) 
     geometry = Geometry.of(rig)
     assert rig.camera is not None  # Geometry.of has checked it
     edges = seen_edges(pixels, geometry, reduction)
+    if not edges and _shows_surroundings(geometry, rig.camera, pixels, reduction):
+        return Remark(
+            'camera.corners_px in rig.yaml',
+            '',
+            'the photograph shows no edge of the sand near the given corners',
+            'look whether they lie on its corners: ./porotwin check draws them',
+        )
     least = LEAST_OFF * max(rig.width_m, rig.height_m)
     told, remedy = [], 'correct them'
     for (name, beside, across), given in zip(CORNERS, rig.camera.corners_px, strict=True):
@@ -94,6 +105,15 @@ def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) 
         return None
     why = f'the photograph shows other corners of the sand: {"; ".join(told)}'
     return Remark('camera.corners_px in rig.yaml', '', why, remedy)
+
+
+def _shows_surroundings(
+    geometry: Geometry, camera: Camera, pixels: NDArray[np.uint8], reduction: float
+) -> bool:
+    """Return whether the photograph goes on around the described rig."""
+    corners, size = np.array(camera.corners_px), reduction * np.array(pixels.shape[1::-1])
+    least = FRAME_SHARE * max(geometry.columns, geometry.rows)
+    return bool(((corners > least) & (corners < size - least)).all())
 
 
 def _at_corner(edges: dict[Side, SeenEdge], side: Side, at_end: bool) -> float:

@@ -4,6 +4,9 @@ The ground beyond the edge of a rig, a frame, a board or a wall, looks like noth
 it has another colour, or no grains. So the edge is the line where foreign ground ends. Each side of
 the described rig is searched for this line, in a strip along it. The line may lean, because one
 corner may be wrong alone. It may bow, because terms of the curvature may be missing.
+
+A first search takes fine steps and looks near the described edge. A second one takes coarse steps
+and looks farther away, for the sides that the first one did not find within its reach.
 """
 
 from dataclasses import dataclass
@@ -22,10 +25,13 @@ from porotwin_imaging.linear_light import linear_light
 Array = NDArray[Any]
 Side = Literal['upper', 'lower', 'left', 'right']
 
-STEPS = 1000
-"""Steps of the search along the longer side of the rig."""
+NEAR_STEPS, FAR_STEPS = 1000, 400
+"""Steps of both searches along the longer side of the rig."""
 _REACH = 50
 """Half the width of a strip: an edge farther from its described place is not found [steps]."""
+_FAR = 16
+"""Least distance from its described place of an edge that only the second search finds [steps]: the
+first one would have seen a nearer one."""
 _WINDOW = 5
 """Ground is judged over this distance across an edge [steps]."""
 _PARTS = 24
@@ -45,8 +51,10 @@ step of foreignness."""
 _SHADES = np.linspace(0.0, 1.4, 6)
 """Logarithms of shadows that the frame casts on the sand: ground that is only darker is not
 foreign."""
+LAYERED: tuple[Side, ...] = ('upper', 'lower')
+"""Sides along which water or a layer of another sand may lie inside the rig."""
 _RIM = 10
-"""Largest distance of the rim of water from the described edge [steps]."""
+"""Largest distance of a rim, the end of water or of a layer, from the described edge [steps]."""
 _MOST_FOREIGN = 6.0
 """More foreign ground counts as this, so that one bright bolt does not decide about a line."""
 _LEAST_DROP, _LEAST_PARTS = 2.0, 0.7
@@ -69,6 +77,11 @@ class SeenEdge:
     start: float
     end: float
 
+    @property
+    def distance(self) -> float:
+        """Largest distance [m] of an end from the described edge."""
+        return max(abs(self.start), abs(self.end))
+
 
 def seen_edges(
     pixels: NDArray[np.uint8], geometry: Geometry, reduction: float
@@ -80,8 +93,21 @@ def seen_edges(
         geometry: the described place of the rig in the photograph.
         reduction: ratio of file pixels to decoded pixels.
     """
-    step = max(geometry.width, geometry.height) / STEPS
-    look = _look(pixels, geometry, reduction)
+    longer = max(geometry.width, geometry.height)
+    near = _edges(pixels, geometry, reduction, NEAR_STEPS)
+    far = _edges(pixels, geometry, reduction, FAR_STEPS)
+    reach, least = _LEANS.max() * longer / NEAR_STEPS, _FAR * longer / FAR_STEPS
+    sure = {side: edge for side, edge in near.items() if edge.distance < reach}
+    beyond = {side: edge for side, edge in far.items() if edge.distance > least}
+    return near | beyond | sure
+
+
+def _edges(
+    pixels: NDArray[np.uint8], geometry: Geometry, reduction: float, steps: int
+) -> dict[Side, SeenEdge]:
+    """Return the edges of the sand by side, searched in `steps` along the longer side."""
+    step = max(geometry.width, geometry.height) / steps
+    look = _look(pixels, geometry, reduction, steps)
     inside = _inside(look, step)
     if inside is None:
         return {}
@@ -117,10 +143,10 @@ class _Look:
         )  # fmt: skip
 
 
-def _look(pixels: NDArray[np.uint8], geometry: Geometry, reduction: float) -> _Look:
+def _look(pixels: NDArray[np.uint8], geometry: Geometry, reduction: float, steps: int) -> _Look:
     """Return the photograph around the rig with at most one pixel per step."""
     across = max(geometry.columns, geometry.rows)
-    margin = 2 * _REACH / STEPS * across
+    margin = 2 * _REACH / steps * across
     x, z = np.meshgrid([0.0, geometry.width], [0.0, geometry.height])
     corners = np.stack(geometry.to_pixels(x, z))
     parts = []
@@ -128,7 +154,8 @@ def _look(pixels: NDArray[np.uint8], geometry: Geometry, reduction: float) -> _L
         low = min(max(0, int((places.min() - margin) / reduction)), size - 1)
         parts.append(slice(low, max(low, int((places.max() + margin) / reduction)) + 1))
     around = pixels[parts[1], parts[0]]
-    scale = min(1.0, STEPS * reduction / across)
+    scale = min(1.0, steps * reduction / across)
+    scale = max(scale, 1.0 / min(around.shape[:2]))  # at least one pixel is left
     small = cv2.resize(around, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     appearance = _appearance(linear_light(np.asarray(small, np.uint8)))
     first = parts[0].start * reduction, parts[1].start * reduction
@@ -160,7 +187,11 @@ def _inside(look: _Look, step: float) -> cKDTree | None:
 
 
 def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | None:
-    """Return the edge of one side; None if the photograph does not show it clearly."""
+    """Return the edge of one side; None if the photograph does not show it clearly.
+
+    Foreign ground inside the upper or the lower edge may belong to the rig: water above the sand,
+    or a layer of another sand. It does if the described edge is seen too.
+    """
     ground, places = _ground(side, look, step)
     if not places.size:
         return None
@@ -170,13 +201,13 @@ def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | N
     start, end, rows = _line(drop, places)
     if (drop[rows, np.arange(_PARTS)] > _LEAST_DROP).mean() < _LEAST_PARTS:
         return None
-    if side == 'upper' and _has_rim(ground, rows):
+    if side in LAYERED and _has_rim(ground, rows):
         return None
     return SeenEdge(side, start * step, end * step)
 
 
 def _has_rim(ground: Array, rows: NDArray[np.intp]) -> bool:
-    """Return whether the described edge may be the rim of water above sand that ends at `rows`.
+    """Return whether the described edge may be a rim beyond ground that ends at `rows`.
 
     A rim is seen at the described edge, or hidden where the photograph ends.
     """

@@ -58,6 +58,16 @@ def test_a_corner_off_the_sand_is_named_with_its_place(laboratory, number) -> No
     assert told.startswith('camera.corners_px in rig.yaml: ')
 
 
+def test_corners_far_from_the_sand_are_told(laboratory) -> None:
+    assert laboratory.rig.camera is not None
+    true = np.array(laboratory.rig.camera.corners_px)
+    pixels = cv2.imdecode(np.frombuffer(laboratory.photograph(NO_TRACER), np.uint8), 1)
+    middle = true.mean(axis=0)
+    assert corners_off_the_sand(laboratory.rig, pixels, 1) is None
+    lost = with_corners(laboratory.rig, middle + 0.6 * (true - middle))
+    assert 'shows no edge of the sand near' in str(corners_off_the_sand(lost, pixels, 1))
+
+
 def test_a_dark_baseline_asks_for_its_corners_too(laboratory) -> None:
     dark = laboratory.photograph(NO_TRACER, gain=0.05)
     with pytest.raises(InputError, match=r'shows no sand: .*corners_px in rig.yaml wrong'):

@@ -16,10 +16,12 @@ LEFT, TOP, RIGHT, BOTTOM = 100, 100, 900, 560
 """The sand in the drawn photographs [px]."""
 PX_PER_M = 1000.0
 CORNERS = np.array([[LEFT, TOP], [LEFT, BOTTOM], [RIGHT, BOTTOM], [RIGHT, TOP]], float)
-SAND, FRAME, WATER = (60, 85, 105), (96, 92, 90), (120, 170, 180)
-"""Blue-green-red of sand, and of a smooth frame and water."""
+SAND, FRAME, WATER, LAYER = (60, 85, 105), (96, 92, 90), (120, 170, 180), (150, 150, 150)
+"""Blue-green-red of sand, of a smooth frame and water, and of a layer of pale sand."""
 NEAR_M = 0.004
 """Edges are found to this [m]; at this scale it is 4 px."""
+FAR_M = 0.01
+"""Edges far from their described places, or under a layer of other sand, are found to this [m]."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,14 @@ class Drawing:
     bow_px: depth of the frame in the middle of the lower side minus that at its ends.
     shadow_px: width of the shadow of the frame on the sand.
     water_px: height of the water above the sand, within the described rig.
+    layer_px: height of a layer of another sand on the bottom of the rig.
     framed: False if the sand fills the photograph.
     """
 
     bow_px: float = 0.0
     shadow_px: int = 0
     water_px: int = 0
+    layer_px: int = 0
     framed: bool = True
 
     def pixels(self) -> NDArray[np.uint8]:
@@ -50,6 +54,8 @@ class Drawing:
         edge = np.minimum(column - LEFT, RIGHT - column)
         picture[edge < self.shadow_px] *= 0.6
         picture[inside & (row < TOP + self.water_px)] = WATER
+        layer = inside & (row >= BOTTOM - self.layer_px)
+        picture[layer] *= np.array(LAYER) / np.array(SAND)
         if self.framed:
             picture[~inside] = FRAME
         picture += generator.normal(0, 1.3, picture.shape)
@@ -82,6 +88,24 @@ def test_corners_off_on_all_sides_are_measured(outward_px: int) -> None:
         scale = up if edge.side in ('upper', 'lower') else along
         assert edge.start == pytest.approx(outward_px / scale, abs=NEAR_M)
         assert edge.end == pytest.approx(outward_px / scale, abs=NEAR_M)
+
+
+@pytest.mark.parametrize('outward_px', [-50, 50])
+def test_corners_far_off_are_measured_too(outward_px: int) -> None:
+    away = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
+    edges = found(Drawing(), CORNERS + outward_px * away)
+    assert set(edges) == {'upper', 'lower', 'left', 'right'}
+    along, up = (RIGHT - LEFT + 2 * outward_px) / 0.8, (BOTTOM - TOP + 2 * outward_px) / 0.46
+    for edge in edges.values():
+        scale = up if edge.side in ('upper', 'lower') else along
+        assert edge.start == pytest.approx(outward_px / scale, abs=FAR_M)
+        assert edge.end == pytest.approx(outward_px / scale, abs=FAR_M)
+
+
+@pytest.mark.parametrize('layer_px', [15, 35, 50, 65])
+def test_the_upper_end_of_a_layer_is_no_edge(layer_px: int) -> None:
+    lower = found(Drawing(layer_px=layer_px)).get('lower')
+    assert lower is None or lower.distance < FAR_M
 
 
 def test_one_wrong_corner_leaves_the_other_ends_in_place() -> None:
