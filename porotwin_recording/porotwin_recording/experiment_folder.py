@@ -77,8 +77,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(
             f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times; '
-            f'./porotwin import {folder / "photos"} TARGET --rig {folder / RIG_FILE} makes one '
-            'from their EXIF times'
+            f'./porotwin import {folder} TARGET makes one from their EXIF times'
         )
     return RecordedData(
         rig,
@@ -115,7 +114,8 @@ def _untold_photographs(folder: Path) -> tuple[str, ...]:
     count = '1 photograph lies' if len(found) == 1 else f'{len(found)} photographs lie'
     return (
         f'{count} here, such as {found[0].relative_to(folder)}, but there is no {IMAGING_FILE} '
-        'with their times and roles (docs/formats.md shows one); they are left out',
+        'with their times and roles; they are left out. If they hold the times of the camera, '
+        f'./porotwin import {folder} TARGET makes a folder with that list',
     )
 
 

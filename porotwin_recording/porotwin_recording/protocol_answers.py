@@ -22,6 +22,7 @@ class ProtocolAnswers:
         rate_unit: unit of rates, such as ml/min.
         concentration: concentration of injected fluids where no column has it [-].
         camera_ahead_s: time by which the camera's clock is ahead of the pumps' [s].
+        time_zero: date and time of second 0 of rates.csv, by the clock of the pumps.
     """
 
     date_order: DateOrder | None = None
@@ -30,6 +31,7 @@ class ProtocolAnswers:
     rate_unit: str = ''
     concentration: float | None = None
     camera_ahead_s: float = 0.0
+    time_zero: str = ''
 
 
 def protocol_moments(

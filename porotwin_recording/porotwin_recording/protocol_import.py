@@ -1,5 +1,5 @@
 """Folders with `imaging_protocol.csv` and `injection_protocol.csv`, as DarSIA uses them, or with
-photographs alone.
+photographs alone or beside a `rates.csv`.
 
 Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
 (a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
@@ -8,8 +8,10 @@ Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the inj
 """
 
 import os
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
@@ -19,10 +21,16 @@ from porotwin_recording.dated_photographs import (
     camera_files,
     dated_photographs,
 )
-from porotwin_recording.experiment_folder import FILES, RIG_FILE, write_folder
+from porotwin_recording.experiment_folder import (
+    COMMANDED_FILE,
+    MAPS_FILE,
+    MEASURED_FILE,
+    write_folder,
+)
 from porotwin_recording.foreign_table import read_foreign_table
-from porotwin_recording.foreign_time import names_zone
+from porotwin_recording.foreign_time import moments, names_zone
 from porotwin_recording.map_import import ARRAY_FILES
+from porotwin_recording.photos import IMAGING_FILE
 from porotwin_recording.protocol_answers import (
     IMAGING_PROTOCOL,
     INJECTION_PROTOCOL,
@@ -36,16 +44,20 @@ from porotwin_recording.protocol_photographs import (
     with_roles,
 )
 from porotwin_recording.protocol_rates import check_measured, pumped_rates, schedule_of, since
+from porotwin_recording.rates import read_rates
 from porotwin_recording.recorded_data import RecordedData
 
 PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
 
 
 def is_lab_folder(folder: Path) -> bool:
-    """Return whether a folder has one of the protocols, or photographs and no experiment."""
+    """Return whether a folder has one of the protocols, or photographs that no imaging.csv lists.
+
+    Photographs beside maps are those of a finished experiment.
+    """
     if any((folder / name).is_file() for name in PROTOCOLS):
         return True
-    recorded = any((folder / name).exists() for name in FILES if name != RIG_FILE)
+    recorded = any((folder / name).exists() for name in (MAPS_FILE, IMAGING_FILE))
     return not recorded and bool(camera_files(folder))
 
 
@@ -59,9 +71,10 @@ def import_protocols(
 ) -> list[str]:
     """Write an experiment folder from protocols and photographs; return the assumptions made.
 
-    Time zero is the first commanded rate above or below zero, else the first measured one, else
-    the first photograph. Photographs before time zero are baselines. Photographs are linked where
-    the file system allows it. Without a list of them, they have the times that they hold.
+    Time zero is `answers.time_zero`, which a rates.csv needs. In a pump log it is the first
+    commanded rate above or below zero, else the first measured one. Without rates it is the first
+    photograph. Photographs before time zero are baselines. Photographs are linked where the file
+    system allows it. Without a list of them, they have the times that they hold.
 
     Args:
         folder: the folder with the protocols.
@@ -74,13 +87,11 @@ def import_protocols(
         InputError: one line with the file, the fault and the remedy.
     """
     told: list[str] = []
-    if not abs(answers.camera_ahead_s) <= LONGEST_EXPERIMENT_S:  # also if it is no number
-        raise InputError(
-            f'--camera-ahead {answers.camera_ahead_s:g}: give the lead of the clock in seconds, at '
-            f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
-        )
     there = [name for name in PROTOCOLS if (folder / name).is_file()]
+    _check_answers(folder, there, answers)
+    zero = _time_zero(answers, told)
     zoned = _zones([folder / name for name in there], answers)
+    zoned |= {'--time-zero': names_zone([answers.time_zero])} if zero else {}
     if IMAGING_PROTOCOL in there:
         photographs = protocol_photographs(folder, answers, told)
     else:
@@ -92,22 +103,13 @@ def import_protocols(
             f'{folder}: has no {INJECTION_PROTOCOL}, and no photograph holds its time; {LISTED}'
         )
     photographs = _by_pumps(photographs, answers, told)
-    commanded = measured = None
-    if INJECTION_PROTOCOL in there:
-        commanded = pumped_rates(folder / INJECTION_PROTOCOL, rig, answers, told)
-    if MEASURED_PROTOCOL in there:
-        measured = pumped_rates(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
+    logged = _logged_rates(folder, rig, there, answers, told)
     _check_clocks(zoned, answers)
-    pumped = commanded or measured or []
-    running = [row.start for row in pumped if row.rate.rate] or [row.start for row in pumped]
-    begin = min(running or [moment for moment, _ in photographs])
-    photos = with_roles(photographs, begin, told, pumped=bool(pumped))
-    asked = schedule_of(since(begin, commanded, told), begin) if commanded else None
-    delivered = schedule_of(since(begin, measured, told), begin) if measured else None
-    if asked is not None and delivered is not None:
-        last = max(row.end or row.start for row in measured or ())
-        check_measured(folder / MEASURED_PROTOCOL, asked, delivered, is_over=last <= begin)
-    write_folder(target, RecordedData(rig, commanded=asked, measured=delivered))
+    begin = logged.begin or zero or min(moment for moment, _ in photographs)
+    rates = logged.rates or _own_rates(folder, rig)
+    pumped = bool(rates.commanded or rates.measured)
+    photos = with_roles(photographs, begin, told, pumped=pumped)
+    write_folder(target, rates)
     place_photographs(target, photos)
     for file in target.iterdir():  # a recording has the date of its oldest file
         if file.is_file():
@@ -120,6 +122,93 @@ def import_protocols(
         for name in sorted(path.name for path in folder.iterdir() if path.suffix in ARRAY_FILES)
     ]
     return told
+
+
+def _check_answers(folder: Path, there: Sequence[str], answers: ProtocolAnswers) -> None:
+    """Check the answers about times against the files that are `there`.
+
+    Raises:
+        InputError: the lead of the camera is no lead, the time zero is missing or told twice, or
+            the folder has rates of two kinds.
+    """
+    if not abs(answers.camera_ahead_s) <= LONGEST_EXPERIMENT_S:  # also if it is no number
+        raise InputError(
+            f'--camera-ahead {answers.camera_ahead_s:g}: give the lead of the clock in seconds, at '
+            f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
+        )
+    logs = [name for name in there if name != IMAGING_PROTOCOL]
+    own = [name for name in (COMMANDED_FILE, MEASURED_FILE) if (folder / name).is_file()]
+    if logs and answers.time_zero:
+        raise InputError(
+            f'--time-zero: {folder / logs[0]} holds dates and times, so that its first rate is '
+            'time zero; leave the option out'
+        )
+    if logs and own:
+        raise InputError(f'{folder}: has {logs[0]} and {own[0]}; take one of them out')
+    if own and not answers.time_zero:
+        raise InputError(
+            f"{folder / own[0]}: counts seconds; give --time-zero '2024-05-31 14:30:00', the date "
+            'and time of its second 0'
+        )
+
+
+class _Logged(NamedTuple):
+    """The rates of pump logs, from `begin` on; None each without a log."""
+
+    begin: datetime | None
+    rates: RecordedData | None
+
+
+def _logged_rates(
+    folder: Path, rig: Rig, there: Sequence[str], answers: ProtocolAnswers, told: list[str]
+) -> _Logged:
+    """Return the rates of the pump logs that are `there`.
+
+    Raises:
+        InputError: a log cannot be read, or two logs contradict each other.
+    """
+    commanded = measured = None
+    if INJECTION_PROTOCOL in there:
+        commanded = pumped_rates(folder / INJECTION_PROTOCOL, rig, answers, told)
+    if MEASURED_PROTOCOL in there:
+        measured = pumped_rates(folder / MEASURED_PROTOCOL, rig, answers, told, commanded)
+    pumped = commanded or measured
+    if not pumped:
+        return _Logged(None, None)
+    begin = min([row.start for row in pumped if row.rate.rate] or [row.start for row in pumped])
+    asked = schedule_of(since(begin, commanded, told), begin) if commanded else None
+    delivered = schedule_of(since(begin, measured, told), begin) if measured else None
+    if asked is not None and delivered is not None:
+        last = max(row.end or row.start for row in measured or ())
+        check_measured(folder / MEASURED_PROTOCOL, asked, delivered, is_over=last <= begin)
+    return _Logged(begin, RecordedData(rig, commanded=asked, measured=delivered))
+
+
+def _own_rates(folder: Path, rig: Rig) -> RecordedData:
+    """Return the rates of `rates.csv` and `rates_measured.csv` as far as they are there."""
+    commanded, measured = (
+        read_rates(folder / name, rig.wells) if (folder / name).is_file() else None
+        for name in (COMMANDED_FILE, MEASURED_FILE)
+    )
+    return RecordedData(rig, commanded=commanded, measured=measured)
+
+
+def _time_zero(answers: ProtocolAnswers, told: list[str]) -> datetime | None:
+    """Return the time zero of a person's answer, None without one.
+
+    Raises:
+        InputError: it is no date and time, or has no time of day.
+    """
+    word = answers.time_zero
+    if not word:
+        return None
+    (moment,), remarks = moments(
+        [word], '', order=answers.date_order, zone=answers.time_zone, places=['--time-zero']
+    )
+    if ':' not in word:
+        raise InputError(f"--time-zero '{word}': has no time of day; write it as in '{word} 14:30'")
+    told += [line for line in remarks if line not in told]
+    return moment
 
 
 def _by_pumps(

@@ -162,6 +162,52 @@ def test_photographs_before_all_pumps_are_told(tmp_path: Path) -> None:
     assert 'all photographs are older than the first injection' in told
 
 
+def with_rates(folder: Path, time_zero: str, words: dict[str, str]) -> tuple[Photo, ...]:
+    """Return the imported photographs of a folder with a rates.csv."""
+    (folder / 'lab').mkdir(exist_ok=True)
+    (folder / 'lab' / 'rates.csv').write_text(
+        'time_s,well,rate_ml_h,concentration\n60,in,100,1\n1800,in,0,1\n'
+    )
+    photos, _ = imported(folder, words, pumps='', answers=ProtocolAnswers(time_zero=time_zero))
+    return photos
+
+
+MORNING = {'a.jpg': '2024-05-31 09:59:00', 'b.jpg': '2024-05-31 10:05:00'}
+
+
+def test_rates_in_seconds_are_joined_to_photographs(tmp_path: Path) -> None:
+    photos = with_rates(tmp_path, '2024-05-31 10:00', MORNING)
+    assert [(photo.time, photo.role) for photo in photos] == [(-60.0, 'baseline'), (300.0, 'state')]
+    commanded = open_recording(tmp_path / 'experiment').commanded
+    assert commanded is not None
+    assert [row.time for row in commanded.rows] == [60.0, 1800.0]
+
+
+@pytest.mark.parametrize(
+    ('time_zero', 'told'),
+    [
+        ('', r'rates.csv: counts seconds; give --time-zero'),
+        ('2024-05-31', "--time-zero '2024-05-31': has no time of day"),
+        ('noon', "--time-zero: 'noon' is no date"),
+        ('2022-05-31 10:00', 'more than a year'),
+        ('2024-05-31 10:00Z', 'the times have no zone, but --time-zero has one'),
+    ],
+)
+def test_a_time_zero_that_cannot_be_used_is_refused(
+    tmp_path: Path, time_zero: str, told: str
+) -> None:
+    with pytest.raises(InputError, match=told):
+        with_rates(tmp_path, time_zero, MORNING)
+
+
+def test_a_pump_log_has_a_time_zero_of_its_own(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='leave the option out'):
+        imported(tmp_path, MORNING, answers=ProtocolAnswers(time_zero='2024-05-31 10:00'))
+    (tmp_path / 'lab' / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n0,in,1,1\n')
+    with pytest.raises(InputError, match=r'has injection_protocol.csv and rates.csv'):
+        imported(tmp_path, MORNING)
+
+
 def test_an_experiment_is_no_lab_folder(tmp_path: Path) -> None:
     (tmp_path / 'IMG_0001.JPG').write_bytes(b'')
     assert is_lab_folder(tmp_path)

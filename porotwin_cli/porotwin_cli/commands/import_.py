@@ -26,6 +26,7 @@ PROTOCOL_OPTIONS = (
     '--rate-unit',
     '--concentration',
     '--camera-ahead',
+    '--time-zero',
 )
 """Options for a folder with protocols or photographs."""
 
@@ -60,6 +61,13 @@ def command(
     camera_ahead: Annotated[
         float, typer.Option(help="Lead of the camera's clock over the clock of the pumps [s].")
     ] = 0.0,
+    time_zero: Annotated[
+        str,
+        typer.Option(
+            help='Date and time of second 0 of rates.csv, by the clock of the pumps, such as '
+            "'2024-05-31 14:30:00'."
+        ),
+    ] = '',
     time_unit: Annotated[str, typer.Option(help='Unit of the times of maps, such as min.')] = '',
     first_row: Annotated[
         Literal['top', 'bottom'] | None, typer.Option(help='Place of the first row of a map.')
@@ -74,7 +82,8 @@ def command(
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
     them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv or .nc or
     a folder .zarr. Photographs that no imaging_protocol.csv lists have the times that the camera
-    wrote into them (EXIF), or into their names. The command asks for missing facts, one line each.
+    wrote into them (EXIF), or into their names. They may lie beside a rates.csv, whose second 0
+    --time-zero dates. The command asks for missing facts, one line each.
 
     Example: ./porotwin import experiment experiment_bag
 
@@ -95,6 +104,7 @@ def command(
         '--rate-unit': rate_unit,
         '--concentration': concentration,
         '--camera-ahead': camera_ahead,
+        '--time-zero': time_zero,
         '--time-unit': time_unit,
         '--first-row': first_row,
         '--stock': stock,
@@ -115,7 +125,7 @@ def command(
             told = import_maps(source, target, _rig(source.parent, rig), maps)
         else:
             answers = ProtocolAnswers(
-                date_order, time_zone, decimal, rate_unit, concentration, camera_ahead
+                date_order, time_zone, decimal, rate_unit, concentration, camera_ahead, time_zero
             )
             told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
         for line in told:
