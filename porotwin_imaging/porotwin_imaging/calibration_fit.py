@@ -13,9 +13,9 @@ Without a core the mass gives the level of stock; without a pump log too, the st
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -27,43 +27,42 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 from porotwin_imaging import sands
-from porotwin_imaging.baseline import Baseline, make_baseline
+from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import Calibration, Labels
 from porotwin_imaging.calibration_evidence import (
     RATES_FILE,
-    Anchor,
     CalibrationEvidence,
-    PhotographEvidence,
-    SandEvidence,
     evidence_lines,
 )
-from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
-from porotwin_imaging.covered_baseline import uncovered
+from porotwin_imaging.calibration_findings import (
+    core_flatness,
+    core_levels,
+    dilution_misfit,
+    photograph_evidence,
+    sand_evidence,
+    worst_dilution,
+)
+from porotwin_imaging.calibration_trust import Trust, judged
+from porotwin_imaging.compared_injection import ComparedInjection, compare_injection, refusal_with
 from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
-from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
+from porotwin_imaging.front_response import FrontFit, FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.plume_evidence import plume_evidence
-from porotwin_imaging.repeated_remarks import lines_of_remarks
 from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.sand_edges import sand_edges
 from porotwin_imaging.sands import SandFactors
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, FrontSettings, ImagingSettings
-from porotwin_imaging.signal_choice import choose_signal
+from porotwin_imaging.signal_choice import SignalChoice, choose_signal
 from porotwin_imaging.stock_level import StockLevels, diluted_signals, stock_levels
+from porotwin_imaging.stock_signal import StockSignal, find_stock_signal
 from porotwin_imaging.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
 
 _TRACER_SPREADS, _TRACER_SIGMA, _TRACER_MARGIN = 4, 3, (9, 9)
 """Cells with tracer: spreads above the background, blur and margin around them [cells]."""
-_TOP_SHARE = 0.3
-"""Without core and log, stock is a percentile of the signals above this share of the largest."""
-_STOCK = 0.999
-"""Dilutions above this concentration are stock and show its level [-]."""
-_MEASURED = ('dilutions', 'core')
-"""Anchors that measure the level of stock; the others take it from the mass."""
 _PIXELS_OF_A_MODEL_CELL = 8
 """Pixels of the photograph that a cell of the model covers: fronts finer than this are blurred."""
 _OWN_SAND = np.ones((3, 3), np.uint8)
@@ -162,109 +161,56 @@ def fit_calibration(
         InputError: the rig has no camera, or the baseline cannot be used.
     """
     grid = calibration_grid(rig, settings.calibration)
-    baseline = make_baseline(rig, grid, baselines, settings=settings, names=baseline_names)
-    baseline, cover = uncovered(baseline, samples, baseline_names)
-    lines = [*baseline.remarks, *((str(cover),) if cover else ())]
-    compared, times = _compare_all(baseline, states, lines, progress)
-    colours, texture = baseline.sand_appearance()
-    looks = sands.segment(colours, texture, compared[0].visible, settings.sands)
-    parts = described_parts(looks, described_kinds(rig, grid, settings.sands), settings.sands)
-    labels = parts.labels
-    lights = sands.sand_lights(colours, labels, compared[0].visible)
-    with _refusal_with(lines):
-        choice = choose_signal(
-            [one.log_ratio for one in compared],
-            [one.visible for one in compared],
-            labels,
-            contrast,
-            settings.calibration,
-        )
-    lines.append(choice.line)
-    raw = [_signal(choice.signal, one) for one in compared]
-    injected = _injected(schedule, times, rates_file)
-    concentrations = _core_concentrations(schedule, times)
-    stock = stock_levels(raw, labels, concentrations, settings.core)
-    factors = sands.fit_factors(
-        raw, labels, stock.levels, stock.strong, lights, parts.same, settings.sands
+    seen = compare_injection(
+        rig,
+        grid,
+        baselines,
+        states,
+        samples=samples,
+        baseline_names=baseline_names,
+        progress=progress,
+        settings=settings,
     )
-    factor_map = np.array(factors.values)[labels]
-    signals = [plane * factor_map for plane in raw]
-    volume = rig.cell_pore_volume(grid)
-    tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
-    diluted = [
-        (one.concentration, _signal(choice.signal, compare_with_baseline(one.read(), baseline)))
-        for one in dilutions
-    ]
-    seen = diluted_signals(diluted, labels, factor_map, settings.core)
-    with _refusal_with(lines):
-        anchor, level, scale_error = _level_of_stock(
-            stock,
-            factors,
-            seen,
-            signals,
-            _integrals(tracer, volume),
-            injected,
+    lines = [*seen.lines]
+    injection = _Injection(rig, grid, seen, schedule, rates_file, settings)
+    with refusal_with(lines):
+        plumes_seen = _photographed_plumes(injection, contrast)
+    lines.append(plumes_seen.choice.line)
+    diluted = _diluted(injection, plumes_seen, dilutions)
+    with refusal_with(lines):
+        stock = find_stock_signal(
+            plumes_seen.stock,
+            plumes_seen.factors,
+            diluted,
+            plumes_seen.signals,
+            injection.integrals(plumes_seen.tracer),
+            injection.injected,
             settings,
             rates_file,
         )
-    known = [Dilution(signal / level, concentration) for concentration, signal in seen]
-    agreeing = _agreeing(_integrals(tracer, volume), injected, settings)
-    relative = [tracer[number] / level for number in agreeing] if anchor != 'mass' else []
-    masses = [injected[number] for number in agreeing] if injected and anchor != 'mass' else []
-    response = fit_response(relative, volume, masses, known, settings=settings.mass_balance)
-    fronts = None
-    if plumes and _fronts_tell(choice.signal, anchor) and len(injected):
+    known = [Dilution(signal / stock.level, concentration) for concentration, signal in diluted]
+    fitted = _response_fit(injection, plumes_seen, stock, known)
+    response, fronts = fitted(None), None
+    if plumes and injection.injected and _fronts_tell(plumes_seen.choice.signal, stock):
         progress('model of the plume')
-        held = _integrals([response.concentration_of(one / level) for one in tracer], volume)
-        rough = fit_line(held, injected, settings.mass_balance)
-        photographed = FrontPhotographs(
-            [plane / level for plane in signals],
-            np.where(_surely_scaled(factors, labels, settings.fronts), volume, 0.0),
-            _compared_fronts(rough, injected, settings.fronts),
-            choice.signal.contrast,
-            level,
-            baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
-            baseline.sampling.samples_across,
-        )
-        cells = math.prod(baseline.photo_size) // _PIXELS_OF_A_MODEL_CELL
         try:
-            fronts = fit_fronts(photographed, plumes(times, cells), rough.factor, settings.fronts)
+            fronts = _front_fit(injection, plumes_seen, stock, response, plumes)
         except InputError as error:  # the model cannot run this pump log; the camera can
             lines.append(f'fronts were not compared with the model of the rig: {error}')
-        response = fit_response(relative, volume, masses, known, fronts, settings.mass_balance)
-    curve = response.curve(level)
-    imaged = _integrals([curve.concentration_of(plane) for plane in tracer], volume)
-    line = fit_line(imaged, injected, settings.mass_balance) if len(injected) else None
-    cores = _core_levels(stock, factors, level, concentrations)
-    evidence = CalibrationEvidence(
-        anchor=anchor,
-        photographs=_photographs(times, injected, imaged, cores, line, settings),
-        sands=_sand_evidence(stock, factors, sand_names(rig, grid, labels)),
-        family=response.family,
-        bend=response.bend,
-        bend_deviation=response.deviation,
-        colour_bend=choice.colour_bend,
-        core_flatness=_flatness(stock, factors.reference),
-        mass_factor=line.factor if line else float('nan'),
-        mass_factor_deviation=line.deviation if line else float('nan'),
-        mass_offset=line.offset / max(injected) if line else float('nan'),
-        mass_misfit=line.misfit if line else float('nan'),
-        fronts=fronts,
-        dilution_misfit=_dilution_misfit(known, response),
-        worst_dilution=_worst_dilution(known, response, dilutions),
-        rates_file=rates_file,
-    )
-    plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
-    edges = sand_edges(baseline.mask.unlit)
-    trust = judged(evidence, plume, edges, settings.trust, cover)
+        response = fitted(fronts)
+    evidence = _evidence(injection, plumes_seen, stock, response, fronts, known, dilutions)
+    plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
+    edges = sand_edges(seen.baseline.mask.unlit)
+    trust = judged(evidence, plume, edges, settings.trust, seen.cover)
     lines += [*evidence_lines(evidence), *trust.remarks]
+    labels, factors = plumes_seen.labels, plumes_seen.factors
     calibration = Calibration(
-        choice.signal,
-        curve,
+        plumes_seen.choice.signal,
+        response.curve(stock.level),
         np.ascontiguousarray(labels[::-1]) if len(factors.values) > 1 else None,
         factors.values,
         made=_origin(source, rig, evidence),
-        scale_error=scale_error,
+        scale_error=stock.scale_error,
         factor_deviations=factors.deviations,
         blur_px=fronts.blur_px if fronts else None,
     )
@@ -275,12 +221,224 @@ def fit_calibration(
         lines=lines,
         response=response,
         dilutions=known,
-        baseline=baseline,
+        baseline=seen.baseline,
         baseline_photo=baselines[0],
         sands=labels,
-        signals=signals,
-        stock_signal=level,
-        depths=stock.depths,
+        signals=plumes_seen.signals,
+        stock_signal=stock.level,
+        depths=plumes_seen.stock.depths,
+    )
+
+
+@dataclass(frozen=True)
+class _Injection:
+    """An injection, photographed and logged.
+
+    Attributes:
+        rig: the rig with its camera.
+        grid: the grid of the calibration.
+        seen: the photographs.
+        schedule: the pump log, None without one.
+        rates_file: its name, for messages.
+        settings: settings of all steps.
+    """
+
+    rig: Rig
+    grid: Grid
+    seen: ComparedInjection
+    schedule: Schedule | None
+    rates_file: str
+    settings: ImagingSettings
+
+    @cached_property
+    def volume(self) -> Array:
+        """Pore volume of the cells [m^3], (nz, nx)."""
+        return self.rig.cell_pore_volume(self.grid)
+
+    @cached_property
+    def injected(self) -> list[float]:
+        """Volume of stock injected before each photograph [m^3]; empty without a log.
+
+        Raises:
+            InputError: the pump log injects nothing before the photographs.
+        """
+        return _injected(self.schedule, self.seen.times, self.rates_file)
+
+    @cached_property
+    def concentrations(self) -> list[float]:
+        """Concentration of the core in each photograph [-]."""
+        return _core_concentrations(self.schedule, self.seen.times)
+
+    def integrals(self, planes: Sequence[Array]) -> list[float]:
+        """Return the integral of each plane over the pore volume of the cells [m^3]."""
+        return [float((plane * self.volume).sum()) for plane in planes]
+
+    def mass_line(self, imaged: Sequence[float]) -> MassLine | None:
+        """Return the line of `imaged` over injected volumes, None without a log."""
+        if not self.injected:
+            return None
+        return fit_line(imaged, self.injected, self.settings.mass_balance)
+
+
+@dataclass(frozen=True)
+class _Plumes:
+    """The plumes of all photographs, in the scale of the reference sand.
+
+    Attributes:
+        choice: the signal.
+        labels: index of the sand in each cell, (nz, nx).
+        stock: the cores of the plumes.
+        factors: the factors of the sands.
+        factor_map: the same by cell, (nz, nx).
+        signals: signal times factor of each photograph, (nz, nx), NaN where hidden.
+        tracer: the same, 0 away from tracer.
+    """
+
+    choice: SignalChoice
+    labels: Labels
+    stock: StockLevels
+    factors: SandFactors
+    factor_map: Array
+    signals: list[Array]
+    tracer: list[Array]
+
+
+def _photographed_plumes(injection: _Injection, contrast: Contrast | None) -> _Plumes:
+    """Return the plumes of `injection`; see `fit_calibration` for `contrast`.
+
+    Raises:
+        CalibrationRefused: no photograph shows tracer.
+        InputError: the pump log injects nothing before the photographs.
+    """
+    seen, settings = injection.seen, injection.settings
+    visible = seen.compared[0].visible
+    colours, texture = seen.baseline.sand_appearance()
+    looks = sands.segment(colours, texture, visible, settings.sands)
+    kinds = described_kinds(injection.rig, injection.grid, settings.sands)
+    parts = described_parts(looks, kinds, settings.sands)
+    lights = sands.sand_lights(colours, parts.labels, visible)
+    choice = choose_signal(
+        [one.log_ratio for one in seen.compared],
+        [one.visible for one in seen.compared],
+        parts.labels,
+        contrast,
+        settings.calibration,
+    )
+    raw = [_signal(choice.signal, one) for one in seen.compared]
+    stock = stock_levels(raw, parts.labels, injection.concentrations, settings.core)
+    factors = sands.fit_factors(
+        raw, parts.labels, stock.levels, stock.strong, lights, parts.same, settings.sands
+    )
+    factor_map = np.array(factors.values)[parts.labels]
+    signals = [plane * factor_map for plane in raw]
+    tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
+    return _Plumes(choice, parts.labels, stock, factors, factor_map, signals, tracer)
+
+
+def _diluted(
+    injection: _Injection, plumes: _Plumes, dilutions: Sequence[DilutionPhoto]
+) -> list[tuple[float, float]]:
+    """Return concentration and signal [-] of each known dilution."""
+    seen = [
+        (
+            one.concentration,
+            _signal(
+                plumes.choice.signal, compare_with_baseline(one.read(), injection.seen.baseline)
+            ),
+        )
+        for one in dilutions
+    ]
+    return diluted_signals(seen, plumes.labels, plumes.factor_map, injection.settings.core)
+
+
+def _response_fit(
+    injection: _Injection, plumes: _Plumes, stock: StockSignal, known: Sequence[Dilution]
+) -> Callable[[FrontFit | None], ResponseFit]:
+    """Return the fit of the response as a function of the evidence of fronts."""
+    settings = injection.settings
+    relative, masses = [], []
+    if stock.anchor != 'mass':
+        held = injection.integrals(plumes.tracer)
+        agreeing = _agreeing(held, injection.injected, settings)
+        relative = [plumes.tracer[number] / stock.level for number in agreeing]
+        masses = [injection.injected[number] for number in agreeing if injection.injected]
+
+    def fitted(fronts: FrontFit | None) -> ResponseFit:
+        return fit_response(
+            relative, injection.volume, masses, known, fronts, settings.mass_balance
+        )
+
+    return fitted
+
+
+def _front_fit(
+    injection: _Injection,
+    plumes: _Plumes,
+    stock: StockSignal,
+    rough: ResponseFit,
+    models: Callable[[Sequence[float], int], PlumeModel],
+) -> FrontFit | None:
+    """Return the evidence of fronts beside the modelled injection, None if they tell nothing.
+
+    See `fit_calibration` for `models`. `rough` is the response without this evidence.
+
+    Raises:
+        InputError: the model cannot run the pump log.
+    """
+    baseline, settings = injection.seen.baseline, injection.settings.fronts
+    line = injection.mass_line(
+        injection.integrals([rough.concentration_of(one / stock.level) for one in plumes.tracer])
+    )
+    assert line is not None  # fronts are compared with a log only
+    sure = _surely_scaled(plumes.factors, plumes.labels, settings)
+    photographed = FrontPhotographs(
+        [plane / stock.level for plane in plumes.signals],
+        np.where(sure, injection.volume, 0.0),
+        _compared_fronts(line, injection.injected, settings),
+        plumes.choice.signal.contrast,
+        stock.level,
+        baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
+        baseline.sampling.samples_across,
+    )
+    cells = math.prod(baseline.photo_size) // _PIXELS_OF_A_MODEL_CELL
+    return fit_fronts(photographed, models(injection.seen.times, cells), line.factor, settings)
+
+
+def _evidence(
+    injection: _Injection,
+    plumes: _Plumes,
+    stock: StockSignal,
+    response: ResponseFit,
+    fronts: FrontFit | None,
+    known: Sequence[Dilution],
+    dilutions: Sequence[DilutionPhoto],
+) -> CalibrationEvidence:
+    """Return the findings of all steps."""
+    curve = response.curve(stock.level)
+    imaged = injection.integrals([curve.concentration_of(plane) for plane in plumes.tracer])
+    line = injection.mass_line(imaged)
+    cores = core_levels(plumes.stock, plumes.factors, stock.level, injection.concentrations)
+    names = sand_names(injection.rig, injection.grid, plumes.labels)
+    times = [(one.concentration, one.time) for one in dilutions]
+    return CalibrationEvidence(
+        anchor=stock.anchor,
+        photographs=photograph_evidence(
+            injection.seen.times, injection.injected, imaged, cores, line, injection.settings
+        ),
+        sands=sand_evidence(plumes.stock, plumes.factors, names),
+        family=response.family,
+        bend=response.bend,
+        bend_deviation=response.deviation,
+        colour_bend=plumes.choice.colour_bend,
+        core_flatness=core_flatness(plumes.stock, plumes.factors.reference),
+        mass_factor=line.factor if line else float('nan'),
+        mass_factor_deviation=line.deviation if line else float('nan'),
+        mass_offset=line.offset / max(injection.injected) if line else float('nan'),
+        mass_misfit=line.misfit if line else float('nan'),
+        fronts=fronts,
+        dilution_misfit=dilution_misfit(known, response),
+        worst_dilution=worst_dilution(known, response, times),
+        rates_file=injection.rates_file,
     )
 
 
@@ -290,23 +448,18 @@ def calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))
 
 
-def _fronts_tell(signal: TracerSignal, anchor: Anchor) -> bool:
+def _fronts_tell(signal: TracerSignal, stock: StockSignal) -> bool:
     """Return whether fronts tell the response.
 
     Their model was proven for absorbance. In the difference of light, fronts of rendered
     photographs read the bend too high by 0.12.
     """
-    return anchor in _MEASURED and signal.contrast == 'absorbance'
+    return stock.is_measured and signal.contrast == 'absorbance'
 
 
 def _signal(signal: TracerSignal, compared: LogRatioMap) -> Array:
     """Return the signal (nz, nx) of a photograph, NaN where it is hidden."""
     return np.where(compared.visible, signal.of(compared.log_ratio), np.nan)
-
-
-def _integrals(planes: Sequence[Array], volume: Array) -> list[float]:
-    """Return the integral of each plane over the pore volume of the cells [m^3]."""
-    return [float((plane * volume).sum()) for plane in planes]
 
 
 def _injected(schedule: Schedule | None, times: Sequence[float], rates_file: str) -> list[float]:
@@ -336,63 +489,6 @@ def _core_concentrations(schedule: Schedule | None, times: Sequence[float]) -> l
         max((row.rate.concentration for row in injections if row.time < time), default=1.0)
         for time in times
     ]
-
-
-def _level_of_stock(
-    stock: StockLevels,
-    factors: SandFactors,
-    diluted: Sequence[tuple[float, float]],
-    signals: Sequence[Array],
-    integrals: Sequence[float],
-    injected: Sequence[float],
-    settings: ImagingSettings,
-    rates_file: str,
-) -> tuple[Anchor, float, float]:
-    """Return the anchor, the signal of stock in the reference sand, and its relative deviation.
-
-    Raises:
-        InputError: there is neither a core nor a dilution, and the signal does not grow with the
-            injected mass.
-    """
-    full = [signal for concentration, signal in diluted if concentration > _STOCK]
-    if full:
-        return 'dilutions', float(np.median(full)), settings.core.level_error
-    if stock.levels:
-        one = stock.levels[factors.reference]
-        return 'core', one.level, one.deviation
-    if diluted:
-        concentration, signal = max(diluted)
-        return 'dilutions', signal / concentration, settings.calibration.scale_error
-    if injected:
-        return 'mass', *_level_by_mass(integrals, injected, settings, rates_file)
-    strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
-    top = float(np.nanpercentile(strong, settings.calibration.stock_percentile))
-    return 'strongest signal', top, settings.calibration.scale_error_without_log
-
-
-def _level_by_mass(
-    integrals: Sequence[float],
-    injected: Sequence[float],
-    settings: ImagingSettings,
-    rates_file: str,
-) -> tuple[float, float]:
-    """Return the signal of stock that balances the injected mass, and its relative deviation.
-
-    Raises:
-        InputError: there are too few photographs, or the signal does not grow.
-    """
-    fewest = settings.mass_balance.fewest_photographs
-    if len(injected) < fewest:
-        raise CalibrationRefused(
-            f'calibration: {len(injected)} photographs during the injection; take at least {fewest}'
-        )
-    line = fit_line(integrals, injected, settings.mass_balance)
-    if line.factor <= 0 or line.agree.sum() < fewest:
-        raise CalibrationRefused(
-            'calibration: the signal does not grow with the injected volume; check '
-            f'{rates_file}, the times of the photographs and the baseline'
-        )
-    return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
 
 
 def _agreeing(
@@ -432,103 +528,6 @@ def _compared_fronts(
     return [useful[place] for place in np.round(places).astype(int)]
 
 
-def _photographs(
-    times: Sequence[float],
-    injected: Sequence[float],
-    imaged: Sequence[float],
-    cores: Sequence[tuple[float, int]],
-    line: MassLine | None,
-    settings: ImagingSettings,
-) -> tuple[PhotographEvidence, ...]:
-    """Return the evidence of each photograph.
-
-    `cores`: concentration relative to the injected one, NaN without a core, and cells.
-    """
-    found = []
-    for index, (level, cells) in enumerate(cores):
-        reasons = []
-        if abs(level - 1.0) > settings.core.outlier:
-            reasons.append(f'its core is {level:.2f} times the others')
-        if line is not None and not line.agree[index]:
-            reasons.append(
-                f'its mass is {100 * line.distances[index]:+.0f} % of the injection off the line'
-            )
-        log = injected[index] if injected else float('nan')
-        found.append(
-            PhotographEvidence(
-                times[index], log, imaged[index], level, cells, ' and '.join(reasons)
-            )
-        )
-    return tuple(found)
-
-
-def _core_levels(
-    stock: StockLevels, factors: SandFactors, level: float, concentrations: Sequence[float]
-) -> list[tuple[float, int]]:
-    """Return the level of the reference core of each photograph, 1 if as usual, and its cells."""
-    found = []
-    for cores, concentration in zip(stock.cores, concentrations, strict=True):
-        core = cores.get(factors.reference)
-        cells = sum(int(one.cells.sum()) for one in cores.values())
-        share = float('nan') if core is None else core.level / (level * concentration)
-        found.append((share, cells))
-    return found
-
-
-def _flatness(stock: StockLevels, reference: int) -> float:
-    """Return the median flatness of the reference cores; NaN without one."""
-    values = [cores[reference].flatness for cores in stock.cores if reference in cores]
-    return float(np.median(values)) if values else float('nan')
-
-
-def _sand_evidence(
-    stock: StockLevels, factors: SandFactors, names: Sequence[str]
-) -> tuple[SandEvidence, ...]:
-    """Return how the factor of each sand was found; `names` are those of rig.yaml, by sand."""
-    return tuple(
-        SandEvidence(
-            value,
-            deviation,
-            source,
-            stock.levels[sand].cells if sand in stock.levels else 0,
-            pairs,
-            at_bound,
-            names[sand],
-        )
-        for sand, (value, deviation, source, pairs, at_bound) in enumerate(
-            zip(
-                factors.values,
-                factors.deviations,
-                factors.sources,
-                factors.pairs,
-                factors.at_bound,
-                strict=True,
-            )
-        )
-    )
-
-
-def _dilution_misfit(known: Sequence[Dilution], response: ResponseFit) -> float:
-    """Return the largest distance of known dilutions from the curve; NaN without dilutions."""
-    if not known:
-        return float('nan')
-    seen = response.concentration_of(np.array([one.signal for one in known]))
-    return float(np.abs(seen - [one.concentration for one in known]).max())
-
-
-def _worst_dilution(
-    known: Sequence[Dilution], response: ResponseFit, photographs: Sequence[DilutionPhoto]
-) -> str:
-    """Return the dilution farthest from the curve in words, with the times of its photographs."""
-    if not known:
-        return ''
-    seen = response.concentration_of(np.array([one.signal for one in known]))
-    worst = int(np.abs(seen - [one.concentration for one in known]).argmax())
-    value = known[worst].concentration
-    times = ', '.join(f'{one.time:g} s' for one in photographs if one.concentration == value)
-    return f'{value:g} at {times} is read as {seen[worst]:.2f}'
-
-
 def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, Any]:
     """Return the entry `made` of the calibration file."""
     made: dict[str, Any] = {
@@ -549,53 +548,6 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
         made['mass_factor'] = round(evidence.mass_factor, 4)
         made['mass_misfit'] = round(evidence.mass_misfit, 4)
     return made
-
-
-@contextmanager
-def _refusal_with(lines: Sequence[str]) -> Iterator[None]:
-    """Give a refusal in the block the remarks `lines`; they may tell its reason."""
-    try:
-        yield
-    except CalibrationRefused as refusal:
-        raise CalibrationRefused(str(refusal), lines) from None
-
-
-def _compare_all(
-    baseline: Baseline,
-    states: Iterable[tuple[float, bytes]],
-    lines: list[str],
-    progress: Callable[[str], None],
-) -> tuple[list[LogRatioMap], list[float]]:
-    """Return the usable photographs relative to the baseline, in the order of time, and times.
-
-    Remarks are appended to `lines`.
-
-    Raises:
-        CalibrationRefused: none is usable.
-    """
-    compared = []
-    left_out = []
-    remarks = []
-    for time, data in states:
-        progress(f'photograph at {time:g} s')
-        try:
-            found = compare_with_baseline(data, baseline)
-        except InputError as error:
-            left_out.append(f'at {time:g} s: {error}')
-            lines.append(f'photograph at {time:g} s left out: {error}')
-            continue
-        remarks += [(time, remark) for remark in found.remarks]
-        compared.append((time, found))
-    lines += lines_of_remarks(remarks, len(compared) + len(left_out))
-    if not compared:
-        first = f' (the first one, {left_out[0]})' if left_out else ''
-        raise CalibrationRefused(
-            f'calibration: none of {len(left_out)} photographs of the injection can be used{first}'
-            '; copy them from the camera again, or photograph the injection again',
-            lines,
-        )
-    compared.sort(key=lambda one: one[0])
-    return [found for _, found in compared], [time for time, _ in compared]
 
 
 def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
