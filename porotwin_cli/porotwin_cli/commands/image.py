@@ -1,24 +1,24 @@
 """./porotwin image: photographs to concentration maps."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.output_files import one_call_for_each_output
-from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, refuse_existing, say
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from porotwin_cli.map_sureness import Doubt
+    from porotwin_cli.imaged_maps import ExperimentPhotos
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_core.wells import Schedule
     from porotwin_imaging.calibration import Calibration
-    from porotwin_recording.photos import Photo
+    from porotwin_recording.recording import Recording
 
 UNCALIBRATED = (
     'uncalibrated: the plume is where it is shown, but the concentrations are on a default scale; '
@@ -59,27 +59,22 @@ def command(
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
-    from porotwin_cli.many_photos import each_photo
+    from porotwin_cli.imaged_maps import ExperimentPhotos, write_maps
     from porotwin_cli.map_sureness import (
         doubt_entry,
         guessed_sands,
-        plume_doubt,
         sureness_words,
         typical_doubt,
     )
     from porotwin_cli.output_files import check_output, maker
-    from porotwin_cli.photo_remarks import PhotoRemarks
     from porotwin_cli.rig_drawing import picture_beside
-    from porotwin_cli.same_photos import PhotoDigests, told
+    from porotwin_cli.same_photos import told
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
-    from porotwin_imaging.calibration import load_calibration, save_calibration
+    from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.covered_baseline import uncovered
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
-    from porotwin_imaging.photo_names import named
-    from porotwin_imaging.photo_to_map import concentration_map
-    from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
     from porotwin_recording.map_parts import MapParts
     from porotwin_recording.photo_source import fingerprints
@@ -92,99 +87,31 @@ def command(
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
-    baselines = [photo for photo in recording.photos if photo.role == 'baseline']
-    states = [photo for photo in recording.photos if photo.role == 'state']
-    if not baselines or not states:
-        raise InputError(
-            f'{experiment}: needs a baseline and at least one state photograph; '
-            'give their times and roles in imaging.csv (docs/formats.md)'
-        )
-    rates = recording.known_rates
-    names = [str(experiment / photo.name) for photo in baselines]
-    with named(names[0]):
-        memory = _tell_cost(baselines[0], rig, map_grid)
-    used = load_calibration(calibration) if calibration else None
+    photos = ExperimentPhotos.of(recording, experiment)
+    memory = _tell_cost(photos, rig, map_grid)
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
-    source = {**fingerprints(recording), **_pictures(used)}
-    clean = [photo.read() for photo in baselines]
-    if used:
-        better = refined(
-            used,
-            rig,
-            clean,
-            [(photo.time, photo.read) for photo in states],
-            rates,
-            source=experiment.name,
-            baseline_names=names,
-        )
-        used = better.calibration
-        for line in better.lines:
-            say(line)
-        if learnt:
-            save_calibration(used, learnt / 'calibration.yaml')
-            say(_learnt_words(learnt, len(better.lines)))
-    known_factors = used.factor_deviations if used else ()
-    baseline = make_baseline(
-        rig,
-        map_grid,
-        clean,
-        calibration=used,
-        names=names,
+    clean = [photo.read() for photo in photos.baselines]
+    source = fingerprints(recording)
+    used = None
+    if calibration:
+        given = load_calibration(calibration)
+        source['pictures of the calibration'] = given.picture_fingerprint
+        used = _refined(given, recording, photos, clean, experiment.name, learnt)
+    baseline = make_baseline(rig, map_grid, clean, calibration=used, names=photos.baseline_files)
+    baseline, cover = uncovered(
+        baseline, [photo.read for photo in photos.states], photos.baseline_files
     )
-    baseline, cover = uncovered(baseline, [photo.read for photo in states], names)
     for remark in (*baseline.remarks, *((str(cover),) if cover else ())):
         say(remark)
-    imaged, refused, doubts, remarks = [], [], [], PhotoRemarks(say)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     writing = MapParts(output, rig, map_grid, source=source, origin=origin)
-    digests = PhotoDigests()
-    done, left = _done_and_left(states, writing.earlier)
-    if writing.changed:
-        say(f'beginning anew: {", ".join(writing.changed)} changed since an interrupted call')
-    if done:
-        say(f'going on behind {len(done)} maps of an interrupted call')
-    with pool, writing as writer, progress() as bar:
-        task = bar.add_task('photographs', total=len(states), completed=len(states) - len(left))
-        for photo, found in each_photo(pool, concentration_map, left, baseline, digests.note):
-            try:
-                if isinstance(found, InputError):
-                    raise found
-                writer.append(
-                    photo.time,
-                    found.values,
-                    deviation=found.deviation,
-                    systematic=found.systematic,
-                )
-            except InputError as error:
-                refused.append(f'{photo.name}: {error}')
-                say(refused[-1])
-            else:
-                remarks.tell(photo.name, found.status if used else found.status[1:])
-                doubts.append(plume_doubt(found.values, found.deviation, found.systematic))
-                imaged.append(
-                    {
-                        'time_s': photo.time,
-                        'photo': photo.name,
-                        'remarks': found.status,
-                        'plume': doubt_entry(doubts[-1]),
-                    }
-                )
-            bar.advance(task)
-        if not imaged and not done:
-            raise WorkFailed('no photograph could be used')
-    if done:
-        before = _imaged_before(output, rig, done)
-        imaged = [*(entry for entry, _ in before), *imaged]
-        doubts = [*(doubt for _, doubt in before), *doubts]
+    made = write_maps(writing, rig, photos.states, baseline, pool)
     _draw(picture, output, rig, calibrated=calibration is not None)
-    remarks.tell_the_rest()
-    same = digests.same_files(states)
-    for line in told(same):
+    names = [str(entry['photo']) for entry in made.entries]
+    masses = _remarks_about_masses(output, rig, recording.known_rates if used else None, names)
+    for line in (*told(made.same_files), *filter(None, masses.values())):
         say(line)
-    photos = [str(entry['photo']) for entry in imaged]
-    masses = _remarks_about_masses(output, rig, rates if used else None, photos)
-    for line in filter(None, masses.values()):
-        say(line)
+    known_factors = used.factor_deviations if used else ()
     if as_json:
         print_json(
             {
@@ -192,22 +119,63 @@ def command(
                 'picture': picture,
                 'grid': str(map_grid),
                 'calibrated': calibration is not None,
-                'plume': doubt_entry(typical_doubt(doubts)),
+                'plume': doubt_entry(typical_doubt(made.doubts)),
                 'guessed_sands': guessed_sands(known_factors) if used else None,
-                'maps': imaged,
-                'refused': refused,
+                'maps': made.entries,
+                'refused': made.refused,
                 'covered_baseline': str(cover) if cover else None,
-                'same_files': [run.entry for run in same],
+                'same_files': [run.entry for run in made.same_files],
                 **masses,
             }
         )
         return
-    print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
-    for line in sureness_words(doubts, known_factors):
+    print(
+        f'{len(made.entries)} maps on {map_grid} in {output}, {len(made.refused)} photographs '
+        'refused'
+    )
+    for line in sureness_words(made.doubts, known_factors):
         print(line)
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _refined(
+    calibration: 'Calibration',
+    recording: 'Recording',
+    photos: 'ExperimentPhotos',
+    clean: 'Sequence[bytes]',
+    source: str,
+    learnt: Path | None,
+) -> 'Calibration':
+    """Return `calibration` with factors learnt from the plumes; tell and keep them.
+
+    Args:
+        calibration: the given calibration.
+        recording: the experiment.
+        photos: its photographs.
+        clean: bytes of the baselines.
+        source: name of the experiment.
+        learnt: folder to make for the calibration; None: it is not kept.
+    """
+    from porotwin_imaging.calibration import save_calibration
+    from porotwin_imaging.sand_refinement import refined
+
+    better = refined(
+        calibration,
+        recording.rig,
+        clean,
+        [(photo.time, photo.read) for photo in photos.states],
+        recording.known_rates,
+        source=source,
+        baseline_names=photos.baseline_files,
+    )
+    for line in better.lines:
+        say(line)
+    if learnt:
+        save_calibration(better.calibration, learnt / 'calibration.yaml')
+        say(_learnt_words(learnt, len(better.lines)))
+    return better.calibration
 
 
 def _check_learnt(learnt: Path | None, calibration: Path | None) -> None:
@@ -227,52 +195,6 @@ def _learnt_words(folder: Path, corrected: int) -> str:
     """Return how to use the calibration in `folder`, with the number of `corrected` factors."""
     what = f'{corrected} learnt factors' if corrected else 'no other factors than before'
     return f'{folder}: calibration with {what}; use it with --calibration {folder}/calibration.yaml'
-
-
-def _pictures(calibration: 'Calibration | None') -> dict[str, str]:
-    """Return the fingerprint of the pictures of a calibration, by name."""
-    if calibration is None:
-        return {}
-    return {'pictures of the calibration': calibration.picture_fingerprint}
-
-
-def _done_and_left(
-    states: 'list[Photo]', earlier: 'Sequence[float]'
-) -> 'tuple[list[Photo], list[Photo]]':
-    """Return the photographs of the maps at the `earlier` times [s], and the others.
-
-    Photographs that an interrupted call refused are among the others: they tell their reasons once
-    more.
-    """
-    waiting = set(earlier)
-    done: list[Photo] = []
-    left: list[Photo] = []
-    for photo in states:
-        (done if photo.time in waiting else left).append(photo)
-        waiting.discard(photo.time)
-    return done, left
-
-
-def _imaged_before(
-    output: Path, rig: 'Rig', photos: 'list[Photo]'
-) -> 'list[tuple[dict[str, Any], Doubt]]':
-    """Return the entries and doubts of the maps that an interrupted call had made."""
-    from porotwin_cli.map_sureness import doubt_entry, plume_doubt
-    from porotwin_recording.concentration import open_maps
-
-    found = []
-    for photo, fields in zip(photos, open_maps(output, rig).with_deviations(), strict=False):
-        values, deviation, systematic = fields
-        assert deviation is not None and systematic is not None
-        doubt = plume_doubt(values, deviation, systematic)
-        entry = {
-            'time_s': photo.time,
-            'photo': photo.name,
-            'remarks': 'imaged by an earlier call',
-            'plume': doubt_entry(doubt),
-        }
-        found.append((entry, doubt))
-    return found
 
 
 def _remarks_about_masses(
@@ -301,13 +223,19 @@ def _remarks_about_masses(
     }
 
 
-def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
-    """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long."""
+def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
+    """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long.
+
+    Raises:
+        InputError: the first baseline is no photograph; its file is named.
+    """
     from porotwin_cli.many_photos import read_photo
     from porotwin_imaging.imaging_cost import map_cost
     from porotwin_imaging.photo_file import photo_size
+    from porotwin_imaging.photo_names import named
 
-    cost = map_cost(rig, grid, photo_size(read_photo(photo)))
+    with named(photos.baseline_files[0]):
+        cost = map_cost(rig, grid, photo_size(read_photo(photos.baselines[0])))
     if cost.seconds > LONG_S:
         say(f'grid {grid}: {cost}; a coarser --grid is faster')
     return cost.memory_bytes
