@@ -16,6 +16,7 @@ from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
+from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_diagnosis.data.odd_tracer import odd_lines, odd_times
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
@@ -71,7 +72,9 @@ def examine(
     odd = odd_lines(recordings)
     for line in odd:
         tell(line)
-    recordings = [without_false_cells(recording) for recording in recordings]
+    recordings = [
+        with_fewer_cells(without_false_cells(recording), tell) for recording in recordings
+    ]
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
     findings, levels = search_effects(
