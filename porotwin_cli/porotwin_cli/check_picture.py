@@ -239,9 +239,20 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         'right': ([width, width], [0, height]),
     }
     for side, (x, z) in sides.items():
-        is_open = getattr(rig.boundaries, side) == 'open'
+        is_open = side in rig.boundaries.open_sides
         axis.plot(
             np.array(x), np.array(z), color=OPEN if is_open else 'black', lw=4 if is_open else 1.5
+        )
+    inward = {'bottom': (0.5, 0.03), 'top': (0.5, 0.97), 'left': (0.03, 0.5), 'right': (0.97, 0.5)}
+    for side, head in (rig.boundaries.heads_m or {}).items():
+        axis.annotate(
+            f'head {head:g} m',
+            inward[side],
+            xycoords='axes fraction',
+            color=OPEN,
+            ha='center' if side in ('top', 'bottom') else side,
+            va='center',
+            rotation=0 if side in ('top', 'bottom') else 90,
         )
 
 

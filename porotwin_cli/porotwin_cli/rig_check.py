@@ -38,6 +38,7 @@ from porotwin_recording.odd_recording import remarks_about_recording
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import Recording
+from porotwin_solver.background_flux import background_flux
 from porotwin_solver.effects import EFFECTS, apply_effects
 from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.engine import BALANCE_TOLERANCE
@@ -283,9 +284,25 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
+    if checked.runs and checked.rig.boundaries.raised_heads:
+        lines.append(heads_in_words(checked.rig, checked.grid))
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def heads_in_words(rig: Rig, grid: Grid) -> str:
+    """Return how much water the heads of open sides drive through the rig without the wells."""
+    physics = nominal_physics(rig, grid)
+    flux = background_flux(physics)
+    assert flux is not None  # heads differ
+    through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])
+    rate = float(through[through > 0.0].sum())
+    seconds = float(physics.mobile_water.sum()) / rate
+    return (
+        f'heads: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, the water of its '
+        f'pores in {seconds / 60.0:.3g} min'
+    )
 
 
 def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:

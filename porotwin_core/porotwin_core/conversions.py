@@ -50,6 +50,7 @@ from porotwin_msgs.msg import (
     Quantity,
     RigDescription,
     SandPatch,
+    SideHead,
     SourceField,
     TracerField,
 )
@@ -244,6 +245,9 @@ def rig_to_msg(rig: Rig) -> RigDescription:
         open_bottom=rig.boundaries.bottom == 'open',
         open_left=rig.boundaries.left == 'open',
         open_right=rig.boundaries.right == 'open',
+        heads=[
+            SideHead(side=side, head=head) for side, head in (rig.boundaries.heads_m or {}).items()
+        ],
         wells=[
             WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)
             for name, well in rig.wells.items()

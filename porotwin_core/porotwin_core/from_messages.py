@@ -16,7 +16,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
-from porotwin_core.rig import EffectDescription, ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.rig import SIDES, EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_core.zone_shapes import PictureZone
@@ -305,10 +305,11 @@ def rig_from_msg(message: Any) -> Rig:
     Raises:
         InputError: a value is missing or wrong, or a map does not fit its grid.
     """
-    sides = {
-        side: 'open' if getattr(message, f'open_{side}') else 'closed'
-        for side in ('top', 'bottom', 'left', 'right')
+    sides: dict[str, Any] = {
+        side: 'open' if getattr(message, f'open_{side}') else 'closed' for side in SIDES
     }
+    if heads := getattr(message, 'heads', ()):  # older bags have none
+        sides['heads_m'] = {head.side: head.head for head in heads}
     rig = rig_from_maps(
         {
             'name': message.name,

@@ -132,7 +132,12 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
         'height_m': 0.562,
         'viscosity_pa_s': 1e-3,
         'density_kg_m3': 998.0,
-        'boundaries': {'top': 'closed', 'left': 'open'},
+        'boundaries': {
+            'top': 'closed',
+            'left': 'open',
+            'right': 'open',
+            'heads_m': {'left': 0.5, 'right': 0.48},
+        },
         'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}, 'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01}},
         'camera': {
             'corners_px': [[11, 8], [16, 1755], [3165, 1748], [3165, 5]],

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.rig import Boundaries
 from porotwin_core.wells import WellRates
 from porotwin_rig.box_flow import (
     BoxFlow,
@@ -14,6 +15,7 @@ from porotwin_rig.box_flow import (
     no_flux,
     radial_fluxes,
 )
+from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig
 
 FloatArray = NDArray[np.floating]
@@ -41,7 +43,10 @@ class WaterFlow:
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
+        self._heads = side_heads(mesh, rig.rig.boundaries)
         self._background = self._background_fluxes()
+        if self._heads is not None and rig.viscosity_ratio == 1.0:
+            self._background += self._flow.combined([], held_potential=self._heads)
         self._tilt: Fluxes | None = None
 
     def fluxes(self, rates: WellRates, tracer: FloatArray, time: float) -> Fluxes:
@@ -89,6 +94,7 @@ class WaterFlow:
             )
         return self._flow.combined(
             [(*self.places[name][:2], rate.rate) for name, rate in rates.items()],
+            held_potential=None if ratio == 1.0 else self._heads,
             driven=driven,
             along=None if ratio == 1.0 else (along_x, along_z),
         )
@@ -125,3 +131,19 @@ class WaterFlow:
             forced.x[:, -1] *= forced.x[:, 0].sum() / forced.x[:, -1].sum()
         closed = BoxFlow(mesh, self._along_x, self._along_z, held=np.zeros_like(self._held))
         return closed.through_walls(forced)
+
+
+def side_heads(mesh: Mesh, boundaries: Boundaries) -> FloatArray | None:
+    """Return the heads [m] at the vertices of open sides, (nz + 1, nx + 1); None if all are alike.
+
+    Where two open sides meet, the vertex has the head of the upper or lower one.
+    """
+    raised = boundaries.raised_heads
+    if not raised:
+        return None
+    heads = np.zeros(mesh.shape)
+    heads[:, 0], heads[:, -1] = raised.get('left', 0.0), raised.get('right', 0.0)
+    for row, side in ((0, 'bottom'), (-1, 'top')):
+        if side in boundaries.open_sides:
+            heads[row] = raised[side]
+    return heads

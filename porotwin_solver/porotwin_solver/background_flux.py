@@ -1,4 +1,4 @@
-"""Water that moves without the wells: a flux through all four sides, or below a tilted table."""
+"""Water that moves without the wells: a flux through all four sides, or between open sides."""
 
 from functools import reduce
 from operator import add
@@ -12,7 +12,7 @@ from porotwin_solver.physics import Physics
 
 def background_flux(physics: Physics) -> FaceField | None:
     """Return the flux [m^3/s] that moves without the wells; None if there is none."""
-    parts = [_through_all_sides(physics), _below_a_tilted_table(physics)]
+    parts = [_through_all_sides(physics), _between_open_sides(physics)]
     moving = [part for part in parts if part is not None]
     return reduce(add, moving) if moving else None
 
@@ -40,19 +40,31 @@ def _through_all_sides(physics: Physics) -> FaceField | None:
     return flow.flux(np.zeros(grid.shape), flux)
 
 
-def _below_a_tilted_table(physics: Physics) -> FaceField | None:
-    """Return the flux [m^3/s] below a tilted water table; None where nothing tilts.
+def _between_open_sides(physics: Physics) -> FaceField | None:
+    """Return the flux [m^3/s] that heads and a tilted water table drive; None without these."""
+    flow = SHARED_FLOWS.flow(physics.grid, physics.mobility_thickness, physics.boundaries)
+    driven = side_flux(physics, flow.transmissibility)
+    return None if driven is None else flow.flux(np.zeros(physics.grid.shape), driven)
 
-    With the tilt t [Pa], the pressure on the open upper side is t (x / W - 1/2).
+
+def side_flux(physics: Physics, trans: FaceField) -> FaceField | None:
+    """Return the flux [m^3/s] that the potential beyond open sides drives through them.
+
+    It is +-T p on the faces of an open side, with the transmissibility T [m^3/(s Pa)] and the
+    potential p [Pa]. With the tilt t [Pa], p on an open upper side also has t (x / W - 1/2).
+    None where p is zero everywhere.
     """
-    if physics.table_tilt == 0.0 or physics.boundaries.top != 'open':
+    grid, potentials = physics.grid, physics.side_potentials
+    tilt = physics.table_tilt if physics.boundaries.top == 'open' else 0.0
+    if not potentials and tilt == 0.0:
         return None
-    grid = physics.grid
-    flow = SHARED_FLOWS.flow(grid, physics.mobility_thickness, physics.boundaries)
-    pressure = physics.table_tilt * (grid.x / grid.width - 0.5)
     flux = FaceField.zeros(grid)
-    flux.z[-1] = -flow.transmissibility.z[-1] * pressure
-    return flow.flux(np.zeros(grid.shape), flux)
+    top = potentials.get('top', 0.0) + tilt * (grid.x / grid.width - 0.5)
+    flux.x[:, 0] = trans.x[:, 0] * potentials.get('left', 0.0)
+    flux.x[:, -1] = -trans.x[:, -1] * potentials.get('right', 0.0)
+    flux.z[0] = trans.z[0] * potentials.get('bottom', 0.0)
+    flux.z[-1] = -trans.z[-1] * top
+    return flux
 
 
 def _ratio(inflow: float, outflow: float) -> float:

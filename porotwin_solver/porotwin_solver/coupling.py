@@ -12,6 +12,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
+from porotwin_solver.background_flux import side_flux
 from porotwin_solver.face_field import FaceField
 from porotwin_solver.flow import (
     SHARED_FLOWS,
@@ -69,7 +70,7 @@ class Coupling:
             return water.flux(np.zeros(self.grid.shape), driven)
         source = self.sources_and_sinks.sources(rates).net
         trans = self._transmissibility(concentration)
-        driven = buoyant_flux(physics, trans, concentration)
+        driven = self._driven(trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
         difference = (
             pressure_flux(pressure, trans) + driven + self._water_flux(rates, source) * -1.0
@@ -77,11 +78,21 @@ class Coupling:
         return water.flux(np.zeros(self.grid.shape), difference)
 
     def _water_flux(self, rates: WellRates, source: FloatArray) -> FaceField:
-        """Return the flux of pure water for the `source` of `rates`; the latest one is kept."""
+        """Return the flux of pure water for the `source` of `rates` and the heads of open sides.
+
+        The latest one is kept.
+        """
         kept = self._pure_water
         if kept is None or kept[0] != rates:
-            kept = self._pure_water = dict(rates), self._water.flux(source)
+            by_sides = side_flux(self.physics, self._water.transmissibility)
+            kept = self._pure_water = dict(rates), self._water.flux(source, by_sides)
         return kept[1]
+
+    def _driven(self, trans: FaceField, concentration: FloatArray) -> FaceField:
+        """Return the flux [m^3/s] that density and the heads of open sides drive."""
+        buoyant = buoyant_flux(self.physics, trans, concentration)
+        by_sides = side_flux(self.physics, trans)
+        return buoyant if by_sides is None else buoyant + by_sides
 
     def flux_adjoint(
         self, rates: WellRates, concentration: FloatArray, bar: FaceField
@@ -105,10 +116,9 @@ class Coupling:
         if physics.viscosity_ratio == 1.0:
             return by_concentration, np.zeros(self.grid.shape)
         source = self.sources_and_sinks.sources(rates).net
-        driven = buoyant_flux(physics, trans, concentration)
+        driven = self._driven(trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
-        by_trans = pressure_flux(pressure, ones) * by_flux
-        by_trans.z[:] += buoyant_flux(physics, ones, concentration).z * by_flux.z
+        by_trans = (pressure_flux(pressure, ones) + self._driven(ones, concentration)) * by_flux
         mobility_thickness = self._mobility_thickness(concentration)
         by_mobility = transmissibilities_adjoint(self.grid, mobility_thickness, trans, by_trans)
         by_concentration -= by_mobility * mobility_thickness * math.log(physics.viscosity_ratio)

@@ -188,7 +188,7 @@ class FlowCache:
 
     def flow(self, grid: Grid, mobility_thickness: FloatArray, boundaries: Boundaries) -> Flow:
         """Return the `Flow` of exactly these coefficients, a kept one where there is one."""
-        key = (grid, *boundaries.model_dump().values(), mobility_thickness.tobytes())
+        key = (grid, boundaries.open_sides, mobility_thickness.tobytes())
         with self._lock:
             if key in self._flows:
                 self._flows.move_to_end(key)

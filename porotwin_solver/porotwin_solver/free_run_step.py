@@ -22,8 +22,9 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
     """Return the longest splitting step [s] of a free run under constant `rates`.
 
     Slow rigs take long steps: the step is the time in which `EXCHANGED_SHARE` of the moving water
-    is exchanged, but at least `LONGEST_STEP`. Pumps, leaks, flow from outside, density and a tilted
-    water table exchange water. Decay and exchange with immobile water bound the step too.
+    is exchanged, but at least `LONGEST_STEP`. Pumps, leaks, flow from outside, density, a tilted
+    water table and heads of open sides exchange water. Decay and exchange with immobile water bound
+    the step too.
     """
     water = EXCHANGED_SHARE * float(np.sum(physics.mobile_water))
     flow = _pumped(physics, rates) + _driven(physics)
@@ -49,4 +50,6 @@ def _driven(physics: Physics) -> float:
     flux = math.hypot(*physics.background_flux)
     flux += conductance * abs(physics.density_difference) * GRAVITY
     flux += conductance * abs(physics.table_tilt) / grid.width
+    highest = max(physics.side_potentials.values(), default=0.0)
+    flux += conductance * highest / min(grid.width, grid.height)
     return flux * depth * max(grid.width, grid.height)

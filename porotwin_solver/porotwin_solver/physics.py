@@ -8,8 +8,8 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig
-from porotwin_core.units import MOLECULAR_DIFFUSION
+from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig, SideName
+from porotwin_core.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.wells import WellRates
 
 MOST_CONTRAST = 1e12
@@ -58,6 +58,7 @@ class Physics:
     exchange_rate: d c_immobile / dt = exchange_rate (c_mobile - c_immobile) [1/s].
     leaks: unknown sources and sinks.
     background_flux: Darcy flux (x, z) imposed on the sides [m/s].
+    side_potentials: potential beyond open sides [Pa], by side, 0 at the lowest; empty: all alike.
     table_tilt: pressure on an open upper side, right end minus left end [Pa].
     """
 
@@ -81,6 +82,7 @@ class Physics:
     exchange_rate: float = 0.0
     leaks: tuple[Leak, ...] = ()
     background_flux: tuple[float, float] = (0.0, 0.0)
+    side_potentials: Mapping[SideName, float] = field(default_factory=dict)
     table_tilt: float = 0.0
 
     @property
@@ -168,6 +170,10 @@ def nominal_physics(rig: Rig, grid: Grid) -> Physics:
         permeability=rig.field('permeability_m2', grid),
         viscosity=rig.viscosity_pa_s,
         boundaries=rig.boundaries,
+        side_potentials={
+            side: rig.density_kg_m3 * GRAVITY * head
+            for side, head in rig.boundaries.raised_heads.items()
+        },
         wells={
             name: SourceSink(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
         },

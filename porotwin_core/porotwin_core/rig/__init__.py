@@ -16,11 +16,13 @@ from porotwin_core.rig.description import Rig
 from porotwin_core.rig.rig_file import load_rig, parse_rig, read_rig, rig_from_maps, write_rig
 from porotwin_core.rig.sections import (
     DEFAULT_WELL_RADIUS,
+    SIDES,
     Boundaries,
     Camera,
     EffectDescription,
     MapReference,
     Polygon,
+    SideName,
     Well,
     ZoneFile,
 )
@@ -28,6 +30,7 @@ from porotwin_core.rig.sections import (
 __all__ = [
     'DEFAULT_WELL_RADIUS',
     'PUMP_STEP_ML_H',
+    'SIDES',
     'Boundaries',
     'Camera',
     'Control',
@@ -37,6 +40,7 @@ __all__ = [
     'ObjectiveDescription',
     'Polygon',
     'Rig',
+    'SideName',
     'Well',
     'ZoneFile',
     'load_rig',

@@ -275,6 +275,8 @@ class Rig(Section):
         """
         apart = {'name', 'camera', 'control', 'hydraulic_conductivity_m_s', *SAND_KEYS}
         data = self.model_dump(mode='json', exclude=apart)
+        if not self.boundaries.raised_heads:  # as before there were heads
+            del data['boundaries']['heads_m']
         for name in PROPERTIES:
             values = self.nominal_map(name)
             if isinstance(values, float):

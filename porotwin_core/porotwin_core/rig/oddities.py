@@ -48,6 +48,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
         *_numbers(rig),
         *_measured_depths(rig),
         *_shape(rig),
+        *_heads(rig),
         *_sands(rig),
         *_wells(rig),
         *_corners(rig),
@@ -114,6 +115,17 @@ def _shape(rig: Rig) -> Iterator[Remark]:
             f'{depth:g} m',
             f'the model is flat, but the rig of {rig.width_m:g} m x {rig.height_m:g} m is not',
             'compare the three lengths and their units',
+        )
+
+
+def _heads(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark if the heads of open sides differ by more than the sand is wide or high."""
+    highest = max(rig.boundaries.raised_heads.values(), default=0.0)
+    size = min(rig.width_m, rig.height_m)
+    if highest > size:
+        why = f'they differ by more than the {size:g} m between two sides'
+        yield Remark(
+            'boundaries.heads_m', f'up to {highest:g} m apart', why, 'are they in cm? write m'
         )
 
 

@@ -1,8 +1,15 @@
 """The sections of `rig.yaml`: boundaries, wells, camera and effects. Units are in the key names."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 from porotwin_core.rig.numbers import Number, Positive
 
@@ -11,6 +18,11 @@ DEFAULT_WELL_RADIUS = 0.004
 
 Side = Literal['open', 'closed']
 """Condition on one side of the rig."""
+
+SideName = Literal['top', 'bottom', 'left', 'right']
+"""The four sides of the rig."""
+
+SIDES: tuple[SideName, ...] = get_args(SideName)
 
 Pixel = tuple[Number, Number]
 """A place in a photograph: (column, row) [px]."""
@@ -77,18 +89,47 @@ class ZoneFile(Section):
 class Boundaries(Section):
     """Conditions on the four sides.
 
-    `open` keeps the fluid potential constant (a water table). `closed` lets nothing through.
+    `open` keeps the fluid potential constant (a water table). `closed` lets nothing through. Water
+    flows between open sides with different heads.
     """
 
     top: Side = Field('open', description='condition on the upper side')
     bottom: Side = Field('closed', description='condition on the lower side')
     left: Side = Field('closed', description='condition on the left side')
     right: Side = Field('closed', description='condition on the right side')
+    heads_m: dict[SideName, Number] | None = Field(
+        None,
+        description='height of the water beyond each open side [m], above any level; default: '
+        'the same at all of them',
+    )
+
+    @model_validator(mode='after')
+    def _check_heads(self) -> Self:
+        if self.heads_m is None or set(self.heads_m) == set(self.open_sides):
+            return self
+        told = ', '.join(self.open_sides) or 'none'
+        raise ValueError(
+            f'heads_m names {", ".join(self.heads_m) or "no side"}, but the open sides are {told}; '
+            'give the head of each open side, and of no other'
+        )
+
+    @property
+    def open_sides(self) -> tuple[SideName, ...]:
+        """The names of the open sides."""
+        return tuple(side for side in SIDES if getattr(self, side) == 'open')
 
     @property
     def all_closed(self) -> bool:
         """Whether no side is open, so that the wells must balance."""
-        return 'open' not in (self.top, self.bottom, self.left, self.right)
+        return not self.open_sides
+
+    @property
+    def raised_heads(self) -> dict[SideName, float]:
+        """Heads [m] above the lowest one, by open side; empty if water stands equally high."""
+        heads = self.heads_m or {}
+        lowest = min(heads.values(), default=0.0)
+        raised: dict[SideName, float] = {side: head - lowest for side, head in heads.items()}
+        return raised if any(raised.values()) else {}
 
 
 class Well(Section):

@@ -1,0 +1,39 @@
+"""The water of the virtual rig between open sides with different heads."""
+
+import numpy as np
+from rig_examples import make_rig
+
+from porotwin_core.units import GRAVITY
+from porotwin_rig.effects import EffectSet, parse_effects
+from porotwin_rig.mesh import Mesh
+from porotwin_rig.true_rig import TrueRig
+from porotwin_rig.water_flow import WaterFlow
+
+BETWEEN = {
+    'top': 'closed',
+    'left': 'open',
+    'right': 'open',
+    'heads_m': {'left': 0.62, 'right': 0.6},
+}
+DARCY = 6.57e-10 * 998.0 * GRAVITY / 1e-3 * 0.010 * 0.562 * 0.02 / 0.934
+"""The rate between these heads by Darcy's law [m^3/s]."""
+
+
+def water_flow(effects: str = '') -> WaterFlow:
+    rig = make_rig(boundaries=BETWEEN, control=None)
+    mesh = Mesh(31, 21, rig.width_m, rig.height_m)
+    nominal = TrueRig.nominal(rig, mesh)
+    return WaterFlow(EffectSet.checked(parse_effects(effects), rig).applied(nominal))
+
+
+def test_heads_drive_the_rate_of_darcys_law() -> None:
+    fluxes = water_flow().fluxes({}, np.zeros((22, 32)), 0.0)
+    np.testing.assert_allclose(fluxes.x.sum(axis=0), DARCY, rtol=1e-9)
+    np.testing.assert_allclose(fluxes.z, 0.0, atol=1e-12 * DARCY)
+
+
+def test_a_viscous_tracer_slows_the_water_between_heads() -> None:
+    flow = water_flow('viscosity:viscosity_ratio=2')
+    for tracer, share in ((0.0, 1.0), (1.0, 0.5)):
+        fluxes = flow.fluxes({}, np.full((22, 32), tracer), 0.0)
+        np.testing.assert_allclose(fluxes.x.sum(axis=0), share * DARCY, rtol=1e-6)
