@@ -190,7 +190,8 @@ def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | N
     """Return the edge of one side; None if the photograph does not show it clearly.
 
     Foreign ground inside the upper or the lower edge may belong to the rig: water above the sand,
-    or a layer of another sand. It does if the described edge is seen too.
+    or a layer of another sand. It does if the described edge is seen too. Neither of them ends at a
+    corner of the rig: there, one corner alone is wrong.
     """
     ground, places = _ground(side, look, step)
     if not places.size:
@@ -201,7 +202,8 @@ def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | N
     start, end, rows = _line(drop, places)
     if (drop[rows, np.arange(_PARTS)] > _LEAST_DROP).mean() < _LEAST_PARTS:
         return None
-    if side in LAYERED and _has_rim(ground, rows):
+    layered = side in LAYERED and min(abs(start), abs(end)) > _RIM
+    if layered and _has_rim(ground, rows):
         return None
     return SeenEdge(side, start * step, end * step)
 
