@@ -1,7 +1,7 @@
 """Photographs without a list: the camera wrote their times into the files, or into the names.
 
-Times in files come first (EXIF). They must fit the names: a camera counts upwards in them, or
-writes a time there too.
+Times in files count (EXIF), unless more names hold a time. Both must fit together: a camera counts
+upwards in the names, or writes a time there too.
 """
 
 import itertools
@@ -96,12 +96,10 @@ def dated_photographs(
     _tell_unread(folder, [path for path in visible if path.suffix.lower() in _UNREAD], told)
     words = [exposure(path) for path in files]
     named = [_named_time(path) for path in files]
-    _check_names(files, words, named, told)
-    if all(named) and not all(words):
-        origin, words = 'times in the names of', named
-    else:
-        origin = 'EXIF times of'
-        _tell_missing(files, words, folder, told)
+    by_name = sum(map(bool, named)) > sum(map(bool, words))
+    _check_names(files, words, named, told, by_name=by_name)
+    origin, words = ('names', named) if by_name else ('EXIF', words)
+    _tell_missing(files, words, folder, told)
     dated = [(path, word) for path, word in zip(files, words, strict=True) if word]
     if not dated:
         return DatedPhotographs([], zoned=False)
@@ -112,7 +110,8 @@ def dated_photographs(
     exposures = sorted(zip(times, found, strict=True))
     first, last = exposures[0][0], exposures[-1][0]
     told.append(
-        f'{origin} {len(dated)} photographs: {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S}'
+        f'photographs with times in {origin}: {len(dated)}, from {first:%Y-%m-%d %H:%M:%S} to '
+        f'{last:%Y-%m-%d %H:%M:%S}'
     )
     _check_same(exposures)
     _check_counters(found, times, zoned=zoned or bool(answers.time_zone))
@@ -139,7 +138,12 @@ def _named_time(path: Path) -> str:
 
 
 def _check_names(
-    files: Sequence[Path], words: Sequence[str], named: Sequence[str], told: list[str]
+    files: Sequence[Path],
+    words: Sequence[str],
+    named: Sequence[str],
+    told: list[str],
+    *,
+    by_name: bool,
 ) -> None:
     """Compare times in files with those in names, and tell how they differ.
 
@@ -163,9 +167,15 @@ def _check_names(
             f'{usual:.0f} s; correct it, or {LISTED}'
         )
     if others or abs(usual) > _SAME_S:
+        ahead = (
+            f'EXIF times of {len(both)} photographs, such as {both[0][0].name}, are not used: the '
+            'names say'
+            if by_name
+            else 'EXIF times count; names say'
+        )
         told.append(
-            f'EXIF times count; names say {min(lags):.0f} s to {max(lags):.0f} s more. '
-            "--camera-ahead corrects the camera's clock"
+            f'{ahead} {min(lags):.0f} s to {max(lags):.0f} s more. --camera-ahead corrects the '
+            'clock of the camera'
         )
 
 

@@ -97,7 +97,7 @@ def import_protocols(
     else:
         dated = dated_photographs(folder, answers, exposure, told)
         photographs = dated.exposures
-        zoned |= {f'the photographs in {folder}': dated.zoned} if photographs else {}
+        zoned |= {f'photographs in {folder}': dated.zoned} if photographs else {}
     if not photographs and INJECTION_PROTOCOL not in there:
         raise InputError(
             f'{folder}: has no {INJECTION_PROTOCOL}, and no photograph holds its time; {LISTED}'
@@ -107,8 +107,7 @@ def import_protocols(
     _check_clocks(zoned, answers)
     begin = logged.begin or zero or min(moment for moment, _ in photographs)
     rates = logged.rates or _own_rates(folder, rig)
-    pumped = bool(rates.commanded or rates.measured)
-    photos = with_roles(photographs, begin, told, pumped=pumped)
+    photos = with_roles(photographs, begin, told, first_rate=_first_rate(rates, begin))
     write_folder(target, rates)
     place_photographs(target, photos)
     for file in target.iterdir():  # a recording has the date of its oldest file
@@ -184,6 +183,15 @@ def _logged_rates(
     return _Logged(begin, RecordedData(rig, commanded=asked, measured=delivered))
 
 
+def _first_rate(rates: RecordedData, begin: datetime) -> datetime | None:
+    """Return when the first pump begins, if time zero is `begin`; None without rates."""
+    known = rates.commanded or rates.measured
+    if known is None:
+        return None
+    running = [row.time for row in known.rows if row.rate.rate] or [0.0]
+    return begin + timedelta(seconds=min(running))
+
+
 def _own_rates(folder: Path, rig: Rig) -> RecordedData:
     """Return the rates of `rates.csv` and `rates_measured.csv` as far as they are there."""
     commanded, measured = (
@@ -203,7 +211,11 @@ def _time_zero(answers: ProtocolAnswers, told: list[str]) -> datetime | None:
     if not word:
         return None
     (moment,), remarks = moments(
-        [word], '', order=answers.date_order, zone=answers.time_zone, places=['--time-zero']
+        [word],
+        '--time-zero',
+        order=answers.date_order,
+        zone=answers.time_zone,
+        places=['--time-zero'],
     )
     if ':' not in word:
         raise InputError(f"--time-zero '{word}': has no time of day; write it as in '{word} 14:30'")
@@ -242,6 +254,6 @@ def _check_clocks(zoned: dict[str, bool], answers: ProtocolAnswers) -> None:
         return
     other = next(name for name, names in zoned.items() if names)
     raise InputError(
-        f'{without[0]}: the times have no zone, but {other} has one; give --time-zone, such as '
+        f'{without[0]}: the times name no zone, unlike those of {other}; give --time-zone, such as '
         'Europe/Oslo, the zone of the times that name none'
     )

@@ -131,11 +131,21 @@ def _numbered(files: list[Path], word: str, table: ForeignTable) -> Path | None:
 
 
 def with_roles(
-    photographs: list[tuple[datetime, Path]], begin: datetime, told: list[str], *, pumped: bool
+    photographs: list[tuple[datetime, Path]],
+    begin: datetime,
+    told: list[str],
+    *,
+    first_rate: datetime | None,
 ) -> list[Photo]:
-    """Return the photographs with times and roles; those before `begin` are baselines.
+    """Return the photographs with times and roles.
 
-    With `pumped`, `begin` is the first injection of a pump log, else the first photograph.
+    Those before the first rate are baselines, and the first one is if there is none.
+
+    Args:
+        photographs: times and files, the oldest first.
+        begin: time zero.
+        told: receives a line for every assumption.
+        first_rate: when the first pump begins; None without rates.
 
     Raises:
         InputError: a photograph is more than a year from `begin`.
@@ -147,8 +157,11 @@ def with_roles(
                 f'injection at {begin:%Y-%m-%d %H:%M:%S}: was the clock of the camera set? write '
                 f'the right time into {IMAGING_PROTOCOL}'
             )
+    before = first_rate or begin
     early = [
-        file.name for moment, file in photographs if begin - moment > timedelta(hours=LONG_BEFORE_H)
+        file.name
+        for moment, file in photographs
+        if before - moment > timedelta(hours=LONG_BEFORE_H)
     ]
     if early:
         told.append(
@@ -156,18 +169,19 @@ def with_roles(
             f"({len(early)}, such as '{early[0]}') count as baselines; are they of another run? "
             'take them out'
         )
-    if pumped and photographs and photographs[-1][0] < begin:
+    if first_rate and photographs and photographs[-1][0] < first_rate:
         told.append(
             'all photographs are older than the first injection, so all are baselines: compare '
-            'the clocks of camera and pumps; --camera-ahead corrects the clock of the camera'
+            'the clocks of camera and pumps; --camera-ahead tells by how much that of the camera '
+            'is ahead'
         )
-    if photographs and photographs[0][0] >= begin:
-        why = 'no photograph is older than the first injection' if pumped else 'no pump log'
+    if photographs and photographs[0][0] >= before:
+        why = 'no photograph is older than the first injection' if first_rate else 'no pump log'
         told.append(f'{why}: {photographs[0][1].name} is taken as the baseline')
     return [
         Photo(
             (moment - begin).total_seconds(),
-            'baseline' if moment < begin or number == 0 else 'state',
+            'baseline' if moment < before or number == 0 else 'state',
             f'photos/{number:05d}_{file.name}',
             file.read_bytes,
             file,

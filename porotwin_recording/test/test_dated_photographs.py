@@ -62,7 +62,9 @@ def test_photographs_have_the_times_that_the_camera_wrote(tmp_path: Path) -> Non
         (300.75, 'state'),
     ]
     assert photos[1].read().endswith(b'IMG_0011.JPG')
-    assert 'EXIF times of 3 photographs: 2024-05-31 09:59:00 to 2024-05-31 10:05:00' in told
+    assert (
+        'photographs with times in EXIF: 3, from 2024-05-31 09:59:00 to 2024-05-31 10:05:00' in told
+    )
 
 
 def test_without_a_pump_log_the_first_photograph_is_the_baseline_at_zero(tmp_path: Path) -> None:
@@ -74,7 +76,7 @@ def test_without_a_pump_log_the_first_photograph_is_the_baseline_at_zero(tmp_pat
 
 def test_offsets_need_the_zone_of_the_pump_log(tmp_path: Path) -> None:
     words = {'IMG_0001.JPG': '2024-05-31 09:59:00+02:00', 'IMG_0002.JPG': '2024-05-31 08:05+00:00'}
-    with pytest.raises(InputError, match=r'injection_protocol\.csv: the times have no zone.*give'):
+    with pytest.raises(InputError, match=r'injection_protocol\.csv: the times name no zone.*give'):
         imported(tmp_path / 'one', words)
     answers = replace(PLAIN, time_zone='Europe/Oslo', camera_ahead_s=10.0)
     photos, told = imported(tmp_path / 'two', words, answers=answers)
@@ -91,7 +93,7 @@ def test_times_in_names_count_if_files_hold_none(tmp_path: Path) -> None:
     }
     photos, told = imported(tmp_path, words)
     assert [photo.time for photo in photos] == [-60.0, 300.0, 360.0]
-    assert 'times in the names of 3 photographs' in told
+    assert 'photographs with times in names: 3' in told
 
 
 def test_photographs_without_a_time_are_left_out_and_named(tmp_path: Path) -> None:
@@ -190,7 +192,7 @@ def test_rates_in_seconds_are_joined_to_photographs(tmp_path: Path) -> None:
         ('2024-05-31', "--time-zero '2024-05-31': has no time of day"),
         ('noon', "--time-zero: 'noon' is no date"),
         ('2022-05-31 10:00', 'more than a year'),
-        ('2024-05-31 10:00Z', 'the times have no zone, but --time-zero has one'),
+        ('2024-05-31 10:00Z', 'the times name no zone, unlike those of --time-zero'),
     ],
 )
 def test_a_time_zero_that_cannot_be_used_is_refused(
@@ -213,6 +215,36 @@ def test_an_experiment_is_no_lab_folder(tmp_path: Path) -> None:
     assert is_lab_folder(tmp_path)
     (tmp_path / 'imaging.csv').write_text('time_s,path,role\n0,IMG_0001.JPG,baseline\n')
     assert not is_lab_folder(tmp_path)
+
+
+def test_a_photograph_without_a_time_is_left_out_and_the_others_count(tmp_path: Path) -> None:
+    words = {
+        'IMG_20240531_095900.jpg': NO_FILE,
+        'IMG_20240531_100500.jpg': NO_FILE,
+        'IMG_20241331_101000.jpg': NO_FILE,
+        'sketch/notes.jpg': NO_FILE,
+    }
+    photos, told = imported(tmp_path, words)
+    assert [photo.time for photo in photos] == [-60.0, 300.0]
+    assert '2 of 4 photographs hold no time and are left out' in told
+
+
+def test_names_count_if_more_of_them_hold_a_time(tmp_path: Path) -> None:
+    words = {
+        'IMG_20240531_095900.jpg': NO_FILE,
+        'IMG_20240531_100500.jpg': NO_FILE,
+        'IMG_20240531_101000.jpg': '2022-05-31 10:10:00',
+    }
+    photos, told = imported(tmp_path, words)
+    assert [photo.time for photo in photos] == [-60.0, 300.0, 600.0]
+    assert 'EXIF times of 1 photographs, such as IMG_20240531_101000.jpg, are not used' in told
+
+
+def test_photographs_before_the_first_rate_are_baselines(tmp_path: Path) -> None:
+    later = {**MORNING, 'c.jpg': '2024-05-31 10:00:30'}
+    photos = with_rates(tmp_path, '2024-05-31 10:00', later)
+    roles = [(photo.time, photo.role) for photo in photos]
+    assert roles == [(-60.0, 'baseline'), (30.0, 'baseline'), (300.0, 'state')]
 
 
 def test_copies_of_programs_are_left_out_and_unread_formats_told(tmp_path: Path) -> None:

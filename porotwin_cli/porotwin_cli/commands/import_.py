@@ -1,5 +1,6 @@
 """./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
+import shlex
 import shutil
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -93,6 +94,7 @@ def command(
     from porotwin_recording.bag_conversion import import_experiment
     from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
     from porotwin_recording.one_writer import one_writer
+    from porotwin_recording.photos import IMAGING_FILE
     from porotwin_recording.protocol_answers import ProtocolAnswers
     from porotwin_recording.protocol_import import import_protocols, is_lab_folder
 
@@ -109,13 +111,22 @@ def command(
         '--first-row': first_row,
         '--stock': stock,
     }
+    if not source.exists():
+        raise InputError(f'{source}: no such file or folder')
+    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
+        raise InputError(
+            f'{target}: lies inside {source}, whose next import would find the photographs twice; '
+            'name a folder elsewhere'
+        )
     has_maps = source.suffix in SUFFIXES
     if has_maps:
         _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
     elif source.is_dir() and is_lab_folder(source):
         _refuse_others(given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols or photographs')
     else:
-        _refuse_others(given, (), f'{source}: an experiment folder')
+        listed = not source.is_dir() or (source / IMAGING_FILE).exists()
+        kind = 'an experiment' if listed else 'has no photographs and no protocols, and'
+        _refuse_others(given, (), f'{source}: {kind}')
         convert(import_experiment, source, target, as_json=as_json)
         return
     refuse_existing(target)
@@ -143,7 +154,7 @@ def _refuse_others(given: Mapping[str, object], used: Collection[str], source: s
     others = [name for name, value in given.items() if value not in unset and name not in used]
     if others:
         raise InputError(
-            f'{source} takes no {" and no ".join(others)}; leave it out, or correct its data'
+            f'{source} takes no {" and no ".join(others)}; leave it out, or add its data'
         )
 
 
@@ -176,6 +187,7 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     Raises:
         InputError: it is no experiment that other commands accept; `source` is named.
     """
+    from porotwin_recording.experiment_folder import MAPS_FILE
     from porotwin_recording.recording import open_recording
 
     try:
@@ -188,5 +200,6 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
         print_json({'output': target, 'maps': maps, 'photographs': photographs, 'told': told})
     else:
         print(f'{target}: {maps} maps, {photographs} photographs')
-        image = f'./porotwin image {target} --output {target}/concentration.nc makes its maps'
-        say(f'next: ./porotwin check {target}' + (f'; {image}' if photographs and not maps else ''))
+        there, maps_file = (shlex.quote(str(path)) for path in (target, target / MAPS_FILE))
+        image = f'./porotwin image {there} --output {maps_file} makes its maps'
+        say(f'next: ./porotwin check {there}' + (f'; {image}' if photographs and not maps else ''))

@@ -1,6 +1,7 @@
 """./porotwin simulate: the physics-based model alone, from the rig and its rates."""
 
 import math
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -163,14 +164,16 @@ def command(
     print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
     if errors is not None:
         print(errors)
-    say(f'next: ./porotwin measure {output} --output plume.csv{_diagnosis(recording)}')
+    measured = shlex.quote(str(output))
+    say(f'next: ./porotwin measure {measured} --output plume.csv{_diagnosis(recording)}')
 
 
 def _diagnosis(recording: 'Recording') -> str:
     """Return the further advice for a recording with maps."""
     if recording.maps is None:
         return ''
-    return f'; ./porotwin diagnose {recording.source} --output REPORT finds the cause of an error'
+    source = shlex.quote(str(recording.source))
+    return f'; ./porotwin diagnose {source} --output REPORT finds the cause of an error'
 
 
 def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':

@@ -143,7 +143,7 @@ def test_a_folder_of_photographs_becomes_an_experiment_with_their_times(
         )
     result = porotwin('import', lab, tmp_path / 'made', '--rig', experiment / 'rig.yaml')
     assert result.returncode == 0, result.stderr
-    assert 'EXIF times of 7 photographs' in result.stderr
+    assert 'photographs with times in EXIF: 7' in result.stderr
     after = open_recording(tmp_path / 'made').photos
     assert [photo.read() for photo in after] == [photo.read() for photo in before]
     times = [photo.time - before[0].time for photo in before]
