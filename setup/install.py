@@ -214,6 +214,12 @@ def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
 def main() -> int:
     if not steps_to_do():
         return 0
+    if VENV.is_symlink():
+        say(
+            f'porotwin setup: {VENV} is a link to {VENV.resolve()}, which may serve another copy; '
+            'remove the link, and the next call makes an environment of its own'
+        )
+        return 2
     try:
         return set_up()
     except OSError as error:  # a full disk, or a checkout that cannot be written

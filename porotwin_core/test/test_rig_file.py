@@ -33,6 +33,8 @@ def test_defaults_agree_with_the_experiment_folder_format() -> None:
     rig = parse_rig(SMALL, Path('rig.yaml'))
     assert rig.wells['injector'].radius_m == 0.004
     assert str(rig.default_grid()) == '187x112'
+    hall = rig.model_copy(update={'width_m': 19.0, 'height_m': 18.0})
+    assert str(hall.default_grid()) == '475x450'
     assert (rig.field('porosity', rig.grid(3, 2)) == 0.375).all()
 
 

@@ -99,6 +99,18 @@ def test_a_clock_that_was_set_is_told_among_the_odd_times() -> None:
     assert not odd_times([given])
 
 
+def test_empty_maps_and_hidden_cells_are_told_as_what_they_are() -> None:
+    given = recording(level=0.2)
+    values = np.array(given.present_maps[:])
+    values[6:] = np.nan
+    (empty,) = remarks_about_tracer(with_maps(given, values))
+    assert empty.why.startswith('4 maps hold no value (NaN everywhere), the first at')
+    values = np.array(given.present_maps[:])
+    values[:, :, : values.shape[2] // 2] = np.nan
+    told = [remark.why for remark in remarks_about_tracer(with_maps(given, values))]
+    assert '50 % of the cells have no value (NaN) in any map' in told[0]
+
+
 def test_maps_that_stand_still_or_have_an_offset_are_told() -> None:
     given = recording(level=0.2)
     values = np.array(given.present_maps[:])

@@ -189,9 +189,11 @@ class Engine:
         net = math.fsum(source.rate for source in active)
         total = math.fsum(abs(source.rate) for source in active)
         if self.flow.closed and abs(net) > BALANCE_TOLERANCE * total:
+            leaks = math.fsum(leak.rate for leak in self.physics.leaks)
+            told = f', {to_ml_h(leaks):.6g} ml/h of them from leaks,' if leaks else ''
             raise InputError(
-                f'rates add up to {to_ml_h(net):.6g} ml/h in a rig whose sides are all closed; '
-                'balance injection and production, or open a side in rig.yaml'
+                f'rates add up to {to_ml_h(net):.6g} ml/h{told} in a rig whose sides are all '
+                'closed; balance injection and production, or open a side in rig.yaml'
             )
         pumped = np.zeros(len(self.sources_and_sinks.all))
         for source in active:

@@ -1,5 +1,6 @@
 """Validation errors of pydantic as one line for the owner of a rig."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
 """Parts of a location that name the form of a value, not a key."""
+
+_FORM = re.compile(r'function-\w+\[|(constrained-)?(tuple|float|dict|list)\[|\[key\]$')
+"""Beginnings of further such parts."""
 
 _REASONS = {
     'tuple_type': 'write a list, such as [a, b]',
@@ -64,7 +68,8 @@ def one_line(
 
 def _key(complaint: Mapping[str, Any]) -> list[str]:
     """Return the parts of the key that a complaint is about."""
-    return [str(part) for part in complaint['loc'] if part not in _FORMS]
+    parts = [str(part) for part in complaint['loc'] if part not in _FORMS]
+    return [part for part in parts if not _FORM.match(part)]
 
 
 def _also(first: str, others: list[str]) -> str:

@@ -35,6 +35,9 @@ from porotwin_core.zone_shapes import PictureZone
 DEFAULT_CELL_M = 0.005
 """Cell size of the default grid [m]: finer than a plume's front, coarse enough for live control."""
 
+MOST_DEFAULT_CELLS = 250_000
+"""Most cells of a grid that nobody asked for: one prediction takes a second or two."""
+
 FINGERPRINT_LENGTH = 12
 """Hexadecimal digits of a fingerprint: 48 bits, enough to tell the rigs of a laboratory apart."""
 
@@ -299,11 +302,16 @@ class Rig(Section):
         """
         return Grid(nx, nz, self.width_m, self.height_m)
 
-    def default_grid(self, cell_m: float = DEFAULT_CELL_M) -> Grid:
-        """Return the grid with square cells nearest to `cell_m` [m], 187 x 112 on the small rig."""
-        return self.grid(
-            max(1, round(self.width_m / cell_m)), max(1, round(self.height_m / cell_m))
-        )
+    def default_grid(self, cell_m: float | None = None) -> Grid:
+        """Return the grid with square cells nearest to `cell_m` [m].
+
+        By default cells measure `DEFAULT_CELL_M`, 187 x 112 on the small rig. On a rig with more
+        than `MOST_DEFAULT_CELLS` of these they are 2, 4, 8, ... times as large.
+        """
+        cell = cell_m or DEFAULT_CELL_M
+        while cell_m is None and self.width_m * self.height_m > MOST_DEFAULT_CELLS * cell**2:
+            cell *= 2.0
+        return self.grid(max(1, round(self.width_m / cell)), max(1, round(self.height_m / cell)))
 
     def field(self, quantity: PropertyName, grid: Grid) -> FloatArray:
         """Return a property in SI over the cells of `grid`, shape (nz, nx), row 0 lowest.

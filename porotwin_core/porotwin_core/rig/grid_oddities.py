@@ -100,7 +100,8 @@ def remarks_about_barriers(grid: Grid, rig: Rig) -> Iterator[Remark]:
 
 
 def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
-    better = f'{rig.default_grid()} has square cells of 5 mm'
+    usual = rig.default_grid()
+    better = f'{usual} has square cells of {1e3 * usual.dx:.2g} mm'
     count = grid.nx * grid.nz
     if count > most_cells:
         why = f'{count:,} cells are more than the {most_cells:,} that a computer can hold'
@@ -115,7 +116,8 @@ def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
 
 
 def _resolution(grid: Grid, rig: Rig) -> Iterator[Remark]:
-    better = f'take more cells; {rig.default_grid()} has square cells of 5 mm'
+    usual = rig.default_grid()
+    better = f'take more cells; {usual} has square cells of {1e3 * usual.dx:.2g} mm'
     close = [
         (_cells_between(grid, first.x_m - second.x_m, first.z_m - second.z_m), one, other)
         for (one, first), (other, second) in itertools.combinations(rig.wells.items(), 2)

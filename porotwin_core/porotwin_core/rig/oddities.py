@@ -23,6 +23,7 @@ from porotwin_core.plausibility import (
 )
 from porotwin_core.polygons import crosses_itself, inside, signed_area
 from porotwin_core.rig.description import Rig
+from porotwin_core.rig.sand_drawing import sand_raster
 from porotwin_core.rig.sand_sections import DepthPoints
 from porotwin_core.rig.sections import LEAST_CORNERS, Pixel
 
@@ -153,9 +154,18 @@ def _sands(rig: Rig) -> Iterator[Remark]:
 
 
 def _unused_sands(rig: Rig) -> Iterator[Remark]:
-    for name in rig.sands:
+    porosity, permeability = rig.nominal_map('porosity'), rig.nominal_map('permeability_m2')
+    for name, sand in rig.sands.items():
         if name not in rig.placed_sands:
             yield Remark(f'sands.{name}', '', 'this sand has no place', 'place or remove it')
+        elif not np.any(
+            (porosity == sand.porosity) & (permeability == rig.permeability_of_sand(name))
+        ):
+            squares = sand_raster(rig.width_m, rig.height_m)
+            why = (
+                f'it is nowhere in the drawn rig, whose squares are {1e3 * squares.dx:.2g} mm wide'
+            )
+            yield Remark(f'sands.{name}', '', why, 'make it at least as thick, or remove it')
 
 
 def _wells(rig: Rig) -> Iterator[Remark]:

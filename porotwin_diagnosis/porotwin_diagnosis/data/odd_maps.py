@@ -4,10 +4,12 @@ import hashlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig
+from porotwin_core.units import percent
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
@@ -16,6 +18,9 @@ from porotwin_recording.concentration import ConcentrationMaps
 
 MOST_OFFSET = 0.03
 """Concentration [-] of clean sand that is odd; light and shake leave less."""
+
+MOST_UNSEEN = 0.25
+"""Share of the cells that no map shows, from which on it is odd."""
 
 TRACER_QUANTILE = 0.9
 """Share of the first map that is clean at least: a plume begins small."""
@@ -28,18 +33,26 @@ def remark_about_maps(text: str) -> Remark:
 
 
 def remarks_about_order(maps: ConcentrationMaps, rates: Schedule | None) -> Iterator[Remark]:
-    """Yield remarks about maps that repeat another one, or fit neither of their neighbours.
+    """Yield remarks about maps that are empty, repeat another one, or fit no neighbour.
 
     One reading of the maps serves both.
     """
     digests: list[bytes] = []
+    empty: list[float] = []
+    ever_seen = np.zeros(maps.grid.shape, dtype=bool)
 
     def noted() -> Iterator[FloatArray]:
-        for values in maps:
-            digests.append(hashlib.sha256(values.tobytes()).digest() if values.any() else b'')
+        for time, values in zip(maps.times, maps, strict=True):
+            seen = np.isfinite(values)
+            np.logical_or(ever_seen, seen, out=ever_seen)
+            if not seen.any():
+                empty.append(float(time))
+            known = seen.any() and bool(np.nan_to_num(values).any())
+            digests.append(hashlib.sha256(values.tobytes()).digest() if known else b'')
             yield values
 
     misplaced = misplaced_maps(maps.times.tolist(), noted(), rates)
+    yield from _unseen(empty, ever_seen)
     yield from _frozen(maps.times, digests)
     if misplaced:
         named = ', '.join(f'{maps.times[number]:g}' for number in misplaced)
@@ -50,10 +63,25 @@ def remarks_about_order(maps: ConcentrationMaps, rates: Schedule | None) -> Iter
         )
 
 
+def _unseen(empty: Sequence[float], ever_seen: NDArray[np.bool_]) -> Iterator[Remark]:
+    """Yield remarks about `empty` maps, by their times [s], and about cells that no map shows."""
+    if empty:
+        yield remark_about_maps(
+            f'{len(empty)} maps hold no value (NaN everywhere), the first at {empty[0]:g} s; make '
+            'them again, or leave them out'
+        )
+    unseen = 1.0 - float(ever_seen.mean())
+    if ever_seen.any() and unseen > MOST_UNSEEN:
+        yield remark_about_maps(
+            f'{percent(unseen)} of the cells have no value (NaN) in any map; was something before '
+            'the rig? What happens there is not judged'
+        )
+
+
 def _frozen(times: FloatArray, digests: Sequence[bytes]) -> Iterator[Remark]:
     """Yield a remark if maps repeat another one to the last bit: their noise always differs.
 
-    A map that is zero everywhere has an empty digest and may repeat.
+    A map that is zero or NaN everywhere has an empty digest and may repeat.
     """
     known: dict[bytes, float] = {}
     same = []

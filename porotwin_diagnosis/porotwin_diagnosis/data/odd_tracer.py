@@ -83,7 +83,11 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
 def _none_seen(maps: ConcentrationMaps, rates: Schedule, chosen: Sequence[int]) -> Iterator[Remark]:
     """Yield a remark if most of the `chosen` maps show no tracer while stock is injected."""
     stock = [row.time for row in rates.rows if row.rate.rate > 0 and row.rate.concentration > 0]
-    later = [index for index in chosen if stock and maps.times[index] > stock[0]]
+    later = [
+        index
+        for index in chosen
+        if stock and maps.times[index] > stock[0] and np.isfinite(maps[index]).any()
+    ]
     empty = [index for index in later if not np.any(maps[index] > VISIBLE_TRACER)]
     if 2 * len(empty) > len(later):
         yield remark_about_maps(
