@@ -393,15 +393,13 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
     sizes = {photo.name: _size(photo) for photo in photos}
     unreadable = [name for name, size in sizes.items() if size is None]
     if unreadable:
-        why = 'it is no readable picture'
-        remarks.append(
-            Remark('photographs', unreadable[0], why, 'copy it again or remove its line')
-        )
+        why = f'{unreadable[0]} is no readable picture'
+        remarks.append(Remark('photographs', '', why, 'copy it again or remove its line'))
     known = {size for size in sizes.values() if size is not None}
     if len(known) > 1:
         shown = ', '.join(f'{width} x {height} px' for width, height in sorted(known))
-        why = 'the photographs have several sizes'
-        remarks.append(Remark('photographs', shown, why, 'corners_px fit one size only'))
+        why = f'they have several sizes, {shown}'
+        remarks.append(Remark('photographs', '', why, 'corners_px fit one size only'))
     baseline = next((photo for photo in photos if photo.role == 'baseline'), photos[0])
     size = sizes[baseline.name]
     if size is None:

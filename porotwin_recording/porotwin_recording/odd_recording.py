@@ -282,8 +282,10 @@ def _beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
         if photo.role == 'baseline' and tracer and photo.time > tracer[0]
     ]
     if late:
-        why = f'rates.csv injects tracer from {tracer[0]:g} s on, before this baseline'
-        yield Remark('imaging.csv', f'{late[0]:g} s', why, 'compare both clocks, and the roles')
+        why = (
+            f'a baseline is of {late[0]:g} s, but rates.csv injects tracer from {tracer[0]:g} s on'
+        )
+        yield Remark('imaging.csv', '', why, 'compare both clocks, and the roles')
     seen = [photo.time for photo in data.photos if photo.role == 'state']
     begin, end = pumping[0], rows[-1].time
     stand = not any(rate.rate for rate in data.commanded.at(end).values())
