@@ -127,7 +127,10 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
 @pytest.mark.parametrize(
     ('photos', 'named'),
     [
-        ((photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')), 'a baseline is of 60 s, .* injects tracer'),
+        (
+            (photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')),
+            'a baseline is of 60 s, .* injects tracer',
+        ),
         ((BASELINE, photo(2588340.0, 'b.jpg')), 'photographs are from 2588340 .* clocks of camera'),
         ((BASELINE, photo(-1e5, 'b.jpg')), 'the pumps run from 0 to 1800 s'),
         (

@@ -316,3 +316,9 @@ def test_effects_as_text_and_as_descriptions_are_the_same() -> None:
 def test_unknown_well_is_refused() -> None:
     with pytest.raises(InputError, match="unknown well 'nowhere'"):
         VirtualRig(make_rig(), cell=0.02).set_rates(rates(nowhere=1.0))
+
+
+def test_a_closed_rig_cannot_leak() -> None:
+    rig = make_rig(boundaries={'top': 'closed'})
+    with pytest.raises(InputError, match='sides are all closed'):
+        VirtualRig(rig, effects=parse_effects('leak:x=0.4,z=0.3,rate=-20'), cell=CELL)

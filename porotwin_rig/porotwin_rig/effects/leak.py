@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from porotwin_core.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
 from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
@@ -14,7 +15,16 @@ RADIUS_M = 0.004
 
 
 def add_leak(rig: TrueRig, values: Values) -> TrueRig:
-    """Return `rig` with the leak as a source or sink of its own."""
+    """Return `rig` with the leak as a source or sink of its own.
+
+    Raises:
+        InputError: the rig is closed on all sides.
+    """
+    if rig.rig.closed:
+        raise InputError(
+            'leak: in a rig whose sides are all closed, water is neither lost nor gained; open a '
+            'side in rig.yaml'
+        )
     place = (values['x'], values['z'], RADIUS_M)
     rate = WellRate(from_ml_h(values['rate']))
     return replace(
