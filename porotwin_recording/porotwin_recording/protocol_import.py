@@ -73,8 +73,8 @@ def import_protocols(
 
     Time zero is `answers.time_zero`, which a rates.csv needs. In a pump log it is the first
     commanded rate above or below zero, else the first measured one. Without rates it is the first
-    photograph. Photographs before time zero are baselines. Photographs are linked where the file
-    system allows it. Without a list of them, they have the times that they hold.
+    photograph. Photographs before the first rate are baselines. Files are linked where the file
+    system allows it. Without a list of photographs, they have the times that they hold.
 
     Args:
         folder: the folder with the protocols.
