@@ -243,7 +243,7 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         axis.plot(
             np.array(x), np.array(z), color=OPEN if is_open else 'black', lw=4 if is_open else 1.5
         )
-    inward = {'bottom': (0.5, 0.03), 'top': (0.5, 0.97), 'left': (0.03, 0.5), 'right': (0.97, 0.5)}
+    inward = {'bottom': (0.5, 0.07), 'top': (0.5, 0.93), 'left': (0.03, 0.5), 'right': (0.97, 0.5)}
     for side, head in (rig.boundaries.heads_m or {}).items():
         axis.annotate(
             f'head {head:g} m',

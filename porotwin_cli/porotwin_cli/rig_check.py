@@ -279,7 +279,7 @@ def in_words(checked: CheckedRig) -> list[str]:
             f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
             f'until {pumped.end:g} s; the fluid is {share:.2g} pore volumes'
         )
-        if checked.runs and pumped.stock > 0.0:
+        if checked.runs and pumped.stock > 0.0 and not checked.rig.boundaries.raised_heads:
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
@@ -292,8 +292,11 @@ def in_words(checked: CheckedRig) -> list[str]:
 
 
 def heads_in_words(rig: Rig, grid: Grid) -> str:
-    """Return how much water the heads of open sides drive through the rig without the wells."""
-    physics = nominal_physics(rig, grid)
+    """Return how much water the heads of open sides drive through the rig without the wells.
+
+    The effects of the rig count.
+    """
+    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), rig.effects)
     flux = background_flux(physics)
     assert flux is not None  # heads differ
     through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])
@@ -308,9 +311,9 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
 def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
     """Return one line with the `effects` of a description; empty without any."""
     told = [
-        f'{effect.name}: {plain(EFFECTS[effect.name].phrase(effect.parameters))}'
-        for effect in effects
-        if effect.name in EFFECTS
+        f'{one.name}: {plain(EFFECTS[one.name].phrase(EFFECTS[one.name].checked(one.parameters)))}'
+        for one in effects
+        if one.name in EFFECTS
     ]
     return [f'the model has these effects: {"; ".join(told)}'] if told else []
 
@@ -343,7 +346,8 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
             break
     volume, pores = pumped_in(data).volume, data.rig.pore_volume
-    if 0.0 < volume < LITTLE_INJECTED * pores:
+    reservoirs = data.rig.boundaries.raised_heads  # a pulse of dye into their water is small
+    if 0.0 < volume < LITTLE_INJECTED * pores and not reservoirs:
         share = percent(volume / pores, 2)
         why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
         yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')

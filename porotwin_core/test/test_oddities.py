@@ -49,6 +49,11 @@ def described(change: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
+def between(**heads_m: float) -> dict[str, Any]:
+    """Return sides that are open where a head is given."""
+    return {'top': 'closed', **dict.fromkeys(heads_m, 'open'), 'heads_m': heads_m}
+
+
 def test_the_small_rig_is_not_odd() -> None:
     assert remarks_about(load_rig(SMALL_RIG)) == ()
 
@@ -140,6 +145,10 @@ def test_the_small_rig_is_not_odd() -> None:
             {'effects': [{'name': 'leak', 'parameters': {'x': 0.2, 'z': 0.2, 'rate': 1e7}}]},
             'effects: leak: rate is 1e+07 ml/h: the pores of the whole rig hold',
         ),
+        ({'boundaries': between(left=50.0, right=0.5)}, 'they differ by more than the 0.934 m'),
+        ({'boundaries': {**between(left=0.5, right=0.4), 'top': 'open'}}, 'unless you write top'),
+        ({'boundaries': between(left=0.5) | {'heads_m': {'32': 0.5}}}, 'a decimal comma?'),
+        ({'boundaries': between(left=0.5) | {'heads_m': {'Left': 0.5}}}, "write 'top', 'bottom'"),
         ({'control.end_min': 1e12}, 'end_min = 1000000000000.0: no experiment is longer'),
         (
             {'control.objective': {'name': 'sweep', 'zones_m': [BOW]}},
@@ -190,6 +199,9 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'depth_m': {'points': [[0, 0, 0.01], [0, 0, 0.02]]}}, 'it has two depths'),
         ({'control.fuzziness_m': 10}, 'counts as the zone'),
         ({'wells': {}, 'control': None}, 'no water can be pumped'),
+        ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),
+        ({'boundaries': between(left=2.0, right=0.5)}, 'are they in cm?'),
+        ({'boundaries': between(left=0.5, top=0.6)}, 'meet in a corner'),
     ],
 )
 def test_an_odd_value_is_used_with_a_warning(

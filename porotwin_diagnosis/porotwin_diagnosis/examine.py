@@ -72,9 +72,13 @@ def examine(
     odd = odd_lines(recordings)
     for line in odd:
         tell(line)
+    averaged: list[str] = []
     recordings = [
-        with_fewer_cells(without_false_cells(recording), tell) for recording in recordings
+        with_fewer_cells(without_false_cells(recording), averaged.append)
+        for recording in recordings
     ]
+    for line in averaged:
+        tell(line)
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
     findings, levels = search_effects(
@@ -111,7 +115,7 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
-        remarks=(*odd_times(recordings), *odd),
+        remarks=(*odd_times(recordings), *odd, *averaged),
         seconds=time.perf_counter() - began,
     )
 

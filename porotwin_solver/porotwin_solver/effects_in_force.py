@@ -55,5 +55,9 @@ def _refuse_outside(rig: Rig, name: str, x: float, z: float) -> None:
 
 def in_words(effects: Sequence[EffectDescription]) -> str:
     """Return the effects in plain words, such as `the injector delivers 30 % less`."""
-    phrases = [plain(effect(one.name).phrase(one.parameters)) for one in effects]
+    phrases = [
+        plain(found.phrase(found.checked(one.parameters)))
+        for one in effects
+        for found in [effect(one.name)]
+    ]
     return ', and '.join(phrases) or AS_DESCRIBED

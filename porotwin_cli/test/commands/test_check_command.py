@@ -18,6 +18,7 @@ from porotwin_cli.rig_check import (
     CheckedRig,
     check,
     effects_in_words,
+    heads_in_words,
     in_words,
     maps_in_words,
     pumped_in,
@@ -25,7 +26,8 @@ from porotwin_cli.rig_check import (
 )
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.grid import Grid
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
+from porotwin_core.units import GRAVITY, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
 from porotwin_recording.experiment_folder import folder_data, write_folder
@@ -119,6 +121,29 @@ def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
         'the model has these effects: leak: water is lost at x = 0.400 m, z = 0.200 m: 12 ml/h'
     ]
     assert effects_in_words(check(small_rig()).effects) == []
+
+
+def test_parameters_without_a_value_are_told_with_their_default() -> None:
+    effects = [
+        EffectDescription(name='registration', parameters={'dx': 0.01}),
+        EffectDescription(name='background_flow', parameters={'x_velocity': 1e-5}),
+    ]
+    (line,) = effects_in_words(effects)
+    assert 'shifted 10 mm right and 0 mm up' in line
+    assert '36 mm/h right and 0 mm/h up' in line
+
+
+def test_the_rate_between_two_heads_counts_the_effects() -> None:
+    sides = {'top': 'closed', 'left': 'open', 'right': 'open'}
+    heads = Boundaries.model_validate({**sides, 'heads_m': {'left': 0.62, 'right': 0.6}})
+    rig = load_rig(small_rig()).model_copy(update={'boundaries': heads})
+    darcy = 6.57e-10 * 998.0 * GRAVITY / 1e-3 * 0.010 * 0.562 * 0.02 / 0.934
+    minutes = rig.pore_volume / darcy / 60.0
+    told = heads_in_words(rig, rig.grid(40, 24))
+    assert told.startswith(f'heads: {to_ml_h(darcy):.4g} ml/h flow')
+    assert told.endswith(f'in {minutes:.3g} min')
+    loose = rig.with_effects([EffectDescription(name='porosity', parameters={'factor': 0.5})])
+    assert heads_in_words(loose, rig.grid(40, 24)).endswith(f'in {0.5 * minutes:.3g} min')
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,10 @@ def one_line(
             guess = 'a number with a decimal comma? Write a point, as in 0.39'
         remedy = f'correct or remove it; {guess}' if guess else 'correct or remove it'
         return f"{source}: unknown key '{where}'; {remedy}{more}"
+    if first['type'] == 'literal_error' and first['loc'][-1] == '[key]':
+        decimal = 'a number with a decimal comma? Write a point, as in 0.39'
+        guess = decimal if parts[-1].isdigit() else reason.replace('Input should be', 'write')
+        return f"{source}: unknown key '{where}'; {guess}{more}"
     if first['type'] == 'missing' and not parts[-1].isdigit():
         return f"{source}: '{where}' is missing: {KNOWN_KEYS.get(parts[-1], 'needed')}{more}"
     if first['type'] == 'missing':

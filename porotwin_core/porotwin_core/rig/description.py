@@ -278,8 +278,9 @@ class Rig(Section):
         """
         apart = {'name', 'camera', 'control', 'hydraulic_conductivity_m_s', *SAND_KEYS}
         data = self.model_dump(mode='json', exclude=apart)
-        if not self.boundaries.raised_heads:  # as before there were heads
-            del data['boundaries']['heads_m']
+        del data['boundaries']['heads_m']
+        if raised := self.boundaries.raised_heads:  # only differences count
+            data['boundaries']['raised_heads_m'] = raised
         for name in PROPERTIES:
             values = self.nominal_map(name)
             if isinstance(values, float):

@@ -39,6 +39,10 @@ SAME_PLACE_M = 1e-6
 NEAR = 0.05
 """Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
 
+MOST_GRADIENT = 10.0
+"""Difference of two heads over the distance of their sides above which it is refused: sand would be
+washed out, and a prediction takes minutes."""
+
 IN_ZONE_SAMPLES = 200
 """Places along each side of the rig, for the search of a zone."""
 
@@ -120,14 +124,26 @@ def _shape(rig: Rig) -> Iterator[Remark]:
 
 
 def _heads(rig: Rig) -> Iterator[Remark]:
-    """Yield a remark if the heads of open sides differ by more than the sand is wide or high."""
-    highest = max(rig.boundaries.raised_heads.values(), default=0.0)
-    size = min(rig.width_m, rig.height_m)
-    if highest > size:
-        why = f'they differ by more than the {size:g} m between two sides'
-        yield Remark(
-            'boundaries.heads_m', f'up to {highest:g} m apart', why, 'are they in cm? write m'
-        )
+    """Yield remarks about heads that drive no water, too much of it, or meet in a corner."""
+    given, raised = rig.boundaries.heads_m, rig.boundaries.raised_heads
+    key = 'boundaries.heads_m'
+    if given and not raised:
+        why = 'water flows only between open sides with different heads'
+        yield Remark(key, f'{min(given.values()):g} m everywhere', why, 'correct or remove it')
+    for (one, head), (other, lower) in itertools.combinations(raised.items(), 2):
+        apart, sides = abs(head - lower), {one, other}
+        across = sides == {'left', 'right'}
+        if not across and sides != {'top', 'bottom'}:
+            if apart > 0.0:
+                why = f'the {one} and the {other} side meet in a corner, where their heads jump'
+                remedy = 'the rate between them grows with the number of cells; close one of them'
+                yield Remark(key, f'{apart:g} m apart', why, remedy)
+            continue
+        size = rig.width_m if across else rig.height_m
+        if apart > size:
+            why = f'they differ by more than the {size:g} m between the two sides'
+            far = apart > MOST_GRADIENT * size
+            yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)
 
 
 def _sands(rig: Rig) -> Iterator[Remark]:
@@ -162,10 +178,9 @@ def _unused_sands(rig: Rig) -> Iterator[Remark]:
             (porosity == sand.porosity) & (permeability == rig.permeability_of_sand(name))
         ):
             squares = sand_raster(rig.width_m, rig.height_m)
-            why = (
-                f'it is nowhere in the drawn rig, whose squares are {1e3 * squares.dx:.2g} mm wide'
-            )
-            yield Remark(f'sands.{name}', '', why, 'make it at least as thick, or remove it')
+            width = f'{1e3 * squares.dx:.2g} mm'
+            why = f'it fills no square of the drawn rig; squares are {width} wide'
+            yield Remark(f'sands.{name}', '', why, f'make it at least {width} thick, or remove it')
 
 
 def _wells(rig: Rig) -> Iterator[Remark]:
@@ -325,9 +340,12 @@ def _outline(rig: Rig, key: str, corners: Any) -> Iterator[Remark]:
         return
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     extent = f'{low[0]:g} to {high[0]:g} m in x, {low[1]:g} to {high[1]:g} m in z'
+    within = (low >= 0.0).all() and (high <= np.array([rig.width_m, rig.height_m])).all()
     if not _covers(rig, polygon):
         why = f'it covers nothing of {size}'
         remedy = 'give the corners (x, z) in m from the lower left corner'
+        if within:
+            why, remedy = f'it is too thin to cover a place of {size}', 'make it thicker'
         yield Remark(key, extent, why, remedy, refused=True)
     elif (high > 1.02 * np.array([rig.width_m, rig.height_m])).any() or (low < -0.02).any():
         yield Remark(key, extent, f'it reaches beyond {size}', 'correct it if that is a slip')

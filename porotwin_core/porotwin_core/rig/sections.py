@@ -108,9 +108,11 @@ class Boundaries(Section):
         if self.heads_m is None or set(self.heads_m) == set(self.open_sides):
             return self
         told = ', '.join(self.open_sides) or 'none'
+        top = 'top' in self.open_sides and 'top' not in self.heads_m
+        by_default = '; the top is open unless you write top: closed' if top else ''
         raise ValueError(
             f'heads_m names {", ".join(self.heads_m) or "no side"}, but the open sides are {told}; '
-            'give the head of each open side, and of no other'
+            f'give the head of each open side, and of no other{by_default}'
         )
 
     @property
