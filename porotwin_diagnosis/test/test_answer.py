@@ -109,7 +109,7 @@ def test_effects_that_look_the_same_are_said(denser):
 def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
     verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
-    assert text.startswith('<b>No gap.</b>')
+    assert text.startswith('<b>No gap</b> (confidence')
     assert 'no larger than the errors that a solver and a calibration leave' in text
     assert said(denser, replace(verdict, confidence=0.5)).startswith('<b>No gap, but this is unsu')
     (part,) = denser.held_out

@@ -95,7 +95,7 @@ def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(de
 def test_no_gap_says_first_which_effects_could_not_have_been_seen(denser, tmp_path):
     verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
     text, verdict_said = page(replace(denser, verdict=verdict), tmp_path)
-    assert verdict_said.startswith('<b>No gap.</b>')
+    assert verdict_said.startswith('<b>No gap</b> (confidence')
     assert 'Next experiment' not in text
     assert text.index('would have shown') < text.index('Effects that were tried')
     assert '0.97 %' in text

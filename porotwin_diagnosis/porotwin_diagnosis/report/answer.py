@@ -99,10 +99,10 @@ def _described(result: Diagnosis) -> str:
 def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:
     """Say that there is no gap, and explain the remaining error."""
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
-    head = 'No gap.' if result.verdict.confidence > UNSURE else 'No gap, but this is unsure.'
+    head = 'No gap' if result.verdict.confidence > UNSURE else 'No gap, but this is unsure'
     words = (
-        f'<b>{head}</b> The model as it is explains {these(result)}: its error in the held-out '
-        f'part is {before}; noise and blur of the maps alone make {floor} ({sure}).'
+        f'<b>{head}</b> ({sure}). The model as it is explains {these(result)}: its error in the '
+        f'held-out part is {before}, and noise and blur of the maps alone make {floor}.'
     )
     if errors['before'] > MORE_THAN_NOISE * errors['noise_floor']:
         words += (
