@@ -31,6 +31,7 @@ from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.corner_check import REMEDY, corners_off_the_sand, small_rig
 from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.photo_file import JPEG_START, PNG_START, is_complete
 from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.experiment_folder import FILES, folder_data
@@ -399,6 +400,12 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
     if unreadable:
         why = f'{unreadable[0]} is no readable picture'
         remarks.append(Remark('photographs', '', why, 'copy it again or remove its line'))
+    cut = [photo.name for photo in photos if photo.role == 'state' and _is_cut(photo)]
+    if cut:
+        why = f'{cut[0]} ends before its picture does'
+        if len(cut) > 1:
+            why = f'{len(cut)} end before their pictures do, the first is {cut[0]}'
+        remarks.append(Remark('photographs', '', why, 'copy them from the camera again'))
     known = {size for size in sizes.values() if size is not None}
     if len(known) > 1:
         shown = ', '.join(f'{width} x {height} px' for width, height in sorted(known))
@@ -433,6 +440,15 @@ def _size(photo: Photo) -> tuple[int, int] | None:
             return picture.size
     except (UnidentifiedImageError, OSError):
         return None
+
+
+def _is_cut(photo: Photo) -> bool:
+    """Return whether a JPEG or PNG file lacks its end; a TIFF would have to be decoded."""
+    try:
+        data = photo.read()
+    except OSError:
+        return False  # told as unreadable
+    return data.startswith((JPEG_START, PNG_START)) and not is_complete(data)
 
 
 def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:

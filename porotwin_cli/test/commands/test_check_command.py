@@ -337,3 +337,12 @@ def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:
     whole = (folder / 'photos' / 'a.jpg').read_bytes()
     (folder / 'photos' / 'a.jpg').write_bytes(whole[: len(whole) // 2])
     assert 'it is damaged: image file is truncated' in told(folder)
+
+
+def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'cut'
+    shutil.copytree(experiment, folder)
+    last = sorted((folder / 'photos').iterdir())[-1]
+    assert 'ends before' not in told(folder)
+    last.write_bytes(last.read_bytes()[:3000])
+    assert f'photos/{last.name} ends before its picture does' in told(folder)
