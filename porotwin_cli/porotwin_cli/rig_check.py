@@ -41,7 +41,6 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import Recording
 from porotwin_solver.background_flux import background_flux
 from porotwin_solver.effects import EFFECTS, apply_effects
-from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
@@ -312,7 +311,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
 def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
     """Return one line with the `effects` of a description; empty without any."""
     told = [
-        f'{one.name}: {plain(EFFECTS[one.name].phrase(EFFECTS[one.name].checked(one.parameters)))}'
+        f'{one.name}: {EFFECTS[one.name].in_words(one.parameters)}'
         for one in effects
         if one.name in EFFECTS
     ]
@@ -395,12 +394,13 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
         why = 'there are photographs, but no place of the rig in them'
         return None, [Remark('camera', '', why, 'add camera.corners_px to rig.yaml', refused=True)]
     remarks: list[Remark] = []
-    sizes = {photo.name: _size(photo) for photo in photos}
+    files = {photo.name: _looked_at(photo) for photo in photos}
+    sizes = {name: file.size for name, file in files.items()}
     unreadable = [name for name, size in sizes.items() if size is None]
     if unreadable:
         why = f'{unreadable[0]} is no readable picture'
         remarks.append(Remark('photographs', '', why, 'copy it again or remove its line'))
-    cut = [photo.name for photo in photos if photo.role == 'state' and _is_cut(photo)]
+    cut = [photo.name for photo in photos if photo.role == 'state' and files[photo.name].is_cut]
     if cut:
         why = f'{cut[0]} ends before its picture does'
         if len(cut) > 1:
@@ -434,21 +434,25 @@ def _corners_off(rig: Rig, photograph: np.ndarray) -> list[Remark]:
     return [off] if off else []
 
 
-def _size(photo: Photo) -> tuple[int, int] | None:
-    try:
-        with Image.open(io.BytesIO(photo.read())) as picture:
-            return picture.size
-    except (UnidentifiedImageError, OSError):
-        return None
+class _LookedAt(NamedTuple):
+    """A file of a photograph: its size [px], None if unreadable, and whether it lacks its end."""
+
+    size: tuple[int, int] | None
+    is_cut: bool
 
 
-def _is_cut(photo: Photo) -> bool:
-    """Return whether a JPEG or PNG file lacks its end; a TIFF would have to be decoded."""
+def _looked_at(photo: Photo) -> _LookedAt:
+    """Return what one reading of a file shows; the end of a TIFF is not judged."""
     try:
         data = photo.read()
     except OSError:
-        return False  # told as unreadable
-    return data.startswith((JPEG_START, PNG_START)) and not is_complete(data)
+        return _LookedAt(None, is_cut=False)
+    is_cut = data.startswith((JPEG_START, PNG_START)) and not is_complete(data)
+    try:
+        with Image.open(io.BytesIO(data)) as picture:
+            return _LookedAt(picture.size, is_cut)
+    except (UnidentifiedImageError, OSError):
+        return _LookedAt(None, is_cut)
 
 
 def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:

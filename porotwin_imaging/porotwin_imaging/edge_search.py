@@ -95,9 +95,11 @@ def seen_edges(
     """
     longer = max(geometry.width, geometry.height)
     near = _edges(pixels, geometry, reduction, NEAR_STEPS)
-    far = _edges(pixels, geometry, reduction, FAR_STEPS)
     reach, least = _LEANS.max() * longer / NEAR_STEPS, _FAR * longer / FAR_STEPS
     sure = {side: edge for side, edge in near.items() if edge.distance < reach}
+    if len(sure) == len(get_args(Side)):
+        return sure
+    far = _edges(pixels, geometry, reduction, FAR_STEPS)
     beyond = {side: edge for side, edge in far.items() if edge.distance > least}
     return near | beyond | sure
 

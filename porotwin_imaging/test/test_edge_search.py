@@ -77,29 +77,19 @@ def test_described_edges_are_found_where_they_are() -> None:
         assert max(abs(edge.start), abs(edge.end)) < NEAR_M
 
 
-@pytest.mark.parametrize('outward_px', [-25, -15, 15, 25])
-def test_corners_off_on_all_sides_are_measured(outward_px: int) -> None:
-    away = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
-    corners = CORNERS + outward_px * away
-    edges = found(Drawing(), corners)
-    assert set(edges) == {'upper', 'lower', 'left', 'right'}
-    along, up = (RIGHT - LEFT + 2 * outward_px) / 0.8, (BOTTOM - TOP + 2 * outward_px) / 0.46
-    for edge in edges.values():
-        scale = up if edge.side in ('upper', 'lower') else along
-        assert edge.start == pytest.approx(outward_px / scale, abs=NEAR_M)
-        assert edge.end == pytest.approx(outward_px / scale, abs=NEAR_M)
-
-
-@pytest.mark.parametrize('outward_px', [-50, 50])
-def test_corners_far_off_are_measured_too(outward_px: int) -> None:
+@pytest.mark.parametrize(
+    ('outward_px', 'error_m'),
+    [(-25, NEAR_M), (-15, NEAR_M), (15, NEAR_M), (25, NEAR_M), (-50, FAR_M), (50, FAR_M)],
+)
+def test_corners_off_on_all_sides_are_measured(outward_px: int, error_m: float) -> None:
     away = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
     edges = found(Drawing(), CORNERS + outward_px * away)
     assert set(edges) == {'upper', 'lower', 'left', 'right'}
     along, up = (RIGHT - LEFT + 2 * outward_px) / 0.8, (BOTTOM - TOP + 2 * outward_px) / 0.46
     for edge in edges.values():
         scale = up if edge.side in ('upper', 'lower') else along
-        assert edge.start == pytest.approx(outward_px / scale, abs=FAR_M)
-        assert edge.end == pytest.approx(outward_px / scale, abs=FAR_M)
+        assert edge.start == pytest.approx(outward_px / scale, abs=error_m)
+        assert edge.end == pytest.approx(outward_px / scale, abs=error_m)
 
 
 @pytest.mark.parametrize('layer_px', [15, 35, 50, 65])

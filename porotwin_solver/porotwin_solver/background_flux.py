@@ -42,6 +42,8 @@ def _through_all_sides(physics: Physics) -> FaceField | None:
 
 def _between_open_sides(physics: Physics) -> FaceField | None:
     """Return the flux [m^3/s] that heads and a tilted water table drive; None without these."""
+    if not physics.has_side_potential:
+        return None
     flow = SHARED_FLOWS.flow(physics.grid, physics.mobility_thickness, physics.boundaries)
     driven = side_flux(physics, flow.transmissibility)
     return None if driven is None else flow.flux(np.zeros(physics.grid.shape), driven)
@@ -54,12 +56,11 @@ def side_flux(physics: Physics, trans: FaceField) -> FaceField | None:
     potential p [Pa]. With the tilt t [Pa], p on an open upper side also has t (x / W - 1/2).
     None where p is zero everywhere.
     """
-    grid, potentials = physics.grid, physics.side_potentials
-    tilt = physics.table_tilt if physics.boundaries.top == 'open' else 0.0
-    if not potentials and tilt == 0.0:
+    if not physics.has_side_potential:
         return None
+    grid, potentials = physics.grid, physics.side_potentials
     flux = FaceField.zeros(grid)
-    top = potentials.get('top', 0.0) + tilt * (grid.x / grid.width - 0.5)
+    top = potentials.get('top', 0.0) + physics.table_tilt * (grid.x / grid.width - 0.5)
     flux.x[:, 0] = trans.x[:, 0] * potentials.get('left', 0.0)
     flux.x[:, -1] = -trans.x[:, -1] * potentials.get('right', 0.0)
     flux.z[0] = trans.z[0] * potentials.get('bottom', 0.0)

@@ -6,7 +6,6 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.effects import effect
 from porotwin_solver.effects.definition.effect import Scope
-from porotwin_solver.effects.definition.words import plain
 
 AS_DESCRIBED = 'the model as rig.yaml describes it'
 """The words for no effect."""
@@ -55,9 +54,5 @@ def _refuse_outside(rig: Rig, name: str, x: float, z: float) -> None:
 
 def in_words(effects: Sequence[EffectDescription]) -> str:
     """Return the effects in plain words, such as `the injector delivers 30 % less`."""
-    phrases = [
-        plain(found.phrase(found.checked(one.parameters)))
-        for one in effects
-        for found in [effect(one.name)]
-    ]
+    phrases = [effect(one.name).in_words(one.parameters) for one in effects]
     return ', and '.join(phrases) or AS_DESCRIBED

@@ -115,6 +115,12 @@ class Physics:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
+    @property
+    def has_side_potential(self) -> bool:
+        """Whether heads, or a tilted water table on an open upper side, drive water."""
+        tilted = self.table_tilt != 0.0 and self.boundaries.top == 'open'
+        return tilted or bool(self.side_potentials)
+
     def delivered(self, rates: WellRates) -> dict[str, float]:
         """Return the rate [m^3/s] of every well: the commanded one times its rate factor.
 

@@ -28,6 +28,9 @@ _REASONS = {
 }
 """Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
 
+_DECIMAL_COMMA = 'a number with a decimal comma? Write a point, as in 0.39'
+"""Guess about a key that is a number: YAML ends the value at the comma."""
+
 MOST_NAMED = 4
 """Most further wrong keys that a message names."""
 
@@ -54,12 +57,13 @@ def one_line(
     if first['type'] == 'extra_forbidden':
         guess = did_you_mean(parts[-1], KNOWN_KEYS)
         if parts[-1].isdigit():
-            guess = 'a number with a decimal comma? Write a point, as in 0.39'
+            guess = _DECIMAL_COMMA
         remedy = f'correct or remove it; {guess}' if guess else 'correct or remove it'
         return f"{source}: unknown key '{where}'; {remedy}{more}"
     if first['type'] == 'literal_error' and first['loc'][-1] == '[key]':
-        decimal = 'a number with a decimal comma? Write a point, as in 0.39'
-        guess = decimal if parts[-1].isdigit() else reason.replace('Input should be', 'write')
+        guess = (
+            _DECIMAL_COMMA if parts[-1].isdigit() else reason.replace('Input should be', 'write')
+        )
         return f"{source}: unknown key '{where}'; {guess}{more}"
     if first['type'] == 'missing' and not parts[-1].isdigit():
         return f"{source}: '{where}' is missing: {KNOWN_KEYS.get(parts[-1], 'needed')}{more}"

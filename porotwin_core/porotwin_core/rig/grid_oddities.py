@@ -99,9 +99,14 @@ def remarks_about_barriers(grid: Grid, rig: Rig) -> Iterator[Remark]:
         yield Remark('grid', str(grid), why, f'take cells of at most {5e2 * width:.2g} mm')
 
 
-def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
+def _usual_grid(rig: Rig) -> str:
+    """Say which grid a rig has by default."""
     usual = rig.default_grid()
-    better = f'{usual} has square cells of {1e3 * usual.dx:.2g} mm'
+    return f'{usual} has square cells of {1e3 * usual.dx:.2g} mm'
+
+
+def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
+    better = _usual_grid(rig)
     count = grid.nx * grid.nz
     if count > most_cells:
         why = f'{count:,} cells are more than the {most_cells:,} that a computer can hold'
@@ -116,8 +121,7 @@ def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
 
 
 def _resolution(grid: Grid, rig: Rig) -> Iterator[Remark]:
-    usual = rig.default_grid()
-    better = f'take more cells; {usual} has square cells of {1e3 * usual.dx:.2g} mm'
+    better = f'take more cells; {_usual_grid(rig)}'
     close = [
         (_cells_between(grid, first.x_m - second.x_m, first.z_m - second.z_m), one, other)
         for (one, first), (other, second) in itertools.combinations(rig.wells.items(), 2)

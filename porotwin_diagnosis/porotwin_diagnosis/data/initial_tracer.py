@@ -58,8 +58,25 @@ COMPARED_SHARE, COMPARED_MAPS = 0.7, 24
 """Share of the recording, and number of its maps, that both courses are compared with."""
 
 
-def initial_tracer(recording: Recording) -> FloatArray | None:
-    """Return the first map (nz, nx) [-] if it holds tracer that no known rate explains; else None.
+class RecordingStart(NamedTuple):
+    """What the rig holds when a recording begins.
+
+    Attributes:
+        tracer: the first map (nz, nx) [-] if it holds tracer that no known rate explains, or None.
+        may_have_held_tracer: whether `tracer` is None because a late clock is believed, while
+            tracer from before the recording explains the maps about as well.
+    """
+
+    tracer: FloatArray | None
+    may_have_held_tracer: bool
+
+
+CLEAN_START = RecordingStart(None, may_have_held_tracer=False)
+"""The start of a rig without tracer."""
+
+
+def start_of(recording: Recording) -> RecordingStart:
+    """Return what the rig holds when `recording` begins.
 
     The rig has `held` [m^3] of stock in its first map. It is tracer from before the recording if
 
@@ -71,24 +88,21 @@ def initial_tracer(recording: Recording) -> FloatArray | None:
         InputError: the recording holds no maps.
     """
     if not _has_unexplained_tracer(recording):
-        return None
+        return CLEAN_START
     courses = _compared_courses(recording)
     if courses is not None and courses.late_clock_believed:
-        return None
-    return filled_map(recording.present_maps[0], recording.grid)
+        return RecordingStart(None, may_have_held_tracer=not courses.clearly_late)
+    first = filled_map(recording.present_maps[0], recording.grid)
+    return RecordingStart(first, may_have_held_tracer=False)
 
 
-def may_have_held_tracer(recording: Recording) -> bool:
-    """Return whether the model starts clean because a late clock is believed, while tracer from
-    before the recording explains the maps about as well.
+def initial_tracer(recording: Recording) -> FloatArray | None:
+    """Return the tracer (nz, nx) [-] of `start_of`.
 
     Raises:
         InputError: the recording holds no maps.
     """
-    if not _has_unexplained_tracer(recording):
-        return False
-    courses = _compared_courses(recording)
-    return courses is not None and courses.late_clock_believed and not courses.clearly_late
+    return start_of(recording).tracer
 
 
 def _has_unexplained_tracer(recording: Recording) -> bool:

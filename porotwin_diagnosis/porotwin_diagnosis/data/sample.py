@@ -28,7 +28,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
-from porotwin_diagnosis.data.initial_tracer import initial_tracer, may_have_held_tracer
+from porotwin_diagnosis.data.initial_tracer import start_of
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER, evenly_spread
@@ -362,6 +362,7 @@ def read_sample(recording: Recording) -> Sample:
         [evenly_spread(fitted, FITTED_FRAMES), evenly_spread(after, HELD_OUT_FRAMES)]
     )
     own, shared = _delivered(recording, chosen)
+    start = start_of(recording)
     return Sample(
         rig=recording.rig,
         schedule=recording.delivered,
@@ -373,8 +374,8 @@ def read_sample(recording: Recording) -> Sample:
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
-        initial=initial_tracer(recording),
-        may_have_held_tracer=may_have_held_tracer(recording),
+        initial=start.tracer,
+        may_have_held_tracer=start.may_have_held_tracer,
         own_deviation=own,
         shared_errors=shared,
     )

@@ -8,6 +8,7 @@ from porotwin_core.blind_draw import Draw
 from porotwin_core.effect_parameter import Parameter, Values, checked_values
 from porotwin_core.errors import InputError
 from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
+from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics
 
@@ -193,3 +194,11 @@ class Effect:
             InputError: an unknown, missing or impossible parameter, by name, value and remedy.
         """
         return checked_values(self.name, self.parameters, given)
+
+    def in_words(self, given: Mapping[str, object]) -> str:
+        """Return the effect with all parameters as plain text; `given` names some of them.
+
+        Raises:
+            InputError: as `checked`.
+        """
+        return plain(self.phrase(self.checked(given)))
