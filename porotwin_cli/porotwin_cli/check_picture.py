@@ -232,7 +232,7 @@ def _draw_depth(axis: Axes, rig: Rig) -> None:
 
 def _draw_sides(axis: Axes, rig: Rig) -> None:
     width, height = rig.width_m, rig.height_m
-    sides = {
+    sides: dict[str, tuple[list[float], list[float]]] = {
         'bottom': ([0, width], [0, 0]),
         'top': ([0, width], [height, height]),
         'left': ([0, 0], [0, height]),
@@ -243,16 +243,18 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         axis.plot(
             np.array(x), np.array(z), color=OPEN if is_open else 'black', lw=4 if is_open else 1.5
         )
-    inward = {'bottom': (0.5, 0.07), 'top': (0.5, 0.93), 'left': (0.03, 0.5), 'right': (0.97, 0.5)}
+    inward = {'bottom': (0, 12), 'top': (0, -12), 'left': (12, 0), 'right': (-12, 0)}
     for side, head in (rig.boundaries.heads_m or {}).items():
         axis.annotate(
             f'head {head:g} m',
-            inward[side],
-            xycoords='axes fraction',
+            (0.5 * sum(sides[side][0]), 0.5 * sum(sides[side][1])),
+            xytext=inward[side],
+            textcoords='offset points',
             color=OPEN,
-            ha='center' if side in ('top', 'bottom') else side,
+            ha='center',
             va='center',
             rotation=0 if side in ('top', 'bottom') else 90,
+            bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'edgecolor': 'none'},
         )
 
 
