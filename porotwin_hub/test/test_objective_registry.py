@@ -31,7 +31,7 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         (
             {'disallowed_zone_m': [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]},
-            'it covers nothing of the rig',
+            'it is too thin to cover a place of the rig',
         ),
         (
             {'objective': {'name': 'keep_in', 'zone_m': [[-1, -1], [2, -1], [2, 2], [-1, 2]]}},
