@@ -9,6 +9,7 @@ from diagnosis_examples import fit_of, sample_of
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.prior import Prior
+from porotwin_diagnosis.search.ranking import swallowed_misfit
 
 NULL = fit_of(misfit=6.0)
 
@@ -28,7 +29,7 @@ class CorrectedAt:
 
     def evaluated_again(self, fit):
         misfit = 0.45 if fit.label == self.best else 0.40
-        return fit_of(fit.label, misfit=misfit)
+        return replace(fit_of(fit.label, misfit=misfit), unshared_misfit=(misfit, misfit))
 
     def distance(self, one, other):
         alike = {'porosity', 'retardation'}
@@ -45,6 +46,12 @@ def test_the_most_probable_group_of_close_rivals_comes_first():
     assert [fit.label for fit in compared] == ['porosity', 'retardation', 'depth', 'leak']
     assert levels.best == 'porosity'
     assert {round(fit.fitted_misfit, 6) for fit in compared[:3]} == {round(1.25 / 3, 6)}
+
+
+def test_rivals_on_equal_terms_swallow_nothing_without_shared_errors():
+    singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
+    _, compared = compared_rivals(CorrectedAt(), singles, NULL)
+    assert [swallowed_misfit(fit) for fit in compared] == [0.0, 0.0]
 
 
 def test_a_rival_that_the_held_out_maps_contradict_comes_behind_the_others():

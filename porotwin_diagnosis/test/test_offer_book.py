@@ -61,8 +61,8 @@ def test_no_gap_between_two_namings_contradicts_the_first(book):
 @pytest.mark.parametrize(
     ('first', 'second'),
     [
-        (finding(confidence=0.74), finding(confidence=0.85)),
-        (finding(confidence=0.85), finding(confidence=0.74)),
+        (finding(confidence=0.71), finding(confidence=0.85)),
+        (finding(confidence=0.85), finding(confidence=0.71)),
         (finding(weak_pump(well='producer'), confidence=0.85), finding(confidence=0.85)),
     ],
 )

@@ -14,8 +14,12 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import (
+    CALIBRATION_LOG_ODDS,
+    CALIBRATION_SLOPE,
     CONFIDENCE_RANGE,
     MISSING_SLOPE,
+    NEARLY_ALIKE,
+    NEARLY_ALIKE_LOG_ODDS,
     NO_GAP_LOG_ODDS,
     NO_GAP_MISFIT,
     NO_GAP_SLOPE,
@@ -64,7 +68,8 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
     """
     if swallowed <= 0.0:
         return math.inf
-    stronger = ORDER_LOG_ODDS + ORDER_SLOPE * math.log(max(gained, LEAST_GAIN) / swallowed)
+    ratio = max(gained, LEAST_GAIN) / swallowed
+    stronger = CALIBRATION_LOG_ODDS + CALIBRATION_SLOPE * math.log(ratio)
     return max(no_gap_log_odds(swallowed), stronger, 0.0)
 
 
@@ -154,3 +159,30 @@ def rival_of_single(names: Collection[str], probabilities: dict[str, float]) -> 
     """Return the most probable effect, or `NONE`, beside the effects `names`."""
     others = [name for name in probabilities if name not in names]
     return max(others, key=lambda name: probabilities[name], default=None)
+
+
+def single_distance(
+    names: Collection[str], probabilities: dict[str, float], findings: Findings
+) -> float:
+    """Return the whitened distance [-] of the most probable effect beside `names` from the first.
+
+    It is infinite if that effect was not judged.
+    """
+    rival = rival_of_single(names, probabilities)
+    own = (
+        distance
+        for fit, distance in zip(findings.singles, findings.distances, strict=True)
+        if fit.members[0].effect == rival
+    )
+    return min(own, default=math.inf)
+
+
+def pair_distance(rival: Fit | None, findings: Findings) -> float:
+    """Return the whitened distance [-] of `rival` from the best pair; infinite if it is no pair."""
+    pairs = zip(findings.pairs, findings.pair_distances, strict=True)
+    return min((distance for fit, distance in pairs if fit is rival), default=math.inf)
+
+
+def alike_log_odds(distance: float) -> float:
+    """Return the increase of the log-odds against a rival at this whitened `distance` [-]."""
+    return NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE else 0.0

@@ -1,15 +1,18 @@
 """The verdict, made in one place: rules on the evidence, in their order."""
 
 from porotwin_diagnosis.decision.confidence import (
+    alike_log_odds,
     calibration_log_odds,
     confidence,
     missing_log_odds,
     no_gap_log_odds,
     order_log_odds,
+    pair_distance,
     pair_log_odds,
     rival_of_pair,
     rival_of_single,
     share_of,
+    single_distance,
     single_log_odds,
     sufficient_log_odds,
 )
@@ -120,16 +123,24 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     if not kept.members:
         return [(no_gap_log_odds(normalised_misfit(null)), Doubt.NO_GAP), calibrated]
     same = (kept.members[0], *kept.inseparable)
-    misses_nothing = sufficient_log_odds(kept.lack_of_fit, shared_errors=swallowed > 0.0)
+    shared_errors = swallowed > 0.0
+    misses_nothing = sufficient_log_odds(kept.lack_of_fit, shared_errors=shared_errors)
     enough = [(misses_nothing, Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
         if share_of(same, probabilities) >= SINGLE_SHARE_RANGE[1]:
             return enough
-        return [(single_log_odds(same, probabilities), Doubt.RIVAL), *enough]
+        right = single_log_odds(same, probabilities)
+        if not shared_errors:
+            right += alike_log_odds(single_distance(same, probabilities, findings))
+        return [(right, Doubt.RIVAL), *enough]
+    rival = rival_of_pair(same, findings)
+    right = pair_log_odds(kept.model, rival)
+    if not shared_errors:
+        right += alike_log_odds(pair_distance(rival, findings))
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
     return [
-        (pair_log_odds(kept.model, rival_of_pair(same, findings)), Doubt.RIVAL),
+        (right, Doubt.RIVAL),
         (needed, Doubt.FEWER),
         (order_log_odds(kept.members, findings), Doubt.ORDER),
         *enough,

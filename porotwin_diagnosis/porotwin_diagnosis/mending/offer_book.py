@@ -10,9 +10,10 @@ from porotwin_diagnosis.mending.finding import Finding
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
-REPEATED_CONFIDENCE = 0.75
+REPEATED_CONFIDENCE = 0.72
 """Least confidence of a cause that two diagnoses have named, and none between them another answer
-than unexplained: odds of three to one, twice.
+than unexplained. A single effect that leaves nearly what a true one may leave has 0.73, scant
+evidence at most 0.7.
 The second diagnosis has seen more photographs, and shadow forecasts judge an accepted effect."""
 
 

@@ -78,10 +78,12 @@ def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
 
     def mean(fit: Fit) -> Fit:
         judged = [fitter.evaluated_again(fit) for fitter in corrected]
+        fitted, held_out = np.mean([other.unshared_misfit for other in judged], axis=0)
         return replace(
             fit,
             fitted_misfit=float(np.mean([other.fitted_misfit for other in judged])),
             held_out_misfit=float(np.mean([other.held_out_misfit for other in judged])),
+            unshared_misfit=(float(fitted), float(held_out)),
         )
 
     return sorted((mean(fit) for fit in rivals), key=larger_misfit)
