@@ -36,8 +36,11 @@ Plans = tuple[tuple[str, Outlook, str], ...]
 
 EXPLANATION = (
     'Maps: mean of all siblings at the end. Solid: its outline at a concentration of {level:g}. '
-    'Dotted: one standard deviation less and more. Dashed: outline at {start}.'
+    'Dotted: one standard deviation less and more.'
 )
+
+DASHED = ' Dashed: outline at {start}.'
+"""Added if there is a plume then."""
 
 HATCHED = ' Hatched: the zone.'
 """Added where there is one."""
@@ -60,11 +63,18 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
         _draw_courses(axes[0, 0], axes[0, 1], study, plans)
     for axis, (name, outlook, colour) in zip(axes[-1], plans, strict=True):
         _draw_plume(axis, study, name, outlook, colour)
-    words = EXPLANATION.format(level=PLUME_THRESHOLD, start=study.time_unit.precise(study.start))
-    figure.supxlabel(f'{words}{HATCHED if study.has_zone else ""}', fontsize=9)
+    figure.supxlabel(_explanation(study), fontsize=9)
     with writing(path):
         figure.savefig(path, dpi=DPI, metadata={'Software': maker('what-if')})
     plt.close(figure)
+
+
+def _explanation(study: WhatIfStudy) -> str:
+    """Return the words below the maps, about what is drawn in them."""
+    words = EXPLANATION.format(level=PLUME_THRESHOLD)
+    if np.nanmax(study.state) > PLUME_THRESHOLD:
+        words += DASHED.format(start=study.time_unit.precise(study.start))
+    return words + HATCHED if study.has_zone else words
 
 
 def _draw_courses(zone: Axes, reached: Axes, study: WhatIfStudy, plans: Plans) -> None:

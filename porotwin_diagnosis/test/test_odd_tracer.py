@@ -72,6 +72,21 @@ def test_a_plume_around_the_injector_may_be_that_of_a_late_clock() -> None:
     assert remark.why.startswith('the clock of the camera is late, or the rig held tracer before')
 
 
+def test_maps_in_reversed_order_are_told() -> None:
+    given = recording(level=0.0)
+    maps = given.present_maps
+    cells = maps.grid.nx * maps.grid.nz
+    injected = [given.delivered.injected_stock(0.0, time) for time in maps.times]
+    levels = np.array(injected) / RIG.pore_volume
+    values = np.repeat(levels[::-1], cells).reshape(10, maps.grid.nz, maps.grid.nx)
+    (remark,) = remarks_about_tracer(with_maps(given, values))
+    assert remark.why.endswith('injected if the last one comes first')
+    constant = with_maps(given, np.full_like(values, levels[-1]))
+    assert not any(
+        'last one comes first' in remark.why for remark in remarks_about_tracer(constant)
+    )
+
+
 def test_maps_without_tracer_in_spite_of_an_injection_are_told() -> None:
     (remark,) = remarks_about_tracer(recording(level=0.0))
     assert remark.why.startswith('7 of 7 maps that were looked at show no tracer')

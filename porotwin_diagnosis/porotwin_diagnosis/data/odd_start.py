@@ -21,6 +21,10 @@ LEAST_INJECTED, LEAST_HELD = 0.02, 0.3
 """Share of the pore volume that was injected before the first map, and share of it in that map: a
 plume that is hardly there was flushed, or its pump did not run."""
 
+COMPARED_MAPS, REVERSED_ERROR = 8, 0.15
+"""Maps that are compared with the injected tracer in both orders, and the largest difference, over
+the largest amount, of maps that are in reversed order. Calibrated maps keep within a tenth."""
+
 
 def remarks_about_early_tracer(
     recording: Recording, rates: Schedule, told: str
@@ -31,6 +35,11 @@ def remarks_about_early_tracer(
     start = float(maps.times[0])
     if inverted:
         yield remark_about_maps(f'{told}. If 1 is water in these maps, write 1 minus their values')
+    elif _are_reversed(recording, rates):
+        yield remark_about_maps(
+            'the maps hold what the pumps injected if the last one comes first; correct their '
+            'order or their times'
+        )
     elif initial_tracer(recording) is None:
         yield remark_about_maps(
             f'the clock of the camera is late, or the rig held tracer before the recording: {told}'
@@ -40,6 +49,18 @@ def remarks_about_early_tracer(
             f'the first map, at {start:g} s, holds tracer from before the recording, with which '
             'the model starts; if the rig was clean then, compare the clocks of camera and pumps'
         )
+
+
+def _are_reversed(recording: Recording, rates: Schedule) -> bool:
+    """Return whether the maps hold the injected tracer if the last one comes first."""
+    maps = recording.present_maps
+    chosen = np.unique(np.linspace(0, len(maps) - 1, COMPARED_MAPS).astype(int))
+    held = np.array([stock_in_map(maps[index], recording.rig) for index in chosen[::-1].tolist()])
+    times = maps.times[0] + maps.times[-1] - maps.times[chosen[::-1]]
+    injected = np.array([rates.injected_stock(-np.inf, float(time)) for time in times])
+    largest = max(held.max(), injected.max())
+    grown = injected[-1] - injected[0] > (1.0 - REVERSED_ERROR) * largest
+    return bool(grown and np.abs(held - injected).max() < REVERSED_ERROR * largest)
 
 
 def remarks_about_first_plume(recording: Recording, rates: Schedule) -> Iterator[Remark]:
