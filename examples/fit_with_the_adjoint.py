@@ -24,7 +24,7 @@ from porotwin_solver.simulation import simulate
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 
 rig = load_rig(SMALL_RIG)
-grid = rig.grid(94, 56)
+grid = rig.grid(62, 37)
 rates = {
     'injector': WellRate(from_ml_h(500.0), 1.0),
     'producer': WellRate(from_ml_h(-500.0)),

@@ -19,10 +19,12 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize('number', [6, 4])
-def test_recording_is_matched_down_to_its_noise(number: int) -> None:
-    """The noise floor is stated over the last 30 %; a sharp model reaches the limit."""
-    folder = CASES / f'case_{number:03d}'
+def test_recording_is_matched_down_to_its_noise() -> None:
+    """The noise floor is stated over the last 30 %; a sharp model reaches the limit.
+
+    The picture of this case is moved, so that flow, transport and camera all must be right.
+    """
+    folder = CASES / 'case_004'
     truth = yaml.safe_load((folder / 'truth.yaml').read_text())
     recorded = read_folder(folder)
     assert recorded.maps is not None
