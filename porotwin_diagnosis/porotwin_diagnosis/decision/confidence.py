@@ -1,8 +1,8 @@
 """Log-odds of the statements in a verdict, and its confidence.
 
 A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The rules below give the
-log-odds. Confidences are not adjusted to observed frequencies. The blind check measures the
-difference of both, and `porotwin_validation.confidence_fit` fits an adjustment.
+log-odds. Their limits were fitted to blinded cases, one kind of statement at a time:
+`porotwin_validation.decided_again` shows how stated confidences and right verdicts differ.
 """
 
 import math
