@@ -246,6 +246,11 @@ def study_what_if(
         raise InputError(
             f'{recording.source}: its first map is from {_moment(times[0])}; give a later --at'
         )
+    if len(times) < 2:
+        raise InputError(
+            f'{recording.source}: has one map, from {_moment(times[0])}; a forecast needs more, '
+            'from which the siblings learn'
+        )
     if start > times[-1] + recording_step(times):
         last = _moment(times[-1])
         raise InputError(

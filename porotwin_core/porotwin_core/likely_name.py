@@ -19,5 +19,6 @@ def did_you_mean(
         within: the section of the names with a point, which the user reads before the name.
         alike: the likeness from which on a name is told [-].
     """
-    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=alike)
+    others = [one for one in known if one != str(name)]
+    near = difflib.get_close_matches(str(name), others, n=1, cutoff=alike)
     return f"did you mean '{within}{near[0]}'?" if near else ''

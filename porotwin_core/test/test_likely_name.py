@@ -11,6 +11,7 @@ from porotwin_core.likely_name import did_you_mean
         ('peer', "did you mean 'peers'?"),
         ('pers', "did you mean 'peers'?"),
         ('colour', ''),
+        ('domain', ''),  # a key that is known elsewhere
         (5, ''),  # a key of a YAML file may be a number
     ],
 )

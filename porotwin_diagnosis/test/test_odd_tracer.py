@@ -167,6 +167,17 @@ def test_turned_maps_are_told(turned: Any, named: str) -> None:
     assert [why.split(':')[0] for why in seems] == [f'the maps seem to be {named}'] * bool(named)
 
 
+def test_turned_maps_are_told_by_the_first_ones_if_later_plumes_cover_the_well() -> None:
+    well = RIG.wells['injector'].model_copy(update={'x_m': 0.1, 'z_m': 0.1})
+    rig = RIG.model_copy(update={'wells': {'injector': well}})
+    given = replace(recording(level=0.0), rig=rig)
+    values = np.array(given.present_maps[:])
+    values[1:5, -13:, :11] = 1.0
+    values[5:, :, :11] = 1.0
+    told = [remark.why for remark in remarks_about_tracer(with_maps(given, values))]
+    assert any(why.startswith('the maps seem to be upside down') for why in told)
+
+
 def test_rates_of_the_wrong_sign_are_told() -> None:
     wells = {
         name: RIG.wells['injector'].model_copy(update={'x_m': x_m, 'z_m': 0.1})

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,12 @@ from porotwin_core.errors import InputError
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
+
+THOUSANDS = re.compile(r'-?\d{1,3}(,\d{3})+')
+"""A number with commas between its thousands, or with a decimal comma."""
+
+CLOCK = re.compile(r'\d:\d|\d{4}-\d\d|\d\d?[./]\d\d?[./]\d{4}')
+"""A part of a clock time or of a date."""
 
 LONGEST_QUOTE = 80
 """Most characters of a wrong line that a message repeats."""
@@ -88,9 +95,18 @@ def parse_number(text: str, label: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        comma = ' with a decimal point' if ',' in text else ''
-        raise InputError(f"{label} is '{text}'; write a finite number{comma}")
+        raise InputError(f"{label} is '{text}'; {_number_remedy(text)}")
     return value
+
+
+def _number_remedy(text: str) -> str:
+    """Return how to write what `text` probably means."""
+    if THOUSANDS.fullmatch(text.strip()):
+        plain, point = text.replace(',', ''), text.replace(',', '.')
+        return f'write {plain}' + (f' or {point}' if text.count(',') == 1 else '')
+    if CLOCK.search(text):
+        return 'write seconds from the start of the experiment; ./porotwin import reads clock times'
+    return 'write a finite number' + (' with a decimal point' if ',' in text else '')
 
 
 def number_text(value: float) -> str:

@@ -55,6 +55,11 @@ REAL_KINDS = 'biuf'
 
 PERCENT = 100.0
 
+PERCENTS = ('%', 'percent')
+
+AMOUNTS = re.compile(r'(kg|g|mg|ug|µg|mol|mmol|ppm|ppb)\b')
+"""Begin of units of dye per volume, such as mg/l."""
+
 
 @dataclass(frozen=True)
 class MapAnswers:
@@ -115,7 +120,7 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
     _check_coordinates(path, arrays)
     _check_cells(path, arrays, rig)
     values = _upward(path, _rightward(path, arrays, told), answers, told)
-    values = _shares(path, values, answers, told)
+    values = _shares(path, values, arrays.units.get('concentration', ''), answers, told)
     _check_extent(path, arrays, rig)
     grid = rig.grid(values.shape[2], values.shape[1])
     maps = ConcentrationMaps(times, grid, lambda first, last: values[first:last])
@@ -142,10 +147,20 @@ def _seconds(
         shown = [f'{time:.10g}' for time in times]
         _check_rise(path, seconds, shown)
         told.append(f'{path}: times in {unit}')
-        if epoch and seconds[0] > LONGEST_EXPERIMENT_S:
-            told.append(f'{path}: time zero is the first map, {shown[0]} {unit} since {epoch}')
-            seconds = seconds - seconds[0]
+        if epoch:
+            seconds = _told_epoch(path, seconds, f'{shown[0]} {unit}', epoch, told)
     _check_duration(path, seconds)
+    return seconds
+
+
+def _told_epoch(
+    path: Path, seconds: NDArray[np.float64], first: str, epoch: str, told: list[str]
+) -> NDArray[np.float64]:
+    """Return times [s] since `epoch`, from the first map on if it comes long after the epoch."""
+    if seconds[0] > seconds[-1] - seconds[0]:
+        told.append(f'{path}: time zero is the first map, {first} since {epoch}')
+        return seconds - seconds[0]
+    told.append(f'{path}: time zero is {epoch}')
     return seconds
 
 
@@ -303,10 +318,28 @@ def _upward(path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]) -
     return arrays.values if answers.first_row == 'bottom' else arrays.values[:, ::-1]
 
 
+def _refuse_other_unit(path: Path, unit: str, largest: float) -> None:
+    """Check that the file does not state another `unit` than a share of the tracer stock.
+
+    Raises:
+        InputError: it does; the line asks for the value of the stock.
+    """
+    if unit in PERCENTS and largest <= MOST_STOCK:
+        raise InputError(
+            f"{path}: concentrations are in '{unit}', but reach only {largest:.3g}; give "
+            '--stock 100 if they are in percent of the tracer stock, and --stock 1 if not'
+        )
+    if AMOUNTS.match(unit):
+        raise InputError(
+            f"{path}: concentrations are in '{unit}'; give --stock, the value of the tracer stock "
+            'in this unit'
+        )
+
+
 def _shares(
-    path: Path, values: NDArray[Any], answers: MapAnswers, told: list[str]
+    path: Path, values: NDArray[Any], unit: str, answers: MapAnswers, told: list[str]
 ) -> NDArray[np.float32]:
-    """Return the maps as shares of the tracer stock.
+    """Return the maps, whose file states `unit`, as shares of the tracer stock.
 
     Raises:
         InputError: the values are in another unit, and nothing says which value is the stock.
@@ -332,6 +365,8 @@ def _shares(
         )
     if least < -LEAST_NOISE * (answers.stock or 1.0):
         told.append(f'{path}: concentrations go down to {least:.3g}, although 0 is water')
+    if answers.stock is None:
+        _refuse_other_unit(path, unit, largest)
     if answers.stock is None and largest > MOST_STOCK:
         percent = 'for percent ' if largest <= MOST_STOCK * PERCENT else ''
         raise InputError(
@@ -388,7 +423,11 @@ def _npz(path: Path) -> _Arrays:
         with np.load(path, allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise InputError(f'{path}: not readable as npz ({error})') from None
+        reason = 'it is damaged' if isinstance(error, OSError | zipfile.BadZipFile) else 'no npz'
+        raise InputError(
+            f'{path}: not readable as npz ({reason}); copy the file again, or write its arrays of '
+            'numbers with numpy.savez'
+        ) from None
     names = {quantity: _chosen(path, list(found), quantity) for quantity in NAMES}
     return _Arrays(
         found[str(names['concentration'])],
@@ -407,11 +446,28 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
     values = np.full([len(axes[name][0]) for name in axes], np.nan, dtype=np.float32)
     places = tuple(axes[name][1] for name in axes)
-    if len(set(zip(*map(np.ndarray.tolist, places), strict=True))) < table.length:
-        raise InputError(f'{path}: has two values at one time and place; remove one')
+    _refuse_repeated(path, axes, places)
     values[places] = columns['concentration']
     units = {name: unit_in(title) for name, title in titles.items()}
     return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
+
+
+def _refuse_repeated(
+    path: Path, axes: dict[str, Any], places: tuple[NDArray[np.intp], ...]
+) -> None:
+    """Check that a table has one value at each time and place.
+
+    Raises:
+        InputError: it has more; the line names the first such place.
+    """
+    lines, counts = np.unique(np.column_stack(places), axis=0, return_counts=True)
+    if counts.max(initial=0) > 1:
+        at = lines[int(counts.argmax())]
+        time, z, x = (axes[name][0][index] for name, index in zip(axes, at, strict=True))
+        raise InputError(
+            f'{path}: has {counts.max()} values at time {time:g}, x {x:g}, z {z:g}; remove all '
+            'but one'
+        )
 
 
 def _netcdf(path: Path) -> _Arrays:

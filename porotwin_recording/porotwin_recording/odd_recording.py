@@ -15,6 +15,9 @@ from porotwin_recording.recorded_data import RecordedData
 SAME_END = (0.7, 1.3)
 """Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
 
+FAR_END, FAR_UNITS = (0.55, 1.8), ('hours', 'milliseconds')
+"""The same ratio for units so far from a second that no end by itself comes near."""
+
 TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
 """Units that times may be written in by mistake [s]."""
 
@@ -256,12 +259,12 @@ def _times(data: RecordedData) -> Iterator[Remark]:
     end, last = max(seen), data.commanded.rows[-1].time
     if min(seen) > LATE_BEGIN * end:
         return  # another unit would move the begin, too
-    low, high = SAME_END
     for one, other, what, key in (
         (last, end, 'the maps and photographs', 'rates.csv'),
         (end, last, 'the rates', 'concentration.nc or imaging.csv'),
     ):
         for unit, seconds in TIME_UNITS.items():
+            low, high = FAR_END if unit in FAR_UNITS else SAME_END
             if one > 0 and low * other < one * seconds < high * other:
                 why = f'its times end at {one:g} s, {what} at {other:g} s'
                 yield Remark(key, '', why, f'were its times in {unit}? write seconds')

@@ -155,24 +155,59 @@ def test_maps_whose_coordinates_fall_are_turned(
     assert any('x falls' in line for line in told) == (turned == 'x')
 
 
-def test_netcdf_with_falling_x_and_times_since_1970(tmp_path: Path, recording: Recording) -> None:
+def write_netcdf(
+    path: Path, recording: Recording, *, seconds: float, since: str, unit: str = '1'
+) -> None:
+    """Write the maps with x falling, and times that begin `seconds` later, `since` a date."""
     grid = recording.grid
-    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as dataset:
+    with netCDF4.Dataset(path, 'w') as dataset:
         axes = {
-            'time': (recording.times + 1.7e9, 's since 1970-01-01'),
+            'time': (recording.times + seconds, f's since {since}'),
             'z': (grid.z, 'm'),
             'x': (grid.x[::-1], 'm'),
         }
-        for name, (values, unit) in axes.items():
+        for name, (values, own) in axes.items():
             dataset.createDimension(name, len(values))
             dataset.createVariable(name, 'f8', (name,))[:] = values
-            dataset[name].units = unit
+            dataset[name].units = own
         maps = dataset.createVariable('c', 'f4', ('time', 'z', 'x'), fill_value=np.nan)
+        maps.units = unit
         maps[:] = recording.concentration[:, :, ::-1]
+
+
+@pytest.mark.parametrize('unit', ['g l-1', 'mg/L', '%'])
+def test_another_unit_of_concentration_is_not_dropped(
+    tmp_path: Path, recording: Recording, unit: str
+) -> None:
+    path = tmp_path / 'maps.nc'
+    write_netcdf(path, recording, seconds=0.0, since='2024-05-01', unit=unit)
+    with pytest.raises(InputError, match=f"concentrations are in '{unit.lower()}'.* give --stock"):
+        imported(path)
+    found, _ = imported(path, MapAnswers(stock=0.5))
+    np.testing.assert_allclose(found.concentration, 2 * recording.concentration, rtol=1e-6)
+
+
+def test_times_since_a_date_keep_it_as_zero_where_the_maps_begin_soon_after(
+    tmp_path: Path, recording: Recording
+) -> None:
+    path = tmp_path / 'maps.nc'
+    write_netcdf(path, recording, seconds=0.0, since='2024-05-01')
+    found, told = imported(path)
+    np.testing.assert_allclose(found.times, recording.times)
+    assert f'{path}: time zero is 2024-05-01' in told
+
+
+@pytest.mark.parametrize('months', [1, 600])
+def test_netcdf_with_falling_x_and_times_long_after_a_date(
+    tmp_path: Path, recording: Recording, months: int
+) -> None:
+    late = months * 2_600_000.0
+    write_netcdf(tmp_path / 'maps.nc', recording, seconds=late, since='1970-01-01')
     found, told = imported(tmp_path / 'maps.nc')
     np.testing.assert_array_equal(found.concentration, recording.concentration)
     np.testing.assert_allclose(found.times, recording.times - recording.times[0], atol=1e-6)
-    assert any('time zero is the first map, 1700000000 s since 1970-01-01' in t for t in told)
+    zero = f'time zero is the first map, {late + recording.times[0]:.10g} s since 1970-01-01'
+    assert any(zero in line for line in told)
 
 
 def shuffled(values: np.ndarray) -> np.ndarray:
@@ -289,3 +324,13 @@ def test_infinite_values_of_netcdf_are_refused_and_its_gaps_kept(
     assert np.array_equal(np.isnan(found.concentration), recording.concentration > 0.5)
     with pytest.raises(InputError, match='are infinite'):
         imported(tmp_path / 'infinite.nc', answers)
+
+
+def test_two_values_at_one_place_and_a_file_that_is_no_npz_are_named(tmp_path: Path) -> None:
+    table = tmp_path / 'maps.csv'
+    table.write_text('time [s],x [m],z [m],concentration\n0,0.1,0.2,1\n0,0.1,0.2,0.5\n')
+    with pytest.raises(InputError, match=r'2 values at time 0, x 0\.1, z 0\.2; remove all but'):
+        imported(table)
+    (tmp_path / 'text.npz').write_text('0,1,2')
+    with pytest.raises(InputError, match=r'not readable as npz \(no npz\).* numpy\.savez'):
+        imported(tmp_path / 'text.npz')

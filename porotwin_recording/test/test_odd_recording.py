@@ -86,6 +86,7 @@ def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
         ({'last': 4500.0, 'end': 80.0}, 'concentration.nc .* in minutes', False),
         ({'last': 4500.0, 'end': 1.3}, 'concentration.nc .* in hours', False),
         ({'last': 4500.0, 'end': 4.6e6}, 'concentration.nc .* in milliseconds', False),
+        ({'last': 4500.0, 'end': 6e6}, 'concentration.nc .* in milliseconds', False),
     ],
 )
 def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused: bool) -> None:

@@ -77,6 +77,12 @@ def command(
             'image both with the same --grid'
         )
     rows = _rows(description, found, other, level, side)
+    if other is not None and all(_at(other, float(time)) is None for time in found.times):
+        say(
+            f'{against}: no map within {SAME_TIME_S:g} s of one of {maps}, so that no distance is '
+            f'known; it covers {other.times[0]:g} to {other.times[-1]:g} s, {maps} '
+            f'{found.times[0]:g} to {found.times[-1]:g} s; compare their clocks'
+        )
     if found.origin.calibrated is False:
         say(_uncalibrated(rows))
     hidden = _hidden(rows)

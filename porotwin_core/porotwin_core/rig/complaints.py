@@ -56,6 +56,8 @@ def one_line(
     reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
         guess = did_you_mean(parts[-1], KNOWN_KEYS)
+        if parts[0] == 'effects' and len(parts) == 3:
+            guess = 'an effect has a name and parameters, as docs/effects.md shows'
         if parts[-1].isdigit():
             guess = _DECIMAL_COMMA
         remedy = f'correct or remove it; {guess}' if guess else 'correct or remove it'
