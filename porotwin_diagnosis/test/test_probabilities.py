@@ -7,7 +7,7 @@ import pytest
 from diagnosis_examples import fit_of
 
 from porotwin_diagnosis.decision.probabilities import effect_probabilities, stated_probabilities
-from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.decision.verdict import Doubt, Verdict
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.prior import Prior
@@ -52,6 +52,17 @@ def test_effects_that_look_the_same_beside_another_share_the_confidence_equally(
     found = shares('porosity', 0.8, members=('porosity', 'leak'), inseparable=('clock',))
     assert found['porosity'] == found['clock'] == pytest.approx(0.4)
     assert found['leak'] == pytest.approx(0.8)
+
+
+def test_what_looks_the_same_in_the_second_place_shares_its_confidence():
+    verdict = Verdict(
+        'porosity', 0.8, MODEL, ('porosity', 'leak'), (), RAW, (('porosity', 'clock'),)
+    )
+    found = stated_probabilities(verdict, NAMES)
+    assert found['leak'] == found['clock'] == pytest.approx(0.4)
+    assert found['rate'] > 0.0
+    ordered = stated_probabilities(replace(verdict, doubt=Doubt.ORDER), NAMES)
+    assert ordered == found | {'rate': 0.0, 'depth': 0.0}, 'only the order is in doubt'
 
 
 def test_an_earlier_finding_changes_the_odds_of_effects_that_look_alike():

@@ -97,6 +97,15 @@ def test_a_leak_of_a_weak_gap_without_a_place_is_named_with_doubt():
     assert (verdict.name, verdict.doubt, verdict.confidence) == ('leak', Doubt.PLACE, 0.6)
 
 
+def test_an_effect_on_the_flow_beside_heads_of_open_sides_is_named_with_doubt():
+    pump = evidence(findings(5.0, ('rate', 0.45), ('illumination', 2.4)))
+    assert decide(pump).confidence > 0.8
+    verdict = decide(replace(pump, has_heads=True))
+    assert (verdict.name, verdict.doubt, verdict.confidence) == ('rate', Doubt.HEADS, 0.6)
+    clock = evidence(findings(5.0, ('clock', 0.45), ('illumination', 2.4)))
+    assert decide(replace(clock, has_heads=True)) == decide(clock)
+
+
 def test_a_late_clock_that_old_tracer_imitates_is_named_with_doubt():
     clock = evidence(findings(5.0, ('clock', 0.45), ('illumination', 2.4)))
     assert decide(clock).confidence > 0.8

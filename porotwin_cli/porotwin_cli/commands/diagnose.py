@@ -189,6 +189,8 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
             )
     else:
         say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
+        for names in verdict.alternatives:
+            say(f'{" and ".join(names)} fits equally well: check before you use it')
         if verdict.not_separable:
             say(f'it leaves out what looks the same: {" and ".join(verdict.not_separable)}')
         if camera:

@@ -199,7 +199,8 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     if as_json:
         print_json({'output': target, 'maps': maps, 'photographs': photographs, 'told': told})
     else:
-        print(f'{target}: {maps} maps, {photographs} photographs')
+        rows = f', {len(made.delivered.rows)} rates' if made.known_rates else ''
+        print(f'{target}: {maps} maps, {photographs} photographs{rows}')
         there, maps_file = (shlex.quote(str(path)) for path in (target, target / MAPS_FILE))
         image = f'./porotwin image {there} --output {maps_file} makes its maps'
         say(f'next: ./porotwin check {there}' + (f'; {image}' if photographs and not maps else ''))

@@ -14,6 +14,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.units import percent
 
 if TYPE_CHECKING:
+    from porotwin_core.grid import FloatArray, Grid
     from porotwin_core.rig import Rig
     from porotwin_recording.concentration import ConcentrationMaps
 
@@ -159,7 +160,7 @@ def _rows(
     from porotwin_imaging.plume_measures import plume_alone, plume_measures
     from porotwin_imaging.wasserstein import map_distance
 
-    pores = rig.cell_pore_volume(maps.grid)
+    pores = _pores(rig, maps.grid)
     rows: list[dict[str, Any]] = []
     before = None
     doubted = []
@@ -183,6 +184,18 @@ def _rows(
         before = alone if measures.seen else before
     _tell_odd(rows, doubted)
     return rows
+
+
+def _pores(rig: 'Rig', grid: 'Grid') -> 'FloatArray':
+    """Return the volume of the pores of each cell [m^3], (nz, nx), with the effects of the rig."""
+    from porotwin_solver.effects import apply_effects
+    from porotwin_solver.observation_operator import ObservationOperator
+    from porotwin_solver.physics import nominal_physics
+
+    if not rig.effects:
+        return rig.cell_pore_volume(grid)
+    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), rig.effects)
+    return physics.volume * physics.porosity
 
 
 def _uncalibrated(rows: list[dict[str, Any]]) -> str:

@@ -164,8 +164,16 @@ def command(
     print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
     if errors is not None:
         print(errors)
-    measured = shlex.quote(str(output))
+    measured = f'{shlex.quote(str(output))}{_rig_option(output, experiment)}'
     say(f'next: ./porotwin measure {measured} --output plume.csv{_diagnosis(recording)}')
+
+
+def _rig_option(output: Path, experiment: Path) -> str:
+    """Return the option that names the rig, if its description is not beside the output."""
+    described = experiment / 'rig.yaml'
+    if (output.parent / 'rig.yaml').is_file() or not described.is_file():
+        return ''
+    return f' --rig {shlex.quote(str(described))}'
 
 
 def _diagnosis(recording: 'Recording') -> str:

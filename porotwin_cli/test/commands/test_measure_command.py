@@ -50,6 +50,28 @@ def test_maps_are_compared_with_other_maps_at_the_same_time(moving: Path) -> Non
     assert [row['distance_m'] for row in json.loads(result.stdout)['rows']] == [0.0, 0.0]
 
 
+def test_maps_at_other_times_have_no_distance_and_are_told(moving: Path, tmp_path: Path) -> None:
+    maps = open_maps(moving, load_rig(small_rig()))
+    with ConcentrationWriter(tmp_path / 'later.nc', maps.grid) as writer:
+        writer.append(3600.0, maps[0])
+    result = porotwin(
+        'measure', moving, '--rig', small_rig(), '--against', tmp_path / 'later.nc', '--json'
+    )
+    assert 'no map within 1 s of one of' in result.stderr
+    assert 'it covers 3600 to 3600 s' in result.stderr
+
+
+def test_a_porosity_among_the_effects_of_the_rig_counts(moving: Path, tmp_path: Path) -> None:
+    described = Path(small_rig()).read_text(encoding='utf-8')
+    effect = 'effects: [{name: porosity, parameters: {factor: 1.05}}]'
+    (tmp_path / 'denser.yaml').write_text(f'{described}\n{effect}\n', encoding='utf-8')
+    plain, corrected = (
+        json.loads(porotwin('measure', moving, '--rig', rig, '--json').stdout)['rows'][0]
+        for rig in (small_rig(), tmp_path / 'denser.yaml')
+    )
+    assert corrected['tracer_ml'] == pytest.approx(1.05 * plain['tracer_ml'])
+
+
 def test_maps_without_a_rig_are_refused(moving: Path) -> None:
     result = porotwin('measure', moving)
     assert result.returncode == 2

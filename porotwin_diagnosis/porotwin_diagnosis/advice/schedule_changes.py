@@ -131,7 +131,7 @@ SCHEDULE_CHANGES: tuple[ScheduleChange, ...] = (
     ScheduleChange('chase', 'inject water without tracer in the second half', _chase),
     ScheduleChange(
         'one well at a time',
-        'let every pump run alone in turn, those with tracer first (a single pump is followed by '
+        'let every pump run alone in turn, those with tracer first (after a single pump, inject '
         'water through the nearest other well): an error at one well shows in its turn only, an '
         'error of the sand shows in every turn',
         _one_well_at_a_time,

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from porotwin_diagnosis.decision.verdict import NONE, Verdict
+from porotwin_diagnosis.decision.verdict import NONE, Doubt, Verdict
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
@@ -52,10 +52,11 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
 
     - The named effect and those inseparable from it share the confidence: in the ratio of their
       probabilities alone, or equally beside other effects, where those say nothing.
-    - The second member of a pair has the confidence of the pair.
-    - All other effects share the rest, 1 - confidence, but at most their probability alone. This
-      also holds if the verdict names no effect. The missing part to 1 stands for causes outside
-      the library.
+    - The second member of a pair has the confidence of the pair. Those that look the same in its
+      place share it.
+    - If only the order of the members is in doubt, all other effects have none. Otherwise they
+      share the rest, 1 - confidence, but at most their probability alone. This also holds if the
+      verdict names no effect. The missing part to 1 stands for causes outside the library.
     """
     alone = {name: verdict.probabilities.get(name, 0.0) for name in names}
     same = [name for name in (verdict.name, *verdict.inseparable) if name in alone]
@@ -64,9 +65,12 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
         name: verdict.confidence * (alone[name] / total if total > 0 else 1 / len(same))
         for name in same
     }
-    stated |= {
-        name: verdict.confidence for name in verdict.members if name in alone and name not in stated
-    }
+    for place in range(1, len(verdict.members)):
+        rows = (verdict.members, *verdict.alternatives)
+        options = {row[place] for row in rows if len(row) > place} & {*alone}
+        for name in options - {*stated}:
+            stated[name] = verdict.confidence / len(options)
     others = [name for name in names if name not in stated]
-    scale = (1.0 - verdict.confidence) / max(sum(alone[name] for name in others), 1e-12)
+    rest = 0.0 if verdict.doubt is Doubt.ORDER else 1.0 - verdict.confidence
+    scale = rest / max(sum(alone[name] for name in others), 1e-12)
     return stated | {name: alone[name] * min(scale, 1.0) for name in others}

@@ -30,6 +30,7 @@ from porotwin_diagnosis.thresholds import (
     CONTRADICTED_CONFIDENCE,
     LOST_PLACE_CONFIDENCE,
     OPEN_CLOCK_CONFIDENCE,
+    OPEN_HEADS_CONFIDENCE,
     SCANT_CONFIDENCE,
     SINGLE_SHARE_RANGE,
 )
@@ -48,7 +49,8 @@ def decide(evidence: Evidence) -> Verdict:
        true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
     5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
        clock has `OPEN_CLOCK_CONFIDENCE` at most if tracer from before the recording makes the same
-       maps.
+       maps. An effect that changes the flow has `OPEN_HEADS_CONFIDENCE` at most if heads of open
+       sides drive water, because no effect of the library is a wrong head.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -70,6 +72,8 @@ def decide(evidence: Evidence) -> Verdict:
             doubt, sure = Doubt.PLACE, LOST_PLACE_CONFIDENCE
         if evidence.has_open_clock and sure > OPEN_CLOCK_CONFIDENCE:
             doubt, sure = Doubt.START, OPEN_CLOCK_CONFIDENCE
+        if evidence.has_open_heads and sure > OPEN_HEADS_CONFIDENCE:
+            doubt, sure = Doubt.HEADS, OPEN_HEADS_CONFIDENCE
     if evidence.scant and sure > SCANT_CONFIDENCE:
         doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
     if name == UNEXPLAINED:

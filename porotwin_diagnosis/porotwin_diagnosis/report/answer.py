@@ -391,9 +391,11 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
 
 def _how_sure(result: Diagnosis, summary: Summary) -> str:
     verdict, evidence = result.verdict, result.evidence
+    several = verdict.inseparable or verdict.alternatives
+    right = 'one of these answers is right' if several else 'this answer is right'
     lines = [
-        f'<b>{100 * verdict.confidence:.0f} %</b>: the estimated probability that this answer is '
-        'right. The rules for it were set on simulated rigs.'
+        f'<b>{100 * verdict.confidence:.0f} %</b>: the estimated probability that {right}. The '
+        'rules for it were set on simulated rigs.'
     ]
     if verdict.doubt not in ALWAYS_SAID:
         lines.append(f'The least certain point: {doubt_words(result)}.')

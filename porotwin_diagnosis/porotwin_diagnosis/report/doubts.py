@@ -22,7 +22,8 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.RIVAL: _rival(verdict),
         Doubt.REMAINDER: _remainder(verdict.name, lack),
         Doubt.FEWER: 'whether fewer effects are enough',
-        Doubt.ORDER: 'which effect is the strongest: they change the maps about equally much',
+        Doubt.ORDER: 'which of the named effects is the strongest: they change the maps about '
+        'equally much. That all of them act is surer',
         Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
         Doubt.PLACE: 'the best model has a leak or a zone that may lie almost anywhere, so that it '
         'imitates something that acts in the whole rig'
@@ -32,6 +33,8 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.START: 'whether the clock is late: while one rate goes on, tracer that the rig held '
         'before the recording makes the same maps. Compare the clocks of camera and pumps, or '
         'change a rate in the next recording',
+        Doubt.HEADS: 'whether the heads of the open sides are right: a wrong water level makes '
+        'similar maps, and no effect of the library is one. Measure the levels on both sides',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 

@@ -105,8 +105,8 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
     """Return the table of the pairs that were judged, below the best single effect."""
     findings = result.evidence.findings
     if not findings.pairs:
-        left = 'the model' if result.verdict.name == NONE else 'one effect'
-        reason = f': {left} alone leaves less error than a right model may leave'
+        alone = 'the model as it is' if result.verdict.name == NONE else 'one effect alone'
+        reason = f', because {alone} leaves no more error than a right model may leave'
         return f'<p>No pair was tried{"" if result.verdict.name == UNEXPLAINED else reason}.</p>'
     errors, kept = Errors(**summary['error']), result.verdict.model.label
 
