@@ -205,10 +205,10 @@ def concentration_note(plans: Iterable[Sequence[RateStep]], rig: Rig) -> str:
     if not others:
         return ''
     told = ', '.join(
-        f'{name} injects {found:g} of the stock solution, {usual[name]:g} by rig.yaml'
+        f'{name} injects a concentration of {found:g} by the rates, {usual[name]:g} by rig.yaml'
         for name, found in others.items()
     )
-    return f'note: {told}; the forecast takes what was given'
+    return f'note: {told}; the forecast follows the rates (0 is water, 1 is stock)'
 
 
 def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:

@@ -167,6 +167,6 @@ def test_another_concentration_than_that_of_rig_yaml_is_noted() -> None:
     diluted = usual | {'injector': WellRate(1e-7, 0.3)}
     assert concentration_note([[RateStep(0.0, usual)]], RIG) == ''
     note = concentration_note([[RateStep(0.0, usual), RateStep(60.0, diluted)]], RIG)
-    assert 'injector injects 0.3 of the stock solution, 1 by rig.yaml' in note
+    assert 'injector injects a concentration of 0.3 by the rates, 1 by rig.yaml' in note
     resting = {'injector': WellRate(0.0, 0.3)}
     assert concentration_note([[RateStep(0.0, resting)]], RIG) == ''
