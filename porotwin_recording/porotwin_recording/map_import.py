@@ -50,6 +50,10 @@ FAR_FROM_SQUARE, NEARLY_SQUARE = 1.3, 1.1
 """Longer over shorter side of a cell: maps are taken as transposed if they have cells beyond the
 first, and transposed ones below the second."""
 
+LONG_AFTER = 10.0
+"""Time from a reference date to the first map, in lengths of the recording, above which the date is
+no begin of an experiment."""
+
 REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
 
@@ -157,7 +161,7 @@ def _told_epoch(
     path: Path, seconds: NDArray[np.float64], first: str, epoch: str, told: list[str]
 ) -> NDArray[np.float64]:
     """Return times [s] since `epoch`, from the first map on if it comes long after the epoch."""
-    if seconds[0] > seconds[-1] - seconds[0]:
+    if seconds[0] > LONG_AFTER * (seconds[-1] - seconds[0]):
         told.append(f'{path}: time zero is the first map, {first} since {epoch}')
         return seconds - seconds[0]
     told.append(f'{path}: time zero is {epoch}')
