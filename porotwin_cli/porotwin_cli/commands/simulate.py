@@ -170,8 +170,10 @@ def command(
 
 def _rig_option(output: Path, experiment: Path) -> str:
     """Return the option that names the rig, if its description is not beside the output."""
-    described = experiment / 'rig.yaml'
-    if (output.parent / 'rig.yaml').is_file() or not described.is_file():
+    from porotwin_recording.experiment_folder import RIG_FILE
+
+    described = experiment / RIG_FILE
+    if (output.parent / RIG_FILE).is_file() or not described.is_file():
         return ''
     return f' --rig {shlex.quote(str(described))}'
 

@@ -26,6 +26,16 @@ TRACER_QUANTILE = 0.9
 """Share of the first map that is clean at least: a plume begins small."""
 
 
+LOOKED_AT = 8
+"""Maps of a recording that are compared with the injected tracer."""
+
+
+def looked_at(count: int) -> list[int]:
+    """Return the numbers of at most `LOOKED_AT` of `count` maps, evenly spread to both ends."""
+    numbers: list[int] = np.unique(np.linspace(0, count - 1, LOOKED_AT).astype(int)).tolist()
+    return numbers
+
+
 def remark_about_maps(text: str) -> Remark:
     """Return a line "what is wrong; what would mend it" as a remark about the maps."""
     why, _, remedy = text.partition('; ')

@@ -10,7 +10,7 @@ from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.initial_tracer import LONGEST_LATENESS, initial_tracer
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE
-from porotwin_diagnosis.data.odd_maps import remark_about_maps
+from porotwin_diagnosis.data.odd_maps import looked_at, remark_about_maps
 from porotwin_diagnosis.data.plume_reach import tracer_beyond_reach
 from porotwin_recording.recording import Recording
 
@@ -21,9 +21,9 @@ LEAST_INJECTED, LEAST_HELD = 0.02, 0.3
 """Share of the pore volume that was injected before the first map, and share of it in that map: a
 plume that is hardly there was flushed, or its pump did not run."""
 
-COMPARED_MAPS, REVERSED_ERROR = 8, 0.15
-"""Maps that are compared with the injected tracer in both orders, and the largest difference, over
-the largest amount, of maps that are in reversed order. Calibrated maps keep within a tenth."""
+REVERSED_ERROR = 0.15
+"""Largest difference of held and injected tracer, over the largest amount, of maps that are in
+reversed order. Calibrated maps keep within a tenth."""
 
 
 def remarks_about_early_tracer(
@@ -54,9 +54,9 @@ def remarks_about_early_tracer(
 def _are_reversed(recording: Recording, rates: Schedule) -> bool:
     """Return whether the maps hold the injected tracer if the last one comes first."""
     maps = recording.present_maps
-    chosen = np.unique(np.linspace(0, len(maps) - 1, COMPARED_MAPS).astype(int))
-    held = np.array([stock_in_map(maps[index], recording.rig) for index in chosen[::-1].tolist()])
-    times = maps.times[0] + maps.times[-1] - maps.times[chosen[::-1]]
+    backwards = looked_at(len(maps))[::-1]
+    held = np.array([stock_in_map(maps[index], recording.rig) for index in backwards])
+    times = maps.times[0] + maps.times[-1] - maps.times[backwards]
     injected = np.array([rates.injected_stock(-np.inf, float(time)) for time in times])
     largest = max(held.max(), injected.max())
     grown = injected[-1] - injected[0] > (1.0 - REVERSED_ERROR) * largest

@@ -9,6 +9,7 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
 from porotwin_diagnosis.data.odd_maps import (
+    looked_at,
     remark_about_maps,
     remarks_about_cells,
     remarks_about_clean_sand,
@@ -26,9 +27,6 @@ from porotwin_recording.odd_recording import (
     remarks_about_times,
 )
 from porotwin_recording.recording import Recording
-
-LOOKED_AT = 8
-"""Maps of a recording that are compared with the injected tracer."""
 
 
 def odd_lines(recordings: Sequence[Recording]) -> list[str]:
@@ -63,7 +61,7 @@ def remarks_about_tracer(recording: Recording) -> Iterator[Remark]:
     maps, rates = recording.present_maps, recording.known_rates
     yield from remarks_about_order(maps, rates)
     yield from remarks_about_clean_sand(maps)
-    chosen = np.unique(np.linspace(0, len(maps) - 1, LOOKED_AT).astype(int)).tolist()
+    chosen = looked_at(len(maps))
     yield from remarks_about_cells(recording.rig, maps, chosen)
     if rates is None:
         return

@@ -183,6 +183,9 @@ def pair_distance(rival: Fit | None, findings: Findings) -> float:
     return min((distance for fit, distance in pairs if fit is rival), default=math.inf)
 
 
-def alike_log_odds(distance: float) -> float:
-    """Return the increase of the log-odds against a rival at this whitened `distance` [-]."""
-    return NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE else 0.0
+def alike_log_odds(distance: float, *, shared_errors: bool) -> float:
+    """Return the increase of the log-odds against a rival at this whitened `distance` [-].
+
+    It is 0 for maps with `shared_errors`.
+    """
+    return NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE and not shared_errors else 0.0

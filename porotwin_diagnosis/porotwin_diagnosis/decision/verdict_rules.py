@@ -68,12 +68,9 @@ def decide(evidence: Evidence) -> Verdict:
         name = members[0] if members else NONE
         log_odds, doubt = min(_statements(evidence, probabilities))
         sure = confidence(log_odds)
-        if members and evidence.leaves_place_open and sure > LOST_PLACE_CONFIDENCE:
-            doubt, sure = Doubt.PLACE, LOST_PLACE_CONFIDENCE
-        if evidence.has_open_clock and sure > OPEN_CLOCK_CONFIDENCE:
-            doubt, sure = Doubt.START, OPEN_CLOCK_CONFIDENCE
-        if evidence.has_open_heads and sure > OPEN_HEADS_CONFIDENCE:
-            doubt, sure = Doubt.HEADS, OPEN_HEADS_CONFIDENCE
+        for applies, reason, most in _open_questions(evidence):
+            if applies and sure > most:
+                doubt, sure = reason, most
     if evidence.scant and sure > SCANT_CONFIDENCE:
         doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
     if name == UNEXPLAINED:
@@ -90,6 +87,15 @@ def decide(evidence: Evidence) -> Verdict:
         doubt=doubt,
         rival=_rival(evidence, probabilities),
     )
+
+
+def _open_questions(evidence: Evidence) -> list[tuple[bool, Doubt, float]]:
+    """Return what may limit the confidence in named effects: whether it applies, and the limit."""
+    return [
+        (evidence.leaves_place_open, Doubt.PLACE, LOST_PLACE_CONFIDENCE),
+        (evidence.has_open_clock, Doubt.START, OPEN_CLOCK_CONFIDENCE),
+        (evidence.has_open_heads, Doubt.HEADS, OPEN_HEADS_CONFIDENCE),
+    ]
 
 
 def _named(evidence: Evidence) -> tuple[Names, Names, tuple[Names, ...]]:
@@ -134,17 +140,18 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
         if share_of(same, probabilities) >= SINGLE_SHARE_RANGE[1]:
             return enough
         right = single_log_odds(same, probabilities)
-        if not shared_errors:
-            right += alike_log_odds(single_distance(same, probabilities, findings))
-        return [(right, Doubt.RIVAL), *enough]
+        distance = single_distance(same, probabilities, findings)
+        return [
+            (right + alike_log_odds(distance, shared_errors=shared_errors), Doubt.RIVAL),
+            *enough,
+        ]
     rival = rival_of_pair(same, findings)
     right = pair_log_odds(kept.model, rival)
-    if not shared_errors:
-        right += alike_log_odds(pair_distance(rival, findings))
+    distance = pair_distance(rival, findings)
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
     return [
-        (right, Doubt.RIVAL),
+        (right + alike_log_odds(distance, shared_errors=shared_errors), Doubt.RIVAL),
         (needed, Doubt.FEWER),
         (order_log_odds(kept.members, findings), Doubt.ORDER),
         *enough,
