@@ -89,12 +89,19 @@ FAR = 5.0
 ALIKE = 0.7
 """Likeness of two effects from which one may be meant by the other: many end alike."""
 
-SIDES = {'x': 'wide', 'x_end': 'wide', 'z': 'high', 'z_end': 'high'}
-"""The side of the rig along which a parameter is a place."""
+HIGH = 1.0
+"""Rise of a water level over height of the rig above which it is probably in another unit."""
+
+LENGTHS_IN_THE_RIG = {
+    **dict.fromkeys(('x', 'x_end'), ('wide', FAR)),
+    **dict.fromkeys(('z', 'z_end'), ('high', FAR)),
+    **dict.fromkeys(('top', 'bottom', 'left', 'right'), ('high', HIGH)),
+}
+"""The side of the rig that a parameter is compared with, and its greatest ratio."""
 
 
 def check_places(effect: str, given: Mapping[str, object], width: float, height: float) -> None:
-    """Check that the places of an effect are in m.
+    """Check that places and water levels of an effect are in m.
 
     Args:
         effect: its name.
@@ -103,14 +110,14 @@ def check_places(effect: str, given: Mapping[str, object], width: float, height:
         height: of the rig [m].
 
     Raises:
-        InputError: one is so far outside the rig that it is in another unit.
+        InputError: one is so large for the rig that it is in another unit.
     """
     for key, value in given.items():
-        side = SIDES.get(key)
-        if side is None or not isinstance(value, int | float):
+        if key not in LENGTHS_IN_THE_RIG or not isinstance(value, int | float):
             continue
+        side, most = LENGTHS_IN_THE_RIG[key]
         size = width if side == 'wide' else height
-        if abs(value) > FAR * size:
+        if abs(value) > most * size:
             units = [name for name, factor in LENGTHS if abs(value) * factor <= size]
             asked = f'was this in {" or ".join(units)}? ' if units else ''
             raise InputError(

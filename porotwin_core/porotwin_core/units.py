@@ -63,6 +63,17 @@ def permeability_of(conductivity: float, viscosity: float, density: float) -> fl
     return conductivity * viscosity / (density * GRAVITY)
 
 
+def conductivity_of(permeability: float, viscosity: float, density: float) -> float:
+    """Return the hydraulic conductivity K = k rho g / mu [m/s] of a permeability k [m^2].
+
+    Args:
+        permeability: k [m^2].
+        viscosity: mu [Pa s] of the fluid in the rig.
+        density: rho [kg/m^3].
+    """
+    return permeability * density * GRAVITY / viscosity
+
+
 def percent(share: float, digits: int = 0) -> str:
     """Return a share [-] in per cent, with a space as in all texts of the program: 45.0 %."""
     return f'{100.0 * share:.{digits}f} %'

@@ -290,10 +290,6 @@ largest one in a leak or a zone whose place a weak gap leaves open."""
 OPEN_CLOCK_CONFIDENCE = 0.6
 """Largest confidence in a late clock where tracer from before the recording makes the same maps."""
 
-OPEN_HEADS_CONFIDENCE = 0.6
-"""Largest confidence in an effect that changes the flow where heads of open sides drive water: a
-head 2 mm too high passed for a pump that delivers 142 %, with 0.87."""
-
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both

@@ -129,7 +129,7 @@ class TracerTransport:
         wells = [
             (*water.places[name], rate.rate, rate.concentration) for name, rate in rates.items()
         ]
-        sides = self._rig.rig.boundaries
+        sides = self._rig.boundaries
         all_open = self._rig.background_flux is not None
         return Carrier(
             hx=self._mesh.hx,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Boundaries, Rig
 from porotwin_core.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.wells import WellRate
 from porotwin_rig.mesh import Mesh
@@ -30,6 +30,7 @@ class TrueRig:
     Args:
         rig: the nominal rig.
         mesh: the mesh.
+        boundaries: which sides are open, and the heads of open ones.
         permeability: of the elements [m^2].
         depth_factor: of the elements [-]; multiplies the nominal depth.
         anisotropies: of the elements [-]; each multiplies the conductivity along x and divides it
@@ -54,6 +55,7 @@ class TrueRig:
 
     rig: Rig
     mesh: Mesh
+    boundaries: Boundaries
     permeability: FloatArray
     depth_factor: FloatArray
     depth: FloatArray
@@ -80,6 +82,7 @@ class TrueRig:
         return cls(
             rig=rig,
             mesh=mesh,
+            boundaries=rig.boundaries,
             permeability=_nearest(rig, 'permeability_m2', mesh),
             depth_factor=np.ones((mesh.nz, mesh.nx)),
             depth=_averaged(rig, 'depth_m', mesh),

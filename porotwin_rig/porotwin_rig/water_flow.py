@@ -35,7 +35,7 @@ class WaterFlow:
         mesh = rig.mesh
         self._rig = rig
         self._along_x, self._along_z = rig.transmissivity
-        self._held = held_vertices(mesh, rig.rig.boundaries)
+        self._held = held_vertices(mesh, rig.boundaries)
         self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held)
         self.places = {
             name: (*mesh.off_faces(x, z), radius) for name, (x, z, radius) in rig.places.items()
@@ -43,7 +43,7 @@ class WaterFlow:
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._heads = side_heads(mesh, rig.rig.boundaries)
+        self._heads = side_heads(mesh, rig.boundaries)
         self._background = self._background_fluxes()
         if self._heads is not None and rig.viscosity_ratio == 1.0:
             self._background += self._flow.combined([], held_potential=self._heads)

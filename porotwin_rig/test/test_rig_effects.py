@@ -273,6 +273,8 @@ def test_neutral_parameters_are_no_effect(name: str) -> None:
         ('leak:x=0.3,z=0.2', r"parameter 'rate' \[ml/h\] is missing; it needs x, z, rate"),
         ('leak:x=300,z=0.2,rate=-9', r'x = 300: the rig is 0.934 m wide; was this in mm\? write'),
         ('heterogeneity:x=0.3,z=20', 'the rig is 0.562 m high; was this in mm or cm'),
+        ('water_level:left=2', 'left = 2: the rig is 0.562 m high; was this in mm or cm'),
+        ('water_level:top=0.002', 'only the top is open, so that no flow depends on'),
         ('porosity:factor=0', 'factor = 0: must be at least 0.01'),
         ('porosity:factor=3', 'porosity 1.125: must not exceed 1'),
         ('viscosity:viscosity_ratio=0', 'viscosity_ratio = 0: must be at least 0.001'),

@@ -37,3 +37,14 @@ def test_a_viscous_tracer_slows_the_water_between_heads() -> None:
     for tracer, share in ((0.0, 1.0), (1.0, 0.5)):
         fluxes = flow.fluxes({}, np.full((22, 32), tracer), 0.0)
         np.testing.assert_allclose(fluxes.x.sum(axis=0), share * DARCY, rtol=1e-6)
+
+
+def test_a_wrong_water_level_drives_the_rate_of_darcys_law() -> None:
+    flow = water_flow('water_level:left=0.01,right=-0.01')
+    fluxes = flow.fluxes({}, np.zeros((22, 32)), 0.0)
+    np.testing.assert_allclose(fluxes.x.sum(axis=0), 2.0 * DARCY, rtol=1e-9)
+
+
+def test_water_levels_that_rise_alike_drive_nothing() -> None:
+    alike = water_flow('water_level:left=0.3,right=0.3').fluxes({}, np.zeros((22, 32)), 0.0)
+    np.testing.assert_allclose(alike.x.sum(axis=0), DARCY, rtol=1e-9)

@@ -44,7 +44,8 @@ class Physics:
     porosity: [-].
     permeability: [m^2].
     viscosity: of water [Pa s].
-    boundaries: which sides are open (constant potential) or closed.
+    density: of water [kg/m^3].
+    boundaries: which sides are open (constant potential) or closed, and heads of open ones.
     wells: place of every well by name.
     rate_factors: delivered rate of a well divided by the commanded one [-]; 1 where absent.
     diffusion: molecular diffusion of the tracer in the pores [m^2/s].
@@ -58,7 +59,6 @@ class Physics:
     exchange_rate: d c_immobile / dt = exchange_rate (c_mobile - c_immobile) [1/s].
     leaks: unknown sources and sinks.
     background_flux: Darcy flux (x, z) imposed on the sides [m/s].
-    side_potentials: potential beyond open sides [Pa], by side, 0 at the lowest; empty: all alike.
     table_tilt: pressure on an open upper side, right end minus left end [Pa].
     """
 
@@ -67,6 +67,7 @@ class Physics:
     porosity: FloatArray
     permeability: FloatArray
     viscosity: float
+    density: float
     boundaries: Boundaries
     wells: Mapping[str, SourceSink]
     rate_factors: Mapping[str, float] = field(default_factory=dict)
@@ -82,7 +83,6 @@ class Physics:
     exchange_rate: float = 0.0
     leaks: tuple[Leak, ...] = ()
     background_flux: tuple[float, float] = (0.0, 0.0)
-    side_potentials: Mapping[SideName, float] = field(default_factory=dict)
     table_tilt: float = 0.0
 
     @property
@@ -114,6 +114,12 @@ class Physics:
     def is_coupled(self) -> bool:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
+
+    @property
+    def side_potentials(self) -> dict[SideName, float]:
+        """Potential beyond open sides [Pa], by side, 0 at the lowest; empty: all alike."""
+        weight = self.density * GRAVITY
+        return {side: weight * head for side, head in self.boundaries.raised_heads.items()}
 
     @property
     def has_side_potential(self) -> bool:
@@ -175,11 +181,8 @@ def nominal_physics(rig: Rig, grid: Grid) -> Physics:
         porosity=rig.field('porosity', grid),
         permeability=rig.field('permeability_m2', grid),
         viscosity=rig.viscosity_pa_s,
+        density=rig.density_kg_m3,
         boundaries=rig.boundaries,
-        side_potentials={
-            side: rig.density_kg_m3 * GRAVITY * head
-            for side, head in rig.boundaries.raised_heads.items()
-        },
         wells={
             name: SourceSink(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
         },

@@ -32,6 +32,9 @@ KNOWN = (
 )
 """Effects whose conventions the diagnosis relies on."""
 
+NEVER_DRAWN = {'water_level'}
+"""Effects that the rigs of the blind check cannot have: these are open at the top only."""
+
 
 @pytest.fixture
 def context(rig) -> SearchContext:
@@ -137,7 +140,7 @@ def test_every_effect_states_its_parameters_in_one_phrase(name, context) -> None
 def test_drawn_parameters_are_complete_and_in_range(name, rig) -> None:
     effect = EFFECTS[name]
     if effect.blind_draw is None:
-        assert effect.scope is Scope.MODEL
+        assert effect.scope is Scope.MODEL or name in NEVER_DRAWN
         return
     context = DrawContext(rig, ('injector', 'control1'), 3600.0, 450.0)
     for seed in range(20):

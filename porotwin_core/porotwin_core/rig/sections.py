@@ -1,5 +1,6 @@
 """The sections of `rig.yaml`: boundaries, wells, camera and effects. Units are in the key names."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
@@ -11,6 +12,7 @@ from pydantic import (
     model_validator,
 )
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig.numbers import Number, Positive
 
 DEFAULT_WELL_RADIUS = 0.004
@@ -132,6 +134,29 @@ class Boundaries(Section):
         lowest = min(heads.values(), default=0.0)
         raised: dict[SideName, float] = {side: head - lowest for side, head in heads.items()}
         return raised if any(raised.values()) else {}
+
+    def with_water_raised(self, rises: Mapping[SideName, float]) -> Self:
+        """Return the conditions after the water beyond open sides rose by `rises` [m].
+
+        Raises:
+            InputError: the water rises beyond a closed side, or beyond the only open one, where no
+                flow depends on it.
+        """
+        changed = [side for side, rise in rises.items() if rise != 0.0]
+        known = ', '.join(self.open_sides) or 'none'
+        for side in changed:
+            if side not in self.open_sides:
+                raise InputError(
+                    f'no water stands beyond the {side} side, which is closed; open sides: {known}'
+                )
+        if changed and len(self.open_sides) < 2:
+            raise InputError(
+                f'only the {known} is open, so that no flow depends on the water level there; '
+                'open a second side in rig.yaml'
+            )
+        described = self.heads_m or {}
+        heads = {s: described.get(s, 0.0) + rises.get(s, 0.0) for s in self.open_sides}
+        return self.model_copy(update={'heads_m': heads if changed else self.heads_m})
 
 
 class Well(Section):

@@ -20,9 +20,6 @@ from porotwin_diagnosis.thresholds import (
 )
 from porotwin_solver.effects import EFFECTS
 
-HEAD_LIKE = ('rate', 'leak', 'background_flow', 'heterogeneity')
-"""Effects that change the flow through the rig as a wrong head does."""
-
 
 @dataclass(frozen=True)
 class Evidence:
@@ -40,7 +37,6 @@ class Evidence:
             relative to the rig; 0 if it has no leak and no zone.
         may_have_held_tracer: whether a late clock and tracer from before a recording make the same
             maps of it.
-        has_heads: whether different heads of open sides drive water through a rig.
     """
 
     findings: Findings
@@ -51,7 +47,6 @@ class Evidence:
     fitted_frames: int
     place_uncertainty: float = 0.0
     may_have_held_tracer: bool = False
-    has_heads: bool = False
 
     @property
     def contradicted(self) -> bool:
@@ -79,11 +74,6 @@ class Evidence:
         return self.may_have_held_tracer and 'clock' in self.explanation.members
 
     @property
-    def has_open_heads(self) -> bool:
-        """Whether the kept model changes the water like a wrong head of an open side does."""
-        return self.has_heads and bool({*HEAD_LIKE} & {*self.explanation.members})
-
-    @property
     def scant(self) -> bool:
         """Whether cells are too large, or frames too few, for a confident verdict."""
         return self.fitted_frames < SCANT_FRAMES or self.cells_along < SCANT_CELLS
@@ -106,7 +96,6 @@ def gather(
         fitted_frames=sum(sample.fitted_frames for sample in samples),
         place_uncertainty=place_uncertainty(explanation.model),
         may_have_held_tracer=any(sample.may_have_held_tracer for sample in samples),
-        has_heads=any(bool(sample.rig.boundaries.raised_heads) for sample in samples),
     )
 
 

@@ -27,7 +27,6 @@ class Doubt(StrEnum):
     CONTRADICTED = 'contradicted'
     PLACE = 'place'
     START = 'start'
-    HEADS = 'heads'
     SCANT = 'scant'
 
 

@@ -30,7 +30,6 @@ from porotwin_diagnosis.thresholds import (
     CONTRADICTED_CONFIDENCE,
     LOST_PLACE_CONFIDENCE,
     OPEN_CLOCK_CONFIDENCE,
-    OPEN_HEADS_CONFIDENCE,
     SCANT_CONFIDENCE,
     SINGLE_SHARE_RANGE,
 )
@@ -49,8 +48,7 @@ def decide(evidence: Evidence) -> Verdict:
        true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
     5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
        clock has `OPEN_CLOCK_CONFIDENCE` at most if tracer from before the recording makes the same
-       maps. An effect that changes the flow has `OPEN_HEADS_CONFIDENCE` at most if heads of open
-       sides drive water, because no effect of the library is a wrong head.
+       maps.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -94,7 +92,6 @@ def _open_questions(evidence: Evidence) -> list[tuple[bool, Doubt, float]]:
     return [
         (evidence.leaves_place_open, Doubt.PLACE, LOST_PLACE_CONFIDENCE),
         (evidence.has_open_clock, Doubt.START, OPEN_CLOCK_CONFIDENCE),
-        (evidence.has_open_heads, Doubt.HEADS, OPEN_HEADS_CONFIDENCE),
     ]
 
 

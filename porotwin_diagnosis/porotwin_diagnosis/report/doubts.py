@@ -33,8 +33,6 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.START: 'whether the clock is late: while one rate goes on, tracer that the rig held '
         'before the recording makes the same maps. Compare the clocks of camera and pumps, or '
         'change a rate in the next recording',
-        Doubt.HEADS: 'whether the heads of the open sides are right: a wrong water level makes '
-        'similar maps, and no effect of the library is one. Measure the levels on both sides',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 

@@ -41,7 +41,6 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'fitted_frames': evidence.fitted_frames,
         'place_uncertainty': evidence.place_uncertainty,
         'may_have_held_tracer': evidence.may_have_held_tracer,
-        'has_heads': evidence.has_heads,
     }
     write_whole(path, json.dumps(content, indent=1) + '\n')
 
@@ -63,7 +62,6 @@ def read_evidence(path: Path) -> Evidence:
         fitted_frames=content['fitted_frames'],
         place_uncertainty=content.get('place_uncertainty', 0.0),
         may_have_held_tracer=content.get('may_have_held_tracer', False),
-        has_heads=content.get('has_heads', False),
     )
 
 

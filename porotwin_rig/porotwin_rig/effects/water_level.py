@@ -1,0 +1,30 @@
+"""The water beyond open sides stands higher than `rig.yaml` says; only differences matter."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.rig import SIDES, SideName
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def raise_water(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with higher water beyond some sides.
+
+    Raises:
+        InputError: one of these sides is closed, or the only open one.
+    """
+    rises: dict[SideName, float] = {side: values[side] for side in SIDES}
+    return replace(rig, boundaries=rig.boundaries.with_water_raised(rises))
+
+
+EFFECT = AssetEffect(
+    name='water_level',
+    order=135,
+    parameters={
+        side: Parameter(unit='m', low=-MOST_WATER_LEVEL, high=MOST_WATER_LEVEL, default=0.0)
+        for side in SIDES
+    },
+    on_rig=raise_water,
+)

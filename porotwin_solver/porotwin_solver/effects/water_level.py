@@ -1,0 +1,89 @@
+"""The water beyond open sides stands higher than `rig.yaml` says; only differences matter."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from porotwin_core.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.rig import SIDES, SideName
+from porotwin_core.units import conductivity_of
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Effect, Scope
+from porotwin_solver.effects.definition.words import direction
+from porotwin_solver.physics import Physics
+
+LONGEST_STEP = 0.1 * MOST_WATER_LEVEL
+"""Longest natural step of a rise [m]. In clay even a high head moves no front."""
+
+PLACES = {
+    'top': 'at the top',
+    'bottom': 'at the bottom',
+    'left': 'on the left',
+    'right': 'on the right',
+}
+"""Where the water beyond a side stands, in words."""
+
+
+def raise_water(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with higher water beyond some sides.
+
+    Raises:
+        InputError: one of these sides is closed, or the only open one.
+    """
+    rises: dict[SideName, float] = {side: values[side] for side in SIDES}
+    return replace(physics, boundaries=physics.boundaries.with_water_raised(rises))
+
+
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the rises beyond all open sides but one; none where fewer than two sides are open."""
+    fitted = context.rig.boundaries.open_sides[:-1]
+    if not fitted:
+        return []
+    limit = MOST_WATER_LEVEL
+    rises = (FitParameter(side, 'm', 0.0, _step(context, side), -limit, limit) for side in fitted)
+    still: dict[str, float | str] = {side: 0.0 for side in SIDES if side not in fitted}
+    return [Candidate('water_level', tuple(rises), still)]
+
+
+def _step(context: SearchContext, side: SideName) -> float:
+    """Return the rise [m] that drives fronts one cell further through the rig."""
+    rig = context.rig
+    length = rig.width_m if side in ('left', 'right') else rig.height_m
+    conductivity = conductivity_of(context.permeability, rig.viscosity_pa_s, rig.density_kg_m3)
+    flux = context.front_speed * context.porosity
+    return min(flux * length / conductivity, LONGEST_STEP)
+
+
+def phrase(values: Values) -> str:
+    """Say on which sides the water level is higher or lower."""
+    changed = [side for side in SIDES if values.get(side)] or ['left']
+    levels = [
+        f'{direction(values.get(side, 0.0), "higher", "lower")} {PLACES[side]}' for side in changed
+    ]
+    return (
+        f'the water level is {" and ".join(levels)} than described, compared with the other open '
+        'sides'
+    )
+
+
+EFFECT = Effect(
+    name='water_level',
+    order=135,
+    scope=Scope.RIG,
+    parameters={
+        side: Parameter(
+            unit='m',
+            low=-MOST_WATER_LEVEL,
+            high=MOST_WATER_LEVEL,
+            default=0.0,
+            may_be_fixed=True,
+            vector='rise',
+        )
+        for side in SIDES
+    },
+    on_physics=raise_water,
+    candidates=candidates,
+    phrase=phrase,
+    plainly='water stands higher or lower beyond an open side than described',
+    laboratory_check='measure the water levels beyond all open sides from one horizontal line',
+)
