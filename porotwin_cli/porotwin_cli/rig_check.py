@@ -15,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 
 from porotwin_cli.control_words import control_words
 from porotwin_cli.density_words import density_words
+from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -40,10 +41,8 @@ from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import Recording
 from porotwin_solver.background_flux import background_flux
-from porotwin_solver.effects import EFFECTS, apply_effects
+from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.engine import BALANCE_TOLERANCE
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import nominal_physics
 from porotwin_solver.prediction_cost import (
     PredictionCost,
     prediction_cost,
@@ -135,7 +134,9 @@ def check(
     if data is not None:
         remarks += remarks_about_recording(data)
         if data.maps is not None:
-            remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
+            with gathered_warnings() as unread:
+                remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
+            remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
@@ -209,9 +210,7 @@ def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
 def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
     """Yield the refusals of those who use the rig: controller, model, imaging."""
     uses: dict[str, Callable[[], object]] = {
-        EFFECTS_KEY: lambda: apply_effects(
-            nominal_physics(rig, grid), ObservationOperator(), rig.effects
-        )
+        EFFECTS_KEY: lambda: (described_physics(rig, grid), observation_operator(rig.effects))
     }
     if rig.control is not None:
         uses['control'] = lambda: (Limits.of(rig).safe(), make_objective(rig, grid))
@@ -296,7 +295,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
 
     The effects of the rig count.
     """
-    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), rig.effects)
+    physics = described_physics(rig, grid)
     flux = background_flux(physics)
     assert flux is not None  # heads differ
     through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])

@@ -81,6 +81,30 @@ def show_warnings() -> None:
     logger.propagate = False
 
 
+class _Gathered(logging.Handler):
+    """Keeps every warning once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep the message of `record`."""
+        if record.getMessage() not in self.texts:
+            self.texts.append(record.getMessage())
+
+
+@contextmanager
+def gathered_warnings() -> Iterator[list[str]]:
+    """Gather the warnings of the block in a list instead of printing them."""
+    logger, handler = logging.getLogger('porotwin'), _Gathered()
+    shown, logger.handlers = logger.handlers, [handler]
+    try:
+        yield handler.texts
+    finally:
+        logger.handlers = shown
+
+
 @contextmanager
 def without_warnings() -> Iterator[None]:
     """Leave out the warnings of the block."""

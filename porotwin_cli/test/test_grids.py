@@ -6,8 +6,7 @@ from porotwin_cli.grids import coupled_flow_seconds, grid_of, tell_cost
 from porotwin_cli.workspace import small_rig
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
-from porotwin_solver.effects import apply_effects, parse_effects
-from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.effects import changed_physics, parse_effects
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.prediction_cost import prediction_cost
 
@@ -43,5 +42,5 @@ def test_cells_of_a_finer_preset_are_explained(capsys: pytest.CaptureFixture[str
 )
 def test_a_flow_that_follows_the_tracer_takes_longer(effect: str, several: bool) -> None:
     physics = nominal_physics(RIG, RIG.default_grid())
-    physics, _ = apply_effects(physics, ObservationOperator(), parse_effects([effect]))
+    physics = changed_physics(physics, parse_effects([effect]))
     assert (coupled_flow_seconds(physics, 1000) > 1.0) is several

@@ -16,10 +16,9 @@ from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_siblings.traits import TRANSVERSE_SHARE, WAVES, Traits
 from porotwin_siblings.zone_measure import ZoneMeasure
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import described_physics
 from porotwin_solver.engine import Engine, State
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics, nominal_physics
+from porotwin_solver.physics import Physics
 from porotwin_solver.scheme import Scheme
 
 LONGEST_STEP_S = 300.0
@@ -104,10 +103,7 @@ def engine_of(rig: Rig, grid: Grid, traits: Traits) -> Engine:
 
 def sibling_physics(rig: Rig, grid: Grid, traits: Traits) -> Physics:
     """Return the coefficients of the rig on `grid` as a sibling believes them."""
-    physics, _ = apply_effects(
-        nominal_physics(rig, grid), ObservationOperator(), (*rig.effects, *traits.effects)
-    )
-    return with_traits(traits, physics)
+    return with_traits(traits, described_physics(rig, grid, traits.effects))
 
 
 def with_traits(traits: Traits, physics: Physics) -> Physics:

@@ -10,10 +10,9 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import described_physics, observation_operator
 from porotwin_solver.engine import PROCESSOR, Engine, State
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics, nominal_physics
+from porotwin_solver.physics import Physics
 from porotwin_solver.presets import preset_named
 from porotwin_solver.quantities import quantity_of_interest
 from porotwin_solver.refinement import coarsen, refine
@@ -94,15 +93,10 @@ class Model:
         described = (*rig.effects, *effects)
         self.rig, self.grid, self.preset = rig, grid, preset
         self.effects = described
-        physics, self.observation_operator = apply_effects(
-            nominal_physics(rig, grid), ObservationOperator(), described
-        )
-        self.physics = fine_physics = adapt(physics)
+        self.observation_operator = observation_operator(described)
+        self.physics = fine_physics = adapt(described_physics(rig, grid, effects))
         if (factor := refinement or chosen.refinement(grid)) > 1:
-            fine_physics, _ = apply_effects(
-                nominal_physics(rig, grid.refined(factor)), ObservationOperator(), described
-            )
-            fine_physics = adapt(fine_physics)
+            fine_physics = adapt(described_physics(rig, grid.refined(factor), effects))
         self.engine = Engine(
             fine_physics,
             scheme=chosen.scheme,

@@ -16,11 +16,9 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver import exact_solutions
 from porotwin_solver.coupling import Coupling
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import described_physics
 from porotwin_solver.engine import State
 from porotwin_solver.model import Model
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulate
 
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
@@ -291,7 +289,7 @@ def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> Non
 def buoyant_flux(rig, grid: Grid, concentration: FloatArray):
     """Return the flux [m^3/s] that a density difference of 1 kg/m^3 drives."""
     heavy = EffectDescription(name='buoyancy', parameters={'density_difference': 1.0})
-    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), [heavy])
+    physics = described_physics(rig, grid, [heavy])
     return Coupling(physics).flux({}, concentration)
 
 

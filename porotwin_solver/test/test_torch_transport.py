@@ -10,9 +10,8 @@ from effect_examples import described
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries
 from porotwin_core.wells import WellRates
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import changed_physics
 from porotwin_solver.engine import PROCESSOR, Engine, State
-from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.scheme import Scheme
 from porotwin_solver.torch_transport import TorchTransport
@@ -47,7 +46,7 @@ def test_a_device_gives_the_map_of_the_kernels(rig, rates, scheme, effect, devic
     opened = rig.model_copy(update={'boundaries': Boundaries(top='open', left='open')})
     effects = [described(effect)] if effect else []
     plain = nominal_physics(opened, rig.grid(31, 19))
-    physics, _ = apply_effects(plain, ObservationOperator(), effects)
+    physics = changed_physics(plain, effects)
     rates = {name: replace(well, rate=2 * well.rate) for name, well in rates.items()}
     kernels = advanced(physics, scheme, rates, PROCESSOR)
     on_device = advanced(physics, scheme, rates, device)

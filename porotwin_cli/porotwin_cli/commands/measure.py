@@ -188,13 +188,11 @@ def _rows(
 
 def _pores(rig: 'Rig', grid: 'Grid') -> 'FloatArray':
     """Return the volume of the pores of each cell [m^3], (nz, nx), with the effects of the rig."""
-    from porotwin_solver.effects import apply_effects
-    from porotwin_solver.observation_operator import ObservationOperator
-    from porotwin_solver.physics import nominal_physics
+    from porotwin_solver.effects import described_physics
 
     if not rig.effects:
         return rig.cell_pore_volume(grid)
-    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), rig.effects)
+    physics = described_physics(rig, grid)
     return physics.volume * physics.porosity
 
 

@@ -92,10 +92,8 @@ def command(
     from porotwin_cli.run_course import run_course
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
-    from porotwin_solver.effects import apply_effects, parse_effects
+    from porotwin_solver.effects import described_physics, parse_effects
     from porotwin_solver.free_run_step import longest_free_step
-    from porotwin_solver.observation_operator import ObservationOperator
-    from porotwin_solver.physics import nominal_physics
     from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
 
@@ -111,8 +109,7 @@ def command(
     effects = parse_effects(effect or [])
     last = max(moments, default=0.0)
     rates = schedule.busiest
-    described = (*rig.effects, *effects)
-    physics, _ = apply_effects(nominal_physics(rig, cells), ObservationOperator(), described)
+    physics = described_physics(rig, cells, effects)
     step = longest_free_step(physics, rates)
     cost = prediction_cost(rig, cells, preset=preset, duration=last, rates=rates, longest_step=step)
     tell_cost(cost, 'simulation', more=coupled_flow_seconds(physics, cost.steps))

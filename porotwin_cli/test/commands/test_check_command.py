@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import yaml
@@ -314,6 +315,15 @@ def stored_maps(folder: Path, rig: Rig) -> ConcentrationMaps:
         for hour in range(3):
             writer.append(3600.0 * hour, np.zeros(grid.shape))
     return open_maps(folder / 'three.nc', rig)
+
+
+def test_values_that_are_read_as_unknown_are_told(tmp_path: Path) -> None:
+    rig = load_rig(small_rig())
+    write_folder(tmp_path / 'run', RecordedData(rig, maps=stored_maps(tmp_path, rig)))
+    with netCDF4.Dataset(tmp_path / 'run' / 'concentration.nc', 'a') as dataset:
+        dataset['concentration'].set_auto_maskandscale(False)
+        dataset['concentration'][1, 1, 1] = np.inf
+    assert 'are read as unknown; write NaN there' in told(tmp_path / 'run')
 
 
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:

@@ -14,9 +14,7 @@ from porotwin_core.grid import FloatArray, conservative_resample
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.effect_traits import needs_simulation
-from porotwin_solver.effects import apply_effects
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.effects import observation_operator
 from porotwin_solver.simulation import simulated_maps
 
 REMEMBERED_SIMULATIONS = 40
@@ -112,9 +110,7 @@ class Forward:
     def _as_shown(self, maps: FloatArray, image: Effects) -> Iterator[FloatArray]:
         """Yield `maps` as a camera with the effects `image` would show them."""
         sample = self.sample
-        _, operator = apply_effects(
-            nominal_physics(sample.rig, sample.grid), ObservationOperator(), image
-        )
+        operator = observation_operator(image)
         for frame, time in zip(maps, sample.times, strict=False):
             yield operator.apply(frame, sample.grid, float(time))
 

@@ -5,11 +5,22 @@
 
 from porotwin_solver.effects.definition.registry import (
     EFFECTS,
-    apply_effects,
+    changed_physics,
+    described_physics,
     effect,
     effects_of,
+    observation_operator,
     parse_effect,
     parse_effects,
 )
 
-__all__ = ['EFFECTS', 'apply_effects', 'effect', 'effects_of', 'parse_effect', 'parse_effects']
+__all__ = [
+    'EFFECTS',
+    'changed_physics',
+    'described_physics',
+    'effect',
+    'effects_of',
+    'observation_operator',
+    'parse_effect',
+    'parse_effects',
+]

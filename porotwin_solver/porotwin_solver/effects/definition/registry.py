@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from porotwin_core.discovery import discovered
 from porotwin_core.effect_parameter import known_effects, written_effect
 from porotwin_core.errors import InputError
-from porotwin_core.rig import EffectDescription
+from porotwin_core.grid import Grid
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.effects.definition.effect import GUIDE, Effect, Scope
 from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics, check
+from porotwin_solver.physics import Physics, check, nominal_physics
 
 PACKAGE = __package__.removesuffix('.definition')
 """The package whose modules are effects."""
@@ -46,13 +47,21 @@ def summary(found: Effect) -> str:
     return (sys.modules[f'{PACKAGE}.{found.name}'].__doc__ or '').strip().splitlines()[0]
 
 
-def apply_effects(
-    physics: Physics, operator: ObservationOperator, descriptions: Iterable[EffectDescription]
-) -> tuple[Physics, ObservationOperator]:
-    """Return `physics` and `operator` changed by every described effect in turn.
+def described_physics(rig: Rig, grid: Grid, effects: Iterable[EffectDescription] = ()) -> Physics:
+    """Return the coefficients of `rig` on `grid` with its own effects and then the given ones.
 
     Raises:
-        InputError: an unknown effect or parameter, a value out of range, an unknown well.
+        InputError: as `nominal_physics` or `changed_physics`.
+    """
+    return changed_physics(nominal_physics(rig, grid), (*rig.effects, *effects))
+
+
+def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription]) -> Physics:
+    """Return `physics` changed by every described effect in turn; the camera's change nothing.
+
+    Raises:
+        InputError: an unknown effect or parameter, a value out of range, an unknown well, a change
+            that no rig can have.
     """
     for description in descriptions:
         found = effect(description.name)
@@ -60,9 +69,22 @@ def apply_effects(
         if found.on_physics is not None:
             physics = found.on_physics(physics, values)
             check(physics)
+    return physics
+
+
+def observation_operator(descriptions: Iterable[EffectDescription]) -> ObservationOperator:
+    """Return how a camera sees a map, with every described effect of the camera in turn.
+
+    Raises:
+        InputError: an unknown effect or parameter, or a value out of range.
+    """
+    operator = ObservationOperator()
+    for description in descriptions:
+        found = effect(description.name)
+        values = found.checked(description.parameters)
         if found.on_observation is not None:
             operator = found.on_observation(operator, values)
-    return physics, operator
+    return operator
 
 
 def parse_effect(text: str) -> EffectDescription:
