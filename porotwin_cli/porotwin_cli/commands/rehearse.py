@@ -53,6 +53,9 @@ def command(
     photo_interval_s: Annotated[
         float, typer.Option(help='Time between two maps.', min=1.0, max=86400.0)
     ] = SHORTEST_STEP_S,
+    grid: Annotated[
+        str, typer.Option(help='Columns x rows of the maps; default: cells of 5 mm.')
+    ] = '',
     seed: Annotated[int, typer.Option(help='Seed of the noise of the maps.', min=0)] = 1,
     as_json: Json = False,
 ) -> None:
@@ -66,6 +69,7 @@ def command(
 
     Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
     """
+    from porotwin_cli.grids import grid_of
     from porotwin_core.whole_folder import whole_folder
     from porotwin_recording.one_writer import one_writer
     from porotwin_recording.recording import open_recording
@@ -89,6 +93,7 @@ def command(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
             '--photo-interval-s'
         )
+    map_grid = grid_of(grid, recording.rig)
     with one_writer(output), whole_folder(output) as unfinished, progress() as bar:
         task = bar.add_task('running the virtual rig', total=1.0)
         made = make_experiment(
@@ -100,6 +105,7 @@ def command(
             seed=seed,
             effects=(*recording.rig.effects, *effects),
             noise=MapNoise(),
+            grid=map_grid,
             progress=lambda share: bar.update(task, completed=share),
         )
     if as_json:

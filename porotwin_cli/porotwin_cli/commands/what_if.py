@@ -80,13 +80,13 @@ def command(
         )
     if output.exists() and not output.is_dir():
         raise InputError(f'--output {output}: is a file; give a folder for the picture')
-    output.mkdir(parents=True, exist_ok=True)
-    picture = output / 'what_if.png'
-    check_output(picture, recording, rig, command='what-if')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = rate_steps(rates, opened.rig, start)
     ahead = seconds_of(horizon) if horizon else None
+    output.mkdir(parents=True, exist_ok=True)  # a refused call leaves no folder
+    picture = output / 'what_if.png'
+    check_output(picture, recording, rig, command='what-if')
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
     )

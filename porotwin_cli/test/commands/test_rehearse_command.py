@@ -27,7 +27,7 @@ def design(folder: Path) -> Path:
 def test_a_rehearsal_is_a_recording_that_does_not_name_its_effects(tmp_path: Path) -> None:
     planned, plain, described = (tmp_path / name for name in ('planned', 'plain', 'described'))
     folder = design(tmp_path / 'design')
-    words = ('rehearse', folder, '--photo-interval-s', '60')
+    words = ('rehearse', folder, '--photo-interval-s', '60', '--grid', '30x15')
     effect = ('--effect', 'leak:x=0.15,z=0.05,rate=-50')
     result = porotwin(*words, '--output', planned, *effect, '--json')
     assert result.returncode == 0, result.stderr
@@ -37,6 +37,7 @@ def test_a_rehearsal_is_a_recording_that_does_not_name_its_effects(tmp_path: Pat
     assert load_rig(planned).effects == ()
     assert porotwin(*words, '--output', plain).returncode == 0
     leaking, tight = open_recording(planned), open_recording(plain)
+    assert str(leaking.grid) == '30x15'
     assert list(leaking.times) == [0.0, 60.0, 120.0, 180.0, 240.0]
     assert leaking.commanded == tight.commanded
     np.testing.assert_array_equal(leaking.concentration[0], tight.concentration[0])
@@ -56,6 +57,7 @@ def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) 
     folder = design(tmp_path / 'design')
     output = tmp_path / 'planned'
     for wrong, complaint in (
+        (('--grid', 'many'), 'write columns x rows'),
         (('--effect', 'leek:x=1'), "'leek' is not known; did you mean 'leak'?"),
         (('--effect', 'leak:x=0.15,z=0.05'), "leak: parameter 'rate' [ml/h] is missing"),
         (('--effect', 'leak:x=0.15,z=0.05,rate=0'), 'leak: changes nothing with rate = 0'),

@@ -28,10 +28,12 @@ def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_p
     assert shown.stdout.splitlines()[-1].startswith('the guard would refuse this proposal, from 2')
 
 
-def test_a_wrong_time_is_one_line(experiment: Path) -> None:
-    found = porotwin('what-if', experiment, '--at', 'soon', '--rates', 'control1=3')
+def test_a_wrong_time_is_one_line_and_leaves_nothing(experiment: Path, tmp_path: Path) -> None:
+    asked = ('--at', 'soon', '--rates', 'control1=3', '--output', tmp_path / 'new')
+    found = porotwin('what-if', experiment, *asked)
     assert found.returncode == 2
     assert 'like 35min' in found.stderr
+    assert not (tmp_path / 'new').exists()
 
 
 def test_a_file_as_output_is_refused_before_the_work(experiment: Path, tmp_path: Path) -> None:
