@@ -40,6 +40,7 @@ class Fit:
             without a correction.
         fingering_amplification: ratio [-] of the responses to rough sand with and without the
             effects, fitted and held out.
+        described: names of the effects that rig.yaml describes; the model has them in any case.
         held_out_parameters: scaled parameters (p,) with which the held-out frames are judged (see
             `fitter.Fitter.evaluate`); None for the fitted ones.
     """
@@ -56,6 +57,7 @@ class Fit:
     unshared_misfit: tuple[float, float] = (0.0, 0.0)
     scheme_misfit: tuple[float, float] = (0.0, 0.0)
     fingering_amplification: tuple[float, float] = (1.0, 1.0)
+    described: tuple[str, ...] = ()
     held_out_parameters: FloatArray | None = None
 
     @property

@@ -201,6 +201,7 @@ class Fitter:
             ),
             unshared_misfit=misfit(self.samples, unshared),
             scheme_misfit=self._scheme_misfit,
+            described=tuple(effect.name for effect in self.samples[0].rig.effects),
         )
         return with_noise_share(fit, self.noise_share)
 

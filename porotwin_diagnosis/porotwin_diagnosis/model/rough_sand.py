@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.rig import rig_from_maps
+from porotwin_core.rig import EffectDescription, rig_from_maps
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.effect_traits import destabilises_fronts
-from porotwin_diagnosis.model.forward import Effects, Forward, whitened_residuals
+from porotwin_diagnosis.model.forward import Effects, Forward, SimulationMemory, whitened_residuals
 
 ROUGHNESS = 0.05
 """Standard deviation [-] of the logarithm of the permeability from cell to cell. A variation of the
@@ -60,10 +60,11 @@ class RoughSands:
     def fingering_amplification(
         self, forwards: Sequence[Forward], effects: Effects
     ) -> tuple[float, float]:
-        """Return the ratio of the responses to rough sand with and without `effects`, at least 1.
+        """Return the ratio of the responses to rough sand with and without fingers, at least 1.
 
         The response is the misfit between the predictions on rough and on smooth sand, as a root
-        mean square over the sands.
+        mean square over the sands: with `effects` and those of rig.yaml, over that of a rig without
+        any effect that destabilises fronts.
 
         Args:
             forwards: one forward model per recording, on smooth sand.
@@ -75,14 +76,16 @@ class RoughSands:
         Raises:
             InputError: the model cannot run with these effects.
         """
-        if not self._sands or not destabilises_fronts(effects):
+        described = forwards[0].sample.rig.effects
+        if not self._sands or not destabilises_fronts((*described, *effects)):
             return 1.0, 1.0
-        with_effects, without = (self._response(forwards, each) for each in (effects, ()))
+        with_effects = self._response(forwards, effects)
+        without = self._response([*map(_with_stable_fronts, forwards)], ())
         fitted, held_out = np.maximum(with_effects / np.maximum(without, LEAST_RESPONSE), 1.0)
         return float(fitted), float(held_out)
 
     def _response(self, forwards: Sequence[Forward], effects: Effects) -> FloatArray:
-        key = repr(effects)
+        key = repr((effects, forwards[0].sample.rig.effects))
         if key not in self._responses:
             self._responses[key] = self._measured(forwards, effects)
         return self._responses[key]
@@ -91,10 +94,11 @@ class RoughSands:
         """Return the response (2,) [-]: fitted, held out."""
         smooth = whitened_residuals(forwards, effects)
         squares = np.zeros(2)
+        described = forwards[0].sample.rig.effects
         for sand in self._sands:
             rough_models = [
                 replace(
-                    rough,
+                    _with_described(rough, described),
                     correction=forward.correction,
                     point_spread_width=forward.point_spread_width,
                 )
@@ -104,3 +108,20 @@ class RoughSands:
             changes = [there - here for there, here in zip(rough, smooth, strict=True)]
             squares += np.square(misfit([forward.sample for forward in forwards], changes))
         return np.sqrt(squares / len(self._sands))
+
+
+def _with_stable_fronts(forward: Forward) -> Forward:
+    """Return `forward` without the effects of its rig that destabilise fronts."""
+    described = forward.sample.rig.effects
+    return _with_described(
+        forward, tuple(effect for effect in described if not destabilises_fronts([effect]))
+    )
+
+
+def _with_described(forward: Forward, effects: tuple[EffectDescription, ...]) -> Forward:
+    """Return `forward` with other effects of its rig, and without memory if they differ."""
+    sample = forward.sample
+    if sample.rig.effects == effects:
+        return forward
+    rig = sample.rig.model_copy(update={'effects': effects})
+    return replace(forward, sample=replace(sample, rig=rig), memory=SimulationMemory())

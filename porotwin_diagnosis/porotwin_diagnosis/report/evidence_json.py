@@ -95,6 +95,7 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             }
             for member, described in zip(fit.members, fit.effects, strict=True)
         ],
+        'described': list(fit.described),
         'scaled': [float(scaled) for scaled in fit.scaled_parameters],
         'misfit': {
             'fitted': fit.fitted_misfit,
@@ -127,4 +128,5 @@ def _read_fit(content: dict[str, Any]) -> Fit:
         unshared_misfit=tuple(content['misfit'].get('unshared', (0.0, 0.0))),
         scheme_misfit=tuple(content['misfit'].get('scheme', (0.0, 0.0))),
         fingering_amplification=tuple(content['misfit']['fingering_amplification']),
+        described=tuple(content.get('described', ())),
     )

@@ -8,9 +8,9 @@ for the held-out part. The following quantities derive from them:
     misfit beyond the noise = sqrt(max(m^2 - (NOISE_UNCERTAINTY n)^2, 0))
     normalised misfit = max over the parts of (misfit beyond the noise / A) / V
 
-A is the fingering amplification of the fit, V the misfit allowance of its effects. Both are 1 for
-most effects. The held-out part counts by itself, because a wrong effect adapts to the fitted part
-and fails in the held-out one.
+A is the fingering amplification of the fit, V the misfit allowance of its effects and of those that
+rig.yaml describes. Both are 1 for most effects. The held-out part counts by itself, because a wrong
+effect adapts to the fitted part and fails in the held-out one.
 """
 
 import math
@@ -64,7 +64,8 @@ def normalised_misfit(fit: Fit) -> float:
     """
     parts = zip(misfit_beyond_noise(fit), fit.fingering_amplification, strict=True)
     largest = max(beyond / amplification for beyond, amplification in parts)
-    return largest / misfit_allowance(member.effect for member in fit.members)
+    effects = (*(member.effect for member in fit.members), *fit.described)
+    return largest / misfit_allowance(effects)
 
 
 def swallowed_misfit(fit: Fit) -> float:
