@@ -31,3 +31,8 @@ def test_an_effect_of_the_virtual_rig_alone_is_drawn_from_outside_the_library(na
     effect = RIG_EFFECTS[name]
     assert effect.blind_draw is not None
     assert set(effect.equal_to) <= SOLVER_EFFECTS.keys()
+
+
+@pytest.mark.parametrize('name', SHARED)
+def test_several_effects_of_one_kind_act_together_in_both(name: str) -> None:
+    assert RIG_EFFECTS[name].is_repeatable is not SOLVER_EFFECTS[name].replaces_nominal

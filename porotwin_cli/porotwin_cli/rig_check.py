@@ -22,7 +22,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
-from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
 from porotwin_core.units import ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
@@ -42,6 +42,7 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import Recording
 from porotwin_solver.background_flux import background_flux
 from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
+from porotwin_solver.effects.water_level import true_levels
 from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.prediction_cost import (
     PredictionCost,
@@ -149,11 +150,27 @@ def check(
         remarks += pixels
         if photograph is not None and not any(remark.refused for remark in remarks):
             remarks += _corners_off(rig, photograph)
+    levelled = _with_true_levels(rig)
+    if levelled.boundaries != rig.boundaries:
+        remarks += remarks_about_heads(levelled)
     runs = not any(remark.refused for remark in remarks)
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
-    cost = _cost(rig, cells, preset, chosen.seconds) if runs else None
+    cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
     return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph)
+
+
+def _with_true_levels(rig: Rig) -> Rig:
+    """Return `rig` with the heads that its effects make; as it is if one of them is refused."""
+    try:
+        return rig.model_copy(update={'boundaries': true_levels(rig)})
+    except InputError:
+        return rig
+
+
+def resting_water(rig: Rig) -> bool:
+    """Return whether no heads drive water through `rig`, its effects included."""
+    return not _with_true_levels(rig).boundaries.raised_heads
 
 
 def recorded_interval(data: RecordedData | None) -> PhotoInterval:
@@ -278,12 +295,12 @@ def in_words(checked: CheckedRig) -> list[str]:
             f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
             f'until {pumped.end:g} s; the fluid is {share:.2g} pore volumes'
         )
-        if checked.runs and pumped.stock > 0.0 and not checked.rig.boundaries.raised_heads:
+        if checked.runs and pumped.stock > 0.0 and resting_water(checked.rig):
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
-    if checked.runs and checked.rig.boundaries.raised_heads:
+    if checked.runs and (checked.rig.boundaries.raised_heads or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
@@ -296,8 +313,11 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     The effects of the rig count.
     """
     physics = described_physics(rig, grid)
+    if physics.boundaries.jumps_in_a_corner:
+        return 'heads: the rate between sides that meet in a corner is not determined'
     flux = background_flux(physics)
-    assert flux is not None  # heads differ
+    if flux is None:
+        return 'heads: with its effects the rig has equal water levels, which drive no water'
     through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])
     rate = float(through[through > 0.0].sum())
     seconds = float(physics.mobile_water.sum()) / rate
@@ -345,8 +365,8 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
             break
     volume, pores = pumped_in(data).volume, data.rig.pore_volume
-    reservoirs = data.rig.boundaries.raised_heads  # a pulse of dye into their water is small
-    if 0.0 < volume < LITTLE_INJECTED * pores and not reservoirs:
+    # a pulse of dye into the water of reservoirs is small
+    if 0.0 < volume < LITTLE_INJECTED * pores and resting_water(data.rig):
         share = percent(volume / pores, 2)
         why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
         yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')

@@ -131,7 +131,7 @@ def progress() -> AbstractContextManager[Progress]:
     )
 
 
-KNOWN_FROM_PERCENT, KNOWN_FROM_S = 4.0, 60.0
+KNOWN_FROM_PERCENT, KNOWN_FROM_S = 4.0, 300.0
 """Share of a task, and time since its begin, from either of which on its end is estimated."""
 
 
@@ -161,8 +161,9 @@ def least_seconds_left(task: Task) -> float | None:
 def left_in_words(task: Task) -> str:
     """Return the remaining time of a task, such as "2 min left"; empty where it is unknown.
 
-    Where work may be left out, the least time comes first: "2 min left, 9 min at most". The time is
-    unknown at the very beginning, where the time to start would count as slow work.
+    Where work may be left out, the least time comes first: "2 min left, 9 min if no simple cause
+    suffices". The time is unknown at the very beginning, where the time to start would count as
+    slow work.
     """
     if task.percentage < KNOWN_FROM_PERCENT and (task.elapsed or 0.0) < KNOWN_FROM_S:
         return ''
@@ -170,7 +171,7 @@ def left_in_words(task: Task) -> str:
     if not most or least is None:
         return ''
     high, low = duration_in_words(most), duration_in_words(least)
-    return f'{low} left' if low == high else f'{low} left, {high} at most'
+    return f'{low} left' if low == high else f'{low} left, {high} if no simple cause suffices'
 
 
 class _TimeLeft(ProgressColumn):

@@ -291,8 +291,16 @@ def test_wrong_effects_are_refused_by_name(text: str, complaint: str) -> None:
 
 
 def test_of_an_effect_that_is_not_repeatable_the_last_one_counts() -> None:
-    twice = after(300.0, 'decay:rate=1e-3', 'decay:rate=1e-4')
-    assert difference(twice, after(300.0, 'decay:rate=1e-4')) == 0.0
+    thin = 'dispersion:longitudinal_dispersivity=0,transverse_dispersivity=0,diffusion=1e-9'
+    thick = thin.replace('longitudinal_dispersivity=0', 'longitudinal_dispersivity=0.01')
+    assert difference(after(300.0, thick, thin), after(300.0, thin)) == 0.0
+
+
+def test_effects_that_add_up_act_together() -> None:
+    twice = after(300.0, 'porosity:factor=0.9', 'porosity:factor=0.9')
+    assert difference(twice, after(300.0, 'porosity:factor=0.81')) < 1e-9
+    leaks = after(300.0, 'leak:x=0.3,z=0.3,rate=-40', 'leak:x=0.3,z=0.3,rate=-60')
+    assert difference(leaks, after(300.0, 'leak:x=0.3,z=0.3,rate=-100')) < 1e-9
 
 
 def test_an_incomplete_effect_is_refused_in_one_line() -> None:

@@ -96,6 +96,7 @@ def test_an_effect_is_written_on_a_command_line() -> None:
         ('colour:x=1', "effect 'colour': unknown; choose from"),
         ('decay:rate=fast', "rate = 'fast': give a number"),
         ('decay', "parameter 'rate' .* is missing"),
+        ('water_level', 'changes nothing; give some of top, bottom, left, right'),
     ):
         with pytest.raises(InputError, match=remark):
             parse_effect(text)

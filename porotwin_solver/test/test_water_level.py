@@ -91,7 +91,7 @@ def test_a_natural_step_moves_fronts_by_one_cell(make_rig) -> None:
 
 def test_the_phrase_says_where_and_how_much() -> None:
     said = EFFECTS['water_level'].in_words({'left': 0.002, 'top': -0.001})
-    assert '1 mm lower at the top and 2 mm higher on the left than described' in said
+    assert '2 mm higher on the left and 1 mm lower at the top than described' in said
 
 
 def test_the_adjoint_knows_the_slope(make_rig) -> None:

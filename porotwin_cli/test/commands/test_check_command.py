@@ -35,6 +35,14 @@ from porotwin_recording.experiment_folder import folder_data, write_folder
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 
+BETWEEN = {
+    'top': 'closed',
+    'left': 'open',
+    'right': 'open',
+    'heads_m': {'left': 0.32, 'right': 0.31},
+}
+"""Water flows below a head that falls by 1 cm."""
+
 
 def changed(folder: Path, **keys: object) -> Path:
     """Write the small rig with other values of some keys."""
@@ -315,6 +323,35 @@ def stored_maps(folder: Path, rig: Rig) -> ConcentrationMaps:
         for hour in range(3):
             writer.append(3600.0 * hour, np.zeros(grid.shape))
     return open_maps(folder / 'three.nc', rig)
+
+
+def reservoirs(folder: Path, rise_m: float, **heads_m: float) -> Path:
+    """Write a rig between two reservoirs whose left level differs from the described one."""
+    sides = {'top': 'closed', 'left': 'open', 'right': 'open'}
+    boundaries = {**sides, 'heads_m': heads_m or None}
+    effect = {'name': 'water_level', 'parameters': {'left': rise_m}}
+    return changed(folder, boundaries=boundaries, effects=[effect], control=None)
+
+
+def test_water_levels_of_effects_count_as_heads(tmp_path: Path) -> None:
+    checked = check(reservoirs(tmp_path, 0.01))
+    assert checked.remarks == ()
+    described = check(changed(tmp_path, boundaries=BETWEEN, control=None))
+    rates = [next(w for w in in_words(one) if 'heads: ' in w) for one in (checked, described)]
+    assert rates[0] == rates[1]
+
+
+def test_levels_that_effects_make_equal_drive_nothing(tmp_path: Path) -> None:
+    checked = check(reservoirs(tmp_path, -0.01, left=0.32, right=0.31))
+    assert any('equal water levels, which drive no water' in word for word in in_words(checked))
+
+
+def test_a_level_in_millimetres_is_refused(tmp_path: Path) -> None:
+    assert 'was this in mm' in told(reservoirs(tmp_path, 5.0))
+
+
+def test_a_steep_fall_of_the_water_is_odd(tmp_path: Path) -> None:
+    assert 'are they in cm? write m' in told(reservoirs(tmp_path, 0.4))
 
 
 def test_values_that_are_read_as_unknown_are_told(tmp_path: Path) -> None:

@@ -39,6 +39,9 @@ SAME_PLACE_M = 1e-6
 NEAR = 0.05
 """Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
 
+STEEP = 0.3
+"""Gradient of the head [-] between opposite sides that no laboratory flow has."""
+
 MOST_GRADIENT = 10.0
 """Difference of two heads over the distance of their sides above which it is refused: sand would be
 washed out, and a prediction takes minutes."""
@@ -53,7 +56,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
         *_numbers(rig),
         *_measured_depths(rig),
         *_shape(rig),
-        *_heads(rig),
+        *remarks_about_heads(rig),
         *_sands(rig),
         *_wells(rig),
         *_corners(rig),
@@ -123,7 +126,7 @@ def _shape(rig: Rig) -> Iterator[Remark]:
         )
 
 
-def _heads(rig: Rig) -> Iterator[Remark]:
+def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
     """Yield remarks about heads that drive no water, too much of it, or meet in a corner."""
     given, raised = rig.boundaries.heads_m, rig.boundaries.raised_heads
     key = 'boundaries.heads_m'
@@ -136,12 +139,15 @@ def _heads(rig: Rig) -> Iterator[Remark]:
         if not across and sides != {'top', 'bottom'}:
             if apart > 0.0:
                 why = f'the {one} and the {other} side meet in a corner, where their heads jump'
-                remedy = 'the rate between them grows with the number of cells; close one of them'
+                remedy = (
+                    'the rate between them grows with the number of cells: trust no flow near '
+                    'this corner, or close one of the two sides'
+                )
                 yield Remark(key, f'{apart:g} m apart', why, remedy)
             continue
         size = rig.width_m if across else rig.height_m
-        if apart > size:
-            why = f'they differ by more than the {size:g} m between the two sides'
+        if apart > STEEP * size:
+            why = f'the water falls by {apart:g} m over the {size:g} m between the two sides'
             far = apart > MOST_GRADIENT * size
             yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)
 

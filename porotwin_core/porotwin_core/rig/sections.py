@@ -135,6 +135,17 @@ class Boundaries(Section):
         raised: dict[SideName, float] = {side: head - lowest for side, head in heads.items()}
         return raised if any(raised.values()) else {}
 
+    @property
+    def jumps_in_a_corner(self) -> bool:
+        """Whether two open sides that meet have different heads: no rate between them is right."""
+        raised = self.raised_heads
+        return any(
+            raised[one] != raised[other]
+            for one in ('top', 'bottom')
+            for other in ('left', 'right')
+            if one in raised and other in raised
+        )
+
     def with_water_raised(self, rises: Mapping[SideName, float]) -> Self:
         """Return the conditions after the water beyond open sides rose by `rises` [m].
 

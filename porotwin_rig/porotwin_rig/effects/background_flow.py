@@ -9,8 +9,9 @@ from porotwin_rig.true_rig import TrueRig
 
 
 def change(rig: TrueRig, values: Values) -> TrueRig:
-    """Return `rig` with this background flux."""
-    return replace(rig, background_flux=(values['x_velocity'], values['z_velocity']))
+    """Return `rig` with more background flux."""
+    x, z = rig.background_flux or (0.0, 0.0)
+    return replace(rig, background_flux=(x + values['x_velocity'], z + values['z_velocity']))
 
 
 EFFECT = AssetEffect(
@@ -25,4 +26,5 @@ EFFECT = AssetEffect(
         ),
     },
     on_rig=change,
+    is_repeatable=True,
 )

@@ -9,8 +9,8 @@ from porotwin_rig.true_rig import TrueRig
 
 
 def change(rig: TrueRig, values: Values) -> TrueRig:
-    """Return `rig` with this clock offset."""
-    return replace(rig, clock_offset=values['offset'])
+    """Return `rig` with a larger clock offset."""
+    return replace(rig, clock_offset=rig.clock_offset + values['offset'])
 
 
 EFFECT = AssetEffect(
@@ -21,4 +21,5 @@ EFFECT = AssetEffect(
     },
     on_rig=change,
     needs_recording=True,
+    is_repeatable=True,
 )

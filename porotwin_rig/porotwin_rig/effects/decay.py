@@ -24,4 +24,5 @@ EFFECT = AssetEffect(
     on_tracer=fade,
     removes_tracer=True,
     longest_step=30.0,
+    is_repeatable=True,
 )

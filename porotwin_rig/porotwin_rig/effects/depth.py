@@ -26,4 +26,5 @@ EFFECT = AssetEffect(
         'factor_centre': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)
     },
     on_rig=bulge,
+    is_repeatable=True,
 )

@@ -22,4 +22,5 @@ EFFECT = AssetEffect(
         ),
     },
     on_signal=light,
+    is_repeatable=True,
 )

@@ -25,12 +25,14 @@ def add_leak(rig: TrueRig, values: Values) -> TrueRig:
             'leak: in a rig whose sides are all closed, water is neither lost nor gained; open a '
             'side in rig.yaml'
         )
+    earlier = sum(name.startswith('leak') for name in rig.constant_rates)
+    name = f'leak {earlier + 1}' if earlier else 'leak'
     place = (values['x'], values['z'], RADIUS_M)
     rate = WellRate(from_ml_h(values['rate']))
     return replace(
         rig,
-        places={**rig.places, 'leak': place},
-        constant_rates={**rig.constant_rates, 'leak': rate},
+        places={**rig.places, name: place},
+        constant_rates={**rig.constant_rates, name: rate},
     )
 
 
@@ -44,4 +46,5 @@ EFFECT = AssetEffect(
     },
     shape=('x', 'z'),
     on_rig=add_leak,
+    is_repeatable=True,
 )

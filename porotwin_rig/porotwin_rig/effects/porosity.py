@@ -20,4 +20,5 @@ EFFECT = AssetEffect(
         'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0),
     },
     on_rig=change,
+    is_repeatable=True,
 )

@@ -42,4 +42,5 @@ EFFECT = AssetEffect(
         'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
     },
     on_picture=displace,
+    is_repeatable=True,
 )

@@ -9,8 +9,9 @@ from porotwin_rig.true_rig import TrueRig
 
 
 def change(rig: TrueRig, values: Values) -> TrueRig:
-    """Return `rig` with this retardation factor."""
-    return replace(rig, retardation_factor=values['retardation_factor'])
+    """Return `rig` with a larger retardation factor."""
+    retardation_factor = rig.retardation_factor * values['retardation_factor']
+    return replace(rig, retardation_factor=retardation_factor)
 
 
 EFFECT = AssetEffect(
@@ -20,4 +21,5 @@ EFFECT = AssetEffect(
         'retardation_factor': Parameter(unit='-', low=1.0, high=MOST_RETARDATION, neutral=1.0),
     },
     on_rig=change,
+    is_repeatable=True,
 )

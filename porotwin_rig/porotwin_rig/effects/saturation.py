@@ -18,4 +18,5 @@ EFFECT = AssetEffect(
     order=140,
     parameters={'exponent': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)},
     on_signal=bend,
+    is_repeatable=True,
 )

@@ -27,4 +27,5 @@ EFFECT = AssetEffect(
         for side in SIDES
     },
     on_rig=raise_water,
+    is_repeatable=True,
 )

@@ -21,7 +21,12 @@ def drift(physics: Physics, values: Values) -> Physics:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit both components in steps that move fronts by one cell."""
+    """Fit both components in steps that move fronts by one cell.
+
+    Where several sides are open, their water levels drive such a flow: see `water_level`.
+    """
+    if len(context.rig.boundaries.open_sides) > 1:
+        return []
     step = context.front_speed * context.porosity
     return [
         Candidate(

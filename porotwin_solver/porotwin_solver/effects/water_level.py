@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from porotwin_core.effect_limits import MOST_WATER_LEVEL
 from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.rig import SIDES, SideName
+from porotwin_core.rig import SIDES, Boundaries, Rig, SideName
 from porotwin_core.units import conductivity_of
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
@@ -30,19 +30,32 @@ def raise_water(physics: Physics, values: Values) -> Physics:
     Raises:
         InputError: one of these sides is closed, or the only open one.
     """
-    rises: dict[SideName, float] = {side: values[side] for side in SIDES}
-    return replace(physics, boundaries=physics.boundaries.with_water_raised(rises))
+    return replace(physics, boundaries=physics.boundaries.with_water_raised(_rises(values)))
+
+
+def true_levels(rig: Rig) -> Boundaries:
+    """Return the boundaries of `rig` with the heads that its effects `water_level` make.
+
+    Raises:
+        InputError: one of them has a wrong parameter, or raises the water beyond a closed side.
+    """
+    boundaries = rig.boundaries
+    for described in rig.effects:
+        if described.name == EFFECT.name:
+            boundaries = boundaries.with_water_raised(_rises(EFFECT.checked(described.parameters)))
+    return boundaries
+
+
+def _rises(values: Values) -> dict[SideName, float]:
+    return {side: values[side] for side in SIDES}
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the rises beyond all open sides but one; none where fewer than two sides are open."""
     fitted = context.rig.boundaries.open_sides[:-1]
-    if not fitted:
-        return []
-    limit = MOST_WATER_LEVEL
+    limit = min(context.rig.height_m, MOST_WATER_LEVEL)
     rises = (FitParameter(side, 'm', 0.0, _step(context, side), -limit, limit) for side in fitted)
-    still: dict[str, float | str] = {side: 0.0 for side in SIDES if side not in fitted}
-    return [Candidate('water_level', tuple(rises), still)]
+    return [Candidate('water_level', tuple(rises))] if fitted else []
 
 
 def _step(context: SearchContext, side: SideName) -> float:
@@ -51,15 +64,17 @@ def _step(context: SearchContext, side: SideName) -> float:
     length = rig.width_m if side in ('left', 'right') else rig.height_m
     conductivity = conductivity_of(context.permeability, rig.viscosity_pa_s, rig.density_kg_m3)
     flux = context.front_speed * context.porosity
-    return min(flux * length / conductivity, LONGEST_STEP)
+    return min(flux * length / conductivity, 0.1 * rig.height_m, LONGEST_STEP)
 
 
 def phrase(values: Values) -> str:
     """Say on which sides the water level is higher or lower."""
-    changed = [side for side in SIDES if values.get(side)] or ['left']
-    levels = [
-        f'{direction(values.get(side, 0.0), "higher", "lower")} {PLACES[side]}' for side in changed
-    ]
+    changed = sorted(
+        (side for side in SIDES if values.get(side)), key=lambda side: -abs(values[side])
+    )
+    if not changed:
+        return 'the water levels at all open sides are as described'
+    levels = [f'{direction(values[side], "higher", "lower")} {PLACES[side]}' for side in changed]
     return (
         f'the water level is {" and ".join(levels)} than described, compared with the other open '
         'sides'
@@ -76,7 +91,6 @@ EFFECT = Effect(
             low=-MOST_WATER_LEVEL,
             high=MOST_WATER_LEVEL,
             default=0.0,
-            may_be_fixed=True,
             vector='rise',
         )
         for side in SIDES

@@ -101,7 +101,8 @@ def refuse_slips(described: Iterable[EffectDescription], rig: Rig) -> None:
         values = _checked(description, rig)
         effect = EFFECTS[description.name]
         key = (effect.name, values.get('well'))
-        if key in seen and not (effect.is_repeatable and 'well' not in values):
+        differ_in_place = effect.is_repeatable and effect.shape and 'well' not in values
+        if key in seen and not differ_in_place:
             raise InputError(f'effect {effect.name}: is given twice; keep one')
         seen.add(key)
         _refuse_flood(effect, values, rig)

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterable
 
 from porotwin_core.discovery import discovered
-from porotwin_core.effect_parameter import known_effects, written_effect
+from porotwin_core.effect_parameter import check_places, known_effects, written_effect
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig
@@ -66,6 +66,7 @@ def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription])
     for description in descriptions:
         found = effect(description.name)
         values = found.checked(description.parameters)
+        check_places(found.name, values, physics.grid.width, physics.grid.height)
         if found.on_physics is not None:
             physics = found.on_physics(physics, values)
             check(physics)
@@ -91,11 +92,16 @@ def parse_effect(text: str) -> EffectDescription:
     """Return the effect written as `NAME:PARAM=VALUE,PARAM=VALUE`, parameters checked.
 
     Raises:
-        InputError: not of that form, or an unknown effect or parameter.
+        InputError: not of that form, an unknown effect or parameter, or no parameter.
     """
     name, given = written_effect(text)
     found = effect(name)
-    return EffectDescription(name=found.name, parameters=found.checked(given))
+    values = found.checked(given)
+    if not given:
+        raise InputError(
+            f"effect '{text}': changes nothing; give some of {', '.join(found.parameters)}"
+        )
+    return EffectDescription(name=found.name, parameters=values)
 
 
 def parse_effects(texts: Iterable[str]) -> list[EffectDescription]:

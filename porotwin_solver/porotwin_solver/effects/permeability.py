@@ -1,0 +1,52 @@
+"""The permeability is not the described one: permeability * factor everywhere."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from porotwin_core.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Effect, Scope
+from porotwin_solver.effects.definition.words import factor
+from porotwin_solver.physics import Physics
+
+
+def change(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with another permeability."""
+    return replace(physics, permeability=physics.permeability * values['factor'])
+
+
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the factor where heads drive water; wells alone drive the same flow in any sand."""
+    rig = context.rig
+    is_driven = rig.boundaries.raised_heads or any(e.name == 'water_level' for e in rig.effects)
+    if not is_driven:
+        return []
+    fitted = FitParameter('factor', '-', 1.0, 0.05, 0.01, 100.0, log=True)
+    return [Candidate('permeability', (fitted,))]
+
+
+def phrase(values: Values) -> str:
+    """Say how much more or less permeable the sand is."""
+    return f'all the sand is {factor(values["factor"], "more", "less")} permeable than described'
+
+
+EFFECT = Effect(
+    name='permeability',
+    order=75,
+    scope=Scope.RIG,
+    parameters={
+        'factor': Parameter(
+            unit='-',
+            low=LEAST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+            is_logarithmic=True,
+        )
+    },
+    on_physics=change,
+    candidates=candidates,
+    phrase=phrase,
+    plainly='the hydraulic conductivity of all the sand differs from the described one',
+    laboratory_check='measure the water levels and the outflow, and divide by Darcy’s law',
+)
