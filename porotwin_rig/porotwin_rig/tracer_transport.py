@@ -166,7 +166,9 @@ class TracerTransport:
         )
         lost = self._lost_in_wells(field, carrier, water, rates, duration)
         lost += self._lost_through_sides(field, carrier, fluxes, duration)
-        due = self.mobile_mass(tracer) + gained - lost
+        held = self.mobile_mass(tracer) + gained
+        lost = min(lost, held)  # the last tracer may leave between the moments that are counted
+        due = held - lost
         highest = max(float(field.max()), *(rate.concentration for rate in rates.values()), 0.0)
         volume = self._storage * self._area
         corrected = with_mass(

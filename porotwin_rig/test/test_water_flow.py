@@ -1,12 +1,13 @@
 """The water of the virtual rig between open sides with different heads."""
 
 import numpy as np
-from rig_examples import make_rig
+from rig_examples import make_rig, rates
 
 from porotwin_core.units import GRAVITY
 from porotwin_rig.effects import EffectSet, parse_effects
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_rig.water_flow import WaterFlow
 
 BETWEEN = {
@@ -48,3 +49,15 @@ def test_a_wrong_water_level_drives_the_rate_of_darcys_law() -> None:
 def test_water_levels_that_rise_alike_drive_nothing() -> None:
     alike = water_flow('water_level:left=0.3,right=0.3').fluxes({}, np.zeros((22, 32)), 0.0)
     np.testing.assert_allclose(alike.x.sum(axis=0), DARCY, rtol=1e-9)
+
+
+def test_no_more_tracer_leaves_than_was_injected() -> None:
+    heads = {'left': 0.70, 'right': 0.6}
+    asset = VirtualRig(make_rig(boundaries={**BETWEEN, 'heads_m': heads}, control=None), cell=0.02)
+    asset.set_rates(rates(injector=(500.0, 1.0)))
+    asset.advance(60.0)
+    asset.set_rates(rates(injector=0.0))
+    for _ in range(12):
+        asset.advance(300.0)
+    balance = asset.balance
+    assert 0.9 * balance.injected < balance.removed <= balance.injected * (1.0 + 1e-9)

@@ -76,9 +76,10 @@ def remarks_about_order(maps: ConcentrationMaps, rates: Schedule | None) -> Iter
 def _unseen(empty: Sequence[float], ever_seen: NDArray[np.bool_]) -> Iterator[Remark]:
     """Yield remarks about `empty` maps, by their times [s], and about cells that no map shows."""
     if empty:
+        maps = '1 map holds' if len(empty) == 1 else f'{len(empty)} maps hold'
         yield remark_about_maps(
-            f'{len(empty)} maps hold no value (NaN everywhere), the first at {empty[0]:g} s; make '
-            'them again, or leave them out'
+            f'{maps} no value (NaN everywhere), the first at {empty[0]:g} s; make them again, or '
+            'leave them out'
         )
     unseen = 1.0 - float(ever_seen.mean())
     if ever_seen.any() and unseen > MOST_UNSEEN:
