@@ -12,8 +12,9 @@ from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import direction
 from porotwin_solver.physics import Physics
 
-LONGEST_STEP = 0.1 * MOST_WATER_LEVEL
-"""Longest natural step of a rise [m]. In clay even a high head moves no front."""
+LARGEST_STEP = 0.1
+"""Largest natural step of a rise, relative to the height of the rig. In clay even a high head moves
+no front."""
 
 PLACES = {
     'top': 'at the top',
@@ -64,7 +65,7 @@ def _step(context: SearchContext, side: SideName) -> float:
     length = rig.width_m if side in ('left', 'right') else rig.height_m
     conductivity = conductivity_of(context.permeability, rig.viscosity_pa_s, rig.density_kg_m3)
     flux = context.front_speed * context.porosity
-    return min(flux * length / conductivity, 0.1 * rig.height_m, LONGEST_STEP)
+    return min(flux * length / conductivity, LARGEST_STEP * rig.height_m)
 
 
 def phrase(values: Values) -> str:
