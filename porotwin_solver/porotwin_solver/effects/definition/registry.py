@@ -1,7 +1,7 @@
 """Every effect by name, and how descriptions of effects change the model."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from porotwin_core.discovery import discovered
 from porotwin_core.effect_parameter import check_places, known_effects, written_effect
@@ -63,9 +63,7 @@ def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription])
         InputError: an unknown effect or parameter, a value out of range, an unknown well, a change
             that no rig can have.
     """
-    for description in descriptions:
-        found = effect(description.name)
-        values = found.checked(description.parameters)
+    for found, values in _members(descriptions):
         check_places(found.name, values, physics.grid.width, physics.grid.height)
         if found.on_physics is not None:
             physics = found.on_physics(physics, values)
@@ -80,12 +78,19 @@ def observation_operator(descriptions: Iterable[EffectDescription]) -> Observati
         InputError: an unknown effect or parameter, or a value out of range.
     """
     operator = ObservationOperator()
-    for description in descriptions:
-        found = effect(description.name)
-        values = found.checked(description.parameters)
+    for found, values in _members(descriptions):
         if found.on_observation is not None:
             operator = found.on_observation(operator, values)
     return operator
+
+
+def _members(
+    descriptions: Iterable[EffectDescription],
+) -> Iterator[tuple[Effect, dict[str, float | str]]]:
+    """Yield every described effect with all its parameters, checked."""
+    for description in descriptions:
+        found = effect(description.name)
+        yield found, found.checked(description.parameters)
 
 
 def parse_effect(text: str) -> EffectDescription:
