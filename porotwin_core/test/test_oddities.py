@@ -34,6 +34,7 @@ SMALL: dict[str, Any] = {
     'control': CONTROL,
 }
 BOW = [[0, 0], [0.9, 0.5], [0.9, 0], [0, 0.5]]
+LESS_POROUS = {'name': 'porosity', 'parameters': {'factor': 0.9}}
 CORNERS = [[20, 15], [20, 1135], [1890, 1135], [1890, 15]]
 
 
@@ -205,6 +206,10 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),
         ({'boundaries': between(left=2.0, right=0.5)}, 'are they in cm?'),
         ({'boundaries': between(left=0.5, top=0.6)}, 'meet in a corner'),
+        (
+            {'effects': [LESS_POROUS, LESS_POROUS]},
+            'effects.2 is porosity: it repeats an effect above',
+        ),
     ],
 )
 def test_an_odd_value_is_used_with_a_warning(

@@ -17,6 +17,7 @@ from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
+from porotwin_diagnosis.data.odd_heads import odd_heads
 from porotwin_diagnosis.data.odd_tracer import odd_lines, odd_times
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
@@ -94,6 +95,7 @@ def examine(
     evidence = gather(samples, findings, explanation, numerics, held_out)
     verdict = decide(evidence)
     judged = _as_judged(held_out, samples, verdict)
+    found = recordings[0].rig.with_effects(verdict.model.effects)
     progress('looking for experiments that show more', 0.95)
     screening = levels.screening
     remainder, partial = None, None
@@ -115,7 +117,7 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
-        remarks=(*odd_times(recordings), *odd, *averaged),
+        remarks=(*odd_times(recordings), *odd, *averaged, *odd_heads(found)),
         seconds=time.perf_counter() - began,
     )
 

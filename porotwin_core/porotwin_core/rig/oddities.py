@@ -62,6 +62,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
         *_corners(rig),
         *_leaks(rig),
         *_control(rig),
+        *_repeated_effects(rig),
     ]
     return tuple(sorted(found, key=lambda remark: not remark.refused))
 
@@ -361,3 +362,10 @@ def _covers(rig: Rig, polygon: Any) -> bool:
     samples = (np.arange(IN_ZONE_SAMPLES) + 0.5) / IN_ZONE_SAMPLES
     x, z = np.meshgrid(samples * rig.width_m, samples * rig.height_m)
     return bool(inside(np.column_stack([x.ravel(), z.ravel()]), polygon).any())
+
+
+def _repeated_effects(rig: Rig) -> Iterator[Remark]:
+    for number, effect in enumerate(rig.effects):
+        if effect in rig.effects[:number]:
+            why = 'it repeats an effect above with the same parameters, and both act'
+            yield Remark(f'effects.{number + 1}', effect.name, why, 'keep one of them')
