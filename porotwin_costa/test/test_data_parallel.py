@@ -1,16 +1,16 @@
 """Two processes on gloo learn what one process learns."""
 
-import json
 import os
 import socket
-import subprocess
-import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
 import torch
 
 from porotwin_costa.data_parallel import joined, own_part
+from porotwin_costa.dataset import load_dataset
 from porotwin_costa.networks import architecture
 from porotwin_costa.training import train
 from porotwin_costa.training_settings import TrainingSettings
@@ -18,21 +18,16 @@ from porotwin_costa.training_settings import TrainingSettings
 SETTINGS = TrainingSettings(epochs=2, batch_size=5, window=12)
 """The last batch has an odd number of samples, so that the processes have unequal parts."""
 
-LEARN = """
-import json, sys, torch
-from pathlib import Path
-from test_data_parallel import SETTINGS
-from porotwin_costa.data_parallel import joined
-from porotwin_costa.dataset import load_dataset
-from porotwin_costa.networks import architecture
-from porotwin_costa.training import train
-torch.set_num_threads(1)
-with joined() as writes:
-    model = train(load_dataset(Path(sys.argv[1])), architecture('local'), SETTINGS, seed=3)
-if writes:
-    model.save(Path(sys.argv[2]))
-print(json.dumps(writes))
-"""
+
+def learn(rank: int, port: int, pairs: Path, model: Path) -> bool:
+    """Train in this process as a launcher would start it; return whether it writes files."""
+    team = {'MASTER_ADDR': '127.0.0.1', 'MASTER_PORT': str(port), 'WORLD_SIZE': '2'}
+    os.environ.update(team, RANK=str(rank))
+    with joined() as writes:
+        learned = train(load_dataset(pairs), architecture('local'), SETTINGS, seed=3)
+    if writes:
+        learned.save(model)
+    return writes
 
 
 def test_alone_a_process_learns_from_everything_and_writes() -> None:
@@ -49,17 +44,13 @@ def test_two_processes_learn_the_weights_of_one(dataset, tmp_path: Path) -> None
     dataset.save(tmp_path / 'pairs')
     with socket.create_server(('127.0.0.1', 0)) as free:
         port = free.getsockname()[1]
-    team = {'MASTER_ADDR': '127.0.0.1', 'MASTER_PORT': str(port), 'WORLD_SIZE': '2'}
-    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
-    processes = [
-        subprocess.Popen(
-            [sys.executable, '-c', LEARN, tmp_path / 'pairs', tmp_path / 'model'],
-            env={**os.environ, **team, 'RANK': str(rank), 'PYTHONPATH': path},
-            stdout=subprocess.PIPE,
-        )
-        for rank in (0, 1)
-    ]
-    wrote = [json.loads(process.communicate()[0]) for process in processes]
+    # forked processes have torch already, and need not import it again
+    with ProcessPoolExecutor(2, get_context('fork')) as processes:
+        begun = [
+            processes.submit(learn, rank, port, tmp_path / 'pairs', tmp_path / 'model')
+            for rank in (0, 1)
+        ]
+    wrote = [process.result() for process in begun]
     assert wrote == [True, False]
     both = CorrectiveModel.load(tmp_path / 'model').network.state_dict()
     for name, weights in one.network.state_dict().items():

@@ -18,11 +18,11 @@ from porotwin_costa.training import TrainingCancelledError, split_samples, train
 from porotwin_costa.training_settings import TrainingSettings
 
 LOCAL = architecture('local')
-LOCAL_TRAINING = TrainingSettings(epochs=40, batch_size=4, learning_rate=5e-3, patience=40)
+LOCAL_TRAINING = TrainingSettings(epochs=15, batch_size=4, learning_rate=5e-3, patience=15)
 PAPER = architecture('paper').described(
     {'convolution_pool_layers': 3, 'dense_layers': 2, 'filters': 8}
 )
-PAPER_TRAINING = TrainingSettings(epochs=250, batch_size=8, patience=250)
+PAPER_TRAINING = TrainingSettings(epochs=120, batch_size=8, patience=120)
 SHARE = LOCAL_TRAINING.validation_share
 
 

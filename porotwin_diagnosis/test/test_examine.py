@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_examples import SMALL, all_but, schedule
+from diagnosis_examples import SMALL, all_but, recorded, schedule
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import write_rig
@@ -25,8 +25,9 @@ def with_a_glare(recording):
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet):
-    recording, told = with_a_glare(open_recording(quiet)), []
+def test_diffusive_scheme_is_called_numerical_and_not_dispersion(tmp_path):
+    path = recorded(tmp_path / 'recording', grid=SMALL.grid(62, 37))
+    recording, told = with_a_glare(open_recording(path)), []
     result = examine(
         [recording], preset='upwind', excluded=all_but('dispersion', 'clock'), tell=told.append
     )

@@ -14,7 +14,7 @@ from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.search.levels import make_levels
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def part(denser):
     """The share of a gap that the porosity closes, as if it did not suffice."""
     levels = make_levels(denser.samples, progress=lambda _stage, _share: None)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_examples import SMALL
+from diagnosis_examples import ELEMENT_M, SMALL
 
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
@@ -40,6 +40,7 @@ def sample(tmp_path_factory):
         seed=3,
         noise=MapNoise.drawn(3),
         grid=SMALL.grid(94, 56),
+        cell=ELEMENT_M,
     )
     return coarsened(read_sample(open_recording(folder)), 2)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_examples import recorded, sample_of
+from diagnosis_examples import ELEMENT_M, recorded, sample_of
 from scipy.ndimage import shift
 
 from porotwin_core.rig import EffectDescription
@@ -48,11 +48,16 @@ def coarse(recording):
     return coarsened(sample_of(recording), 3)
 
 
+def on_coarse_elements(folder, effect):
+    """Write a recording whose elements are about as large as the cells of its maps."""
+    return recorded(folder, effect, cell=2.0 * ELEMENT_M)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', CASES)
 def test_causes_outside_the_library_are_described(kind, tmp_path):
     effect, name, words = CASES[kind]
-    form = form_of(coarse(recorded(tmp_path, effect)))
+    form = form_of(coarse(on_coarse_elements(tmp_path, effect)))
     assert form.kind == kind
     assert form.terms[0].name == name
     assert words in form.terms[0].words
@@ -65,7 +70,7 @@ def test_causes_outside_the_library_are_described(kind, tmp_path):
 @pytest.mark.slow
 def test_a_glow_is_followed(tmp_path):
     glow = {'x': 0.5, 'z': 0.3, 'radius': 0.04, 'strength': 0.6, 'climb': 0.1 / 3000.0}
-    recording = recorded(tmp_path, EffectDescription(name='reflection', parameters=glow))
+    recording = on_coarse_elements(tmp_path, EffectDescription(name='reflection', parameters=glow))
     form = form_of(coarse(recording))
     assert (form.kind, form.terms[0].name) == ('camera', 'moving glow')
     assert form.terms[0].place == pytest.approx((0.5, 0.35), abs=0.03)

@@ -8,7 +8,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from diagnosis_examples import all_but
+from diagnosis_examples import DENSER, all_but, recorded
 from diagnosis_results import naming, twice
 
 from porotwin_core.errors import InputError
@@ -22,14 +22,15 @@ from porotwin_validation.blind_cases import SMALL
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_wrong_porosity_is_named_and_the_rig_corrected(denser_sand, tmp_path):
+def test_wrong_porosity_is_named_and_the_rig_corrected(tmp_path):
+    recording = recorded(tmp_path / 'recording', DENSER, grid=SMALL.grid(62, 37))
     stages = []
 
     def progress(stage, fraction):
         stages.append((stage, fraction))
 
-    folder = checked_folder(tmp_path / 'out', [denser_sand])
-    recordings = [open_recording(denser_sand)]
+    folder = checked_folder(tmp_path / 'out', [recording])
+    recordings = [open_recording(recording)]
     result = examine(recordings, excluded=all_but('porosity', 'rate', 'clock'), progress=progress)
     assert list(folder.iterdir()) == [], 'examine writes nothing'
     summary = write_diagnosis(result, folder, apply=True, progress=progress)
@@ -52,15 +53,17 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(denser_sand, tmp_path):
 
 
 @pytest.mark.usefixtures('undrawn')
-def test_what_is_odd_in_the_recordings_stands_in_every_report(denser, tmp_path):
-    summary = write_diagnosis(replace(denser, remarks=('monday: the clocks differ',)), tmp_path)
+def test_what_is_odd_in_the_recordings_stands_in_every_report(coarse_denser, tmp_path):
+    summary = write_diagnosis(
+        replace(coarse_denser, remarks=('monday: the clocks differ',)), tmp_path
+    )
     assert summary['remarks'] == ['monday: the clocks differ']
     assert 'monday: the clocks differ' in (tmp_path / 'report.html').read_text()
 
 
 @pytest.mark.usefixtures('undrawn')
-def test_every_recording_has_its_own_fields(denser, tmp_path):
-    summary = write_diagnosis(twice(denser), tmp_path)
+def test_every_recording_has_its_own_fields(coarse_denser, tmp_path):
+    summary = write_diagnosis(twice(coarse_denser), tmp_path)
     assert summary == json.loads((tmp_path / 'diagnosis.json').read_text())
     names = ('fields.nc', 'fields_2.nc')
     for name, part in zip(names, summary['by_recording'], strict=True):
@@ -110,14 +113,15 @@ def test_files_that_no_diagnosis_wrote_are_not_replaced(tmp_path):
         checked_folder(tmp_path, [])
 
 
-def test_a_rig_that_no_diagnosis_wrote_is_never_replaced(denser, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_a_rig_that_no_diagnosis_wrote_is_never_replaced(coarse_denser, tmp_path):
     own = tmp_path / 'myrig'
     own.mkdir()
     write_rig(SMALL, own / 'rig.yaml')
     with pytest.raises(InputError, match=r'myrig: holds a rig\.yaml that no diagnosis wrote.*move'):
         checked_folder(own, [])
     report = checked_folder(tmp_path / 'report', [])
-    write_diagnosis(denser, report, apply=True)
+    write_diagnosis(coarse_denser, report, apply=True)
     assert checked_folder(report, []) == report, 'a diagnosis wrote it'
     shutil.copy(report / 'rig.yaml', own)
     with pytest.raises(InputError, match='myrig'):
@@ -129,8 +133,8 @@ def test_a_rig_that_no_diagnosis_wrote_is_never_replaced(denser, tmp_path):
 
 
 @pytest.mark.usefixtures('undrawn')
-def test_a_rig_of_an_earlier_diagnosis_goes_with_it(denser, tmp_path):
-    with_map = on_rig(denser, rig_with_depth_map(tmp_path / 'fields.nc'))
+def test_a_rig_of_an_earlier_diagnosis_goes_with_it(coarse_denser, tmp_path):
+    with_map = on_rig(coarse_denser, rig_with_depth_map(tmp_path / 'fields.nc'))
     report = checked_folder(tmp_path / 'report', [])
     write_diagnosis(with_map, report)
     alone = names_in(report)
@@ -145,11 +149,11 @@ def test_a_rig_of_an_earlier_diagnosis_goes_with_it(denser, tmp_path):
 
 @pytest.mark.usefixtures('undrawn')
 @pytest.mark.parametrize('name', ['fields.nc', 'fields_2.nc', 'notes.nc'])
-def test_maps_beside_the_rig_replace_no_file(name, denser, tmp_path):
+def test_maps_beside_the_rig_replace_no_file(name, coarse_denser, tmp_path):
     rig = rig_with_depth_map(tmp_path / name)
     report = checked_folder(tmp_path / 'report', [])
     (report / 'notes.nc').write_text('mine')
-    write_diagnosis(on_rig(denser, rig), report, apply=True)
+    write_diagnosis(on_rig(coarse_denser, rig), report, apply=True)
     assert (report / 'notes.nc').read_text() == 'mine'
     with netCDF4.Dataset(report / 'fields.nc') as fields:
         assert 'gap' in fields.variables
@@ -159,27 +163,27 @@ def test_maps_beside_the_rig_replace_no_file(name, denser, tmp_path):
 
 
 @pytest.mark.usefixtures('undrawn')
-def test_an_interrupted_report_has_no_page(denser, tmp_path, monkeypatch):
-    write_diagnosis(denser, tmp_path)
+def test_an_interrupted_report_has_no_page(coarse_denser, tmp_path, monkeypatch):
+    write_diagnosis(coarse_denser, tmp_path)
 
     def fails(*_):
         raise OSError
 
     monkeypatch.setattr('porotwin_diagnosis.report.report_folder.write_fields', fails)
     with pytest.raises(OSError):
-        write_diagnosis(denser, tmp_path)
+        write_diagnosis(coarse_denser, tmp_path)
     assert not (tmp_path / 'report.html').exists()
 
 
 @pytest.mark.usefixtures('undrawn')
-def test_a_full_disk_leaves_no_half_of_the_maps(denser, tmp_path, monkeypatch):
+def test_a_full_disk_leaves_no_half_of_the_maps(coarse_denser, tmp_path, monkeypatch):
     def fails(path, *_):
         path.write_bytes(b'half')
         raise RuntimeError('NetCDF: HDF error')
 
     monkeypatch.setattr('porotwin_diagnosis.report.held_out_fields._write', fails)
     with pytest.raises(OSError, match=r'fields\.nc'):
-        write_diagnosis(denser, tmp_path)
+        write_diagnosis(coarse_denser, tmp_path)
     assert not [name for name in names_in(tmp_path) if name.startswith('fields')]
 
 

@@ -46,6 +46,12 @@ def threads() -> Executor:
     return ThreadPoolExecutor(2)
 
 
+@pytest.fixture(scope='module')
+def ordinary(threads: Executor) -> Siblings:
+    """Siblings that saw a rig as it is described; tests ask for outlooks, which change nothing."""
+    return followed(threads, {}, end=600.0)
+
+
 def test_a_pump_that_delivers_less_is_learnt_with_its_doubt(threads: Executor) -> None:
     siblings = followed(threads, {'injector': 0.92})
     factor, deviation = siblings.rate_factors()['injector']
@@ -64,9 +70,8 @@ def test_the_truth_lies_in_the_bands(threads: Executor) -> None:
         assert low <= siblings.zone.tracer(map_) <= high
 
 
-def test_bands_widen_and_the_zone_is_never_left_again(threads: Executor) -> None:
-    siblings = followed(threads, {}, end=600.0)
-    outlook = siblings.outlook(PLAN, 2400.0, TIMES, (2400.0,))
+def test_bands_widen_and_the_zone_is_never_left_again(ordinary: Siblings) -> None:
+    outlook = ordinary.outlook(PLAN, 2400.0, TIMES, (2400.0,))
     width = outlook.zone_tracer[2] - outlook.zone_tracer[0]
     assert width[0] <= width[-1]
     assert (np.diff(outlook.zone_reached) >= 0.0).all()
@@ -75,11 +80,10 @@ def test_bands_widen_and_the_zone_is_never_left_again(threads: Executor) -> None
     assert sorted(outlook.ranked) == list(range(32))
 
 
-def test_a_few_siblings_answer_for_all(threads: Executor) -> None:
-    siblings = followed(threads, {})
-    everyone = siblings.outlook(PLAN, TIMES[-1], TIMES)
+def test_a_few_siblings_answer_for_all(ordinary: Siblings) -> None:
+    everyone = ordinary.outlook(PLAN, TIMES[-1], TIMES)
     few = chosen_judges(everyone.ranked, answers(32, TIMES[-1]))
-    found = siblings.outlook(PLAN, TIMES[-1], TIMES, numbers=few)
+    found = ordinary.outlook(PLAN, TIMES[-1], TIMES, numbers=few)
     assert sorted(found.ranked) == sorted(few)
     width = everyone.zone_tracer[2, -1] - everyone.zone_tracer[0, -1]
     np.testing.assert_allclose(
@@ -92,11 +96,10 @@ def test_the_longer_the_time_the_fewer_answer() -> None:
     assert answers(4, 600.0) == 4
 
 
-def test_water_beside_the_plume_changes_what_is_expected(threads: Executor) -> None:
-    siblings = followed(threads, {}, end=600.0)
+def test_water_beside_the_plume_changes_what_is_expected(ordinary: Siblings) -> None:
     other = {**RATES, 'control2': WellRate(5e-7), 'producer': WellRate(-7e-7)}
-    present = siblings.outlook(PLAN, 2400.0, TIMES)
-    proposed = siblings.outlook([*PLAN, RateStep(300.0, other)], 2400.0, TIMES)
+    present = ordinary.outlook(PLAN, 2400.0, TIMES)
+    proposed = ordinary.outlook([*PLAN, RateStep(300.0, other)], 2400.0, TIMES)
     assert abs(proposed.zone_tracer[1, -1] - present.zone_tracer[1, -1]) > 1e-7
 
 

@@ -10,7 +10,6 @@ from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.report.held_out_fields import write_fields
 from porotwin_recording.concentration import ConcentrationWriter, open_maps
 from porotwin_rig.made_experiment import signals
-from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase, draw_case
 
 
@@ -22,7 +21,7 @@ def case_of_kind(kind: str) -> BlindCase:
 def clean_maps(path: Path, case: BlindCase, times) -> FloatArray:
     """Write and return the maps of the virtual rig at `times`, without noise, (nt, nz, nx)."""
     grid = case.rig.default_grid(case.cell_m)
-    rig = VirtualRig(case.rig, effects=case.effects)
+    rig = case.virtual_rig(case.effects)
     with ConcentrationWriter(path, grid) as writer:
         for time, signal in signals(rig, case.schedule, times=times, grid=grid):
             writer.append(time, signal)

@@ -23,6 +23,7 @@ def test_only_the_stronger_effect_of_a_pair_is_right(tmp_path):
         right=('decay', 'depth'),
         duration=900.0,
         cell_m=0.01,
+        element_m=0.005,
     )
     times = [300.0, 600.0, 900.0]
     nothing = clean_maps(tmp_path / 'nothing.nc', replace(case, effects=()), times)[1:]
@@ -52,6 +53,7 @@ def test_an_effect_that_looks_the_same_as_one_left_out_is_no_wrong_name(tmp_path
         withheld=('depth',),
         duration=900.0,
         cell_m=0.01,
+        element_m=0.005,
     )
     times = np.array([600.0, 900.0])
     maps = clean_maps(tmp_path / 'clean.nc', case, times)

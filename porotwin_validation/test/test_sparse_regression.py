@@ -1,7 +1,7 @@
 """The baseline: it names a term of an equation, and knows no camera."""
 
 import pytest
-from diagnosis_examples import DENSER, recorded
+from diagnosis_examples import DENSER, ELEMENT_M, recorded
 
 from porotwin_core.rig import EffectDescription
 from porotwin_recording.recording import open_recording
@@ -18,4 +18,5 @@ SHIFTED = EffectDescription(
 def test_the_baseline_names_a_lower_porosity_and_takes_a_shifted_picture_for_dispersion(
     tmp_path, effect, named
 ):
-    assert sparse_regression(open_recording(recorded(tmp_path / 'recording', effect))) == named
+    recording = recorded(tmp_path / 'recording', effect, cell=2.0 * ELEMENT_M)
+    assert sparse_regression(open_recording(recording)) == named
