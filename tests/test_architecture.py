@@ -66,15 +66,24 @@ DIAGNOSIS_ORDER = (
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
 
 
-def imported(module: Path) -> set[str]:
-    """Return the top-level names that a module imports, wherever in it."""
-    names: set[str] = set()
+@cache
+def import_statements(module: Path) -> tuple[tuple[str, str], ...]:
+    """Return what a module imports, wherever in it, as pairs (module, name); relative ones never.
+
+    The name is empty in `import module`.
+    """
+    found: list[tuple[str, str]] = []
     for node in ast.walk(ast.parse(module.read_text(encoding='utf-8'))):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split('.')[0] for alias in node.names}
+            found += [(alias.name, '') for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
-            names.add(node.module.split('.')[0])
-    return names
+            found += [(node.module, alias.name) for alias in node.names]
+    return tuple(found)
+
+
+def imported(module: Path) -> set[str]:
+    """Return the top-level names that a module imports, wherever in it."""
+    return {source.split('.')[0] for source, _ in import_statements(module)}
 
 
 def name_of(module: Path) -> str:
@@ -93,13 +102,10 @@ def imports_within(package: str) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for name, path in modules.items():
         found: set[str] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            if isinstance(node, ast.Import):
-                found |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
-                # `from package import module` imports the module, not only a name
-                submodules = {f'{node.module}.{alias.name}' for alias in node.names}
-                found |= submodules & modules.keys() or {node.module}
+        for source, imported_name in import_statements(path):
+            # `from package import module` imports the module, not only a name
+            submodule = f'{source}.{imported_name}'
+            found.add(submodule if submodule in modules else source)
         graph[name] = (found & modules.keys()) - {name}
     return graph
 
@@ -109,20 +115,29 @@ def short(module: Path) -> str:
     return f'{module.relative_to(ROOT).parts[0]}/{module.name}'
 
 
-@pytest.mark.parametrize('module', MODULES, ids=short)
-def test_algorithms_do_not_know_ros(module: Path) -> None:
-    if module.name.endswith('_node.py') or short(module) in ROS_SHELLS:
-        return
-    assert not imported(module) & (ROS | MESSAGES)
+def modules_of(package: str) -> list[Path]:
+    """Return the modules of a package."""
+    return [module for module in MODULES if module.relative_to(ROOT).parts[0] == package]
 
 
-@pytest.mark.parametrize('module', MODULES, ids=short)
-def test_imports_point_one_way(module: Path) -> None:
-    package = module.relative_to(ROOT).parts[0]
+@pytest.mark.parametrize('package', PACKAGES)
+def test_algorithms_do_not_know_ros(package: str) -> None:
+    found = {short(module): imported(module) & (ROS | MESSAGES) for module in modules_of(package)}
+    knowing = {
+        name
+        for name, names in found.items()
+        if names and not name.endswith('_node.py') and name not in ROS_SHELLS
+    }
+    assert not knowing, f'{sorted(knowing)} import ROS or its messages'
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_imports_point_one_way(package: str) -> None:
     assert package in MAY_IMPORT, f'add the imports of {package} to this test'
-    ours = {name for name in imported(module) if name.startswith('porotwin_')}
     allowed = MAY_IMPORT[package] | {package, 'porotwin_msgs'}
-    assert ours <= allowed, f'{short(module)} imports {ours - allowed}'
+    for module in modules_of(package):
+        ours = {name for name in imported(module) if name.startswith('porotwin_')}
+        assert ours <= allowed, f'{short(module)} imports {ours - allowed}'
 
 
 @pytest.mark.parametrize('package', PACKAGES)
@@ -152,7 +167,7 @@ def test_a_package_declares_what_it_imports(package: str) -> None:
     declared = (ROOT / package / 'package.xml').read_text(encoding='utf-8')
     used = {
         name
-        for module in (ROOT / package / package).rglob('*.py')
+        for module in modules_of(package)
         for name in imported(module)
         if (name.startswith('porotwin_') or name in ROS | MESSAGES) and name != package
     }

@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from porotwin_cli.app import app
 from porotwin_core.grid import conservative_resample
 from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.recording import open_recording
@@ -26,17 +28,18 @@ def test_every_link_leads_to_a_file(document: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_tutorial_run(tmp_path: Path) -> None:
+def test_the_commands_of_the_tutorial_run(tmp_path: Path, monkeypatch) -> None:
     text = (ROOT / 'docs' / 'tutorial.md').read_text(encoding='utf-8')
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
-    command = f'{sys.executable} -m porotwin_cli'
+    monkeypatch.chdir(tmp_path)
     for block in SHELL.findall(text):
         for line in filter(None, block.splitlines()):
             if ' diagnose ' in line:
                 coarsen(tmp_path / 'tour' / 'experiment')
-            words = line.replace('./porotwin', command).split()
-            ran = subprocess.run(words, check=False, capture_output=True, text=True, cwd=tmp_path)
-            assert ran.returncode == 0, f'{line}\n{ran.stderr}'
+            program, *words = line.split()
+            assert program == './porotwin'
+            ran = CliRunner().invoke(app, words, prog_name='porotwin', catch_exceptions=False)
+            assert ran.exit_code == 0, f'{line}\n{ran.output}'
     for block in PYTHON.findall(text):
         subprocess.run([sys.executable, '-c', block], check=True, cwd=tmp_path)
     assert (tmp_path / 'tour' / 'comparison.png').stat().st_size > 10_000

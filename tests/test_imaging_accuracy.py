@@ -7,6 +7,7 @@ an error of mass of 1 %.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -46,6 +47,7 @@ def rig() -> Rig:
     )
 
 
+@cache
 def plume(growth: float) -> np.ndarray:
     """Return a true map: a plume of stock with a hole after growth 1, and a fainter plume."""
     z, x = np.mgrid[0 : HEIGHT : FINE[0] * 1j, 0 : WIDTH : FINE[1] * 1j]
@@ -56,7 +58,9 @@ def plume(growth: float) -> np.ndarray:
     whole = disc(0.3, 0.28, 0.06 + 0.05 * growth, 0.008)
     if growth > 1:
         whole = whole * (1 - 0.8 * disc(0.3, 0.28, 0.03 * growth, 0.01))
-    return np.maximum(whole, 0.5 * disc(0.65, 0.35, 0.03 + 0.02 * growth, 0.02))
+    both = np.maximum(whole, 0.5 * disc(0.65, 0.35, 0.03 + 0.02 * growth, 0.02))
+    both.flags.writeable = False
+    return both
 
 
 @dataclass(frozen=True)

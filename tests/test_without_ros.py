@@ -1,4 +1,7 @@
-"""Tests that everything but nodes and a few named modules is imported without ROS."""
+"""Everything but nodes and a few named modules is imported without ROS.
+
+`test_packaging.py` imports the algorithms from the wheel, which has the same modules.
+"""
 
 import json
 import subprocess
@@ -19,13 +22,14 @@ class NoRos(importlib.abc.MetaPathFinder):
             raise ModuleNotFoundError('no ROS here: ' + name)
 
 sys.meta_path.insert(0, NoRos())
-failures = {{}}
+sys.path[:0] = {path!r}
+failures, places = {{}}, {{}}
 for name in {names!r}:
     try:
-        importlib.import_module(name)
+        places[name] = importlib.import_module(name).__file__
     except ModuleNotFoundError as error:
         failures[name] = str(error)
-print(json.dumps(failures))
+print(json.dumps([failures, places]))
 """
 
 
@@ -40,29 +44,41 @@ def dotted(module: Path) -> str:
     return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 
 
-def failures_without_ros(modules: list[Path]) -> dict[str, str]:
-    """Return the modules that cannot be imported in a process without ROS, with the reason."""
-    script = IMPORT_ALL.format(ros=sorted(ROS | MESSAGES), names=[dotted(one) for one in modules])
+ALGORITHMS = [
+    one
+    for one in MODULES
+    if one.relative_to(ROOT).parts[0] != KNOWS_EVERYBODY and not needs_ros(one)
+]
+
+
+def imported_without_ros(
+    modules: list[Path], *, path: Path | None = None
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Import modules in a process without ROS, from `path` if it is given.
+
+    Returned are the modules that cannot be imported, with the reason, and the files of the others.
+    """
+    script = IMPORT_ALL.format(
+        ros=sorted(ROS | MESSAGES),
+        names=[dotted(one) for one in modules],
+        path=[] if path is None else [str(path)],
+    )
     done = subprocess.run(
-        [sys.executable, '-c', script], capture_output=True, text=True, check=False
+        [sys.executable, '-c', script], capture_output=True, text=True, check=False, cwd=path
     )
     assert done.returncode == 0, done.stderr
-    found: dict[str, str] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    failures, places = json.loads(done.stdout.splitlines()[-1])
+    return failures, places
 
 
-def test_algorithms_are_imported_without_ros() -> None:
-    modules = [
-        one
-        for one in MODULES
-        if one.relative_to(ROOT).parts[0] != KNOWS_EVERYBODY and not needs_ros(one)
-    ]
-    assert {one.relative_to(ROOT).parts[0] for one in modules} == set(PACKAGES) - {KNOWS_EVERYBODY}
-    assert failures_without_ros(modules) == {}
+def test_every_package_has_algorithms() -> None:
+    assert {one.relative_to(ROOT).parts[0] for one in ALGORITHMS} == set(PACKAGES) - {
+        KNOWS_EVERYBODY
+    }
 
 
 def test_the_description_of_a_rig_is_read_without_ros() -> None:
-    script = IMPORT_ALL.format(ros=sorted(ROS | MESSAGES), names=[])
+    script = IMPORT_ALL.format(ros=sorted(ROS | MESSAGES), names=[], path=[])
     script += f"""
 from porotwin_core.rig import load_rig
 print(load_rig({str(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')!r}).name)
@@ -75,4 +91,5 @@ print(load_rig({str(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')!r}).nam
 
 def test_nodes_and_their_helpers_need_ros() -> None:
     modules = [one for one in MODULES if short(one) in ROS_SHELLS and 'porotwin_core' in str(one)]
-    assert set(failures_without_ros(modules)) == {dotted(one) for one in modules}
+    failures, _ = imported_without_ros(modules)
+    assert set(failures) == {dotted(one) for one in modules}
