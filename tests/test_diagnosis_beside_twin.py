@@ -7,11 +7,12 @@ from graph import RunningGraph, running_graph
 from rclpy.action import ActionClient
 
 from porotwin_cli.live_diagnosis import diagnose_run_so_far
-from porotwin_cli.rehearsal import calibration_run
+from porotwin_cli.rehearsal import calibration_fit
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_diagnosis.progress import no_progress
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_imaging.calibration import save_calibration
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
 from porotwin_recording.recording import open_recording
@@ -32,9 +33,12 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     camera = camera_before(rig, PHOTO_WIDTH).description()
     rig = rig.model_copy(update={'camera': camera})
     write_rig(rig, folder / 'rig.yaml')
+    fit = calibration_fit(rig, folder, seed=5, photo_width=PHOTO_WIDTH)
+    assert fit.trust.objections == ()
+    save_calibration(fit.calibration, folder / 'calibration.yaml')
     settings = GraphSettings(
         rig=folder / 'rig.yaml',
-        calibration=calibration_run(rig, folder, seed=5, photo_width=PHOTO_WIDTH),
+        calibration=folder / 'calibration.yaml',
         grid='47x28',
         evaluations=4,
         photo_interval_s=90.0,

@@ -37,7 +37,7 @@ def run_loop(folder: Path, domain: int, *, namespace: str) -> tuple[list[Any], l
     camera = camera_before(rig, PHOTO_WIDTH).description()
     write_rig(rig.model_copy(update={'camera': camera}), folder / 'rig.yaml')
     settings = GraphSettings(
-        rig=folder / 'rig.yaml', grid='47x28', evaluations=6, use_sim_time=True
+        rig=folder / 'rig.yaml', grid='47x28', evaluations=4, use_sim_time=True
     )
     asset = NodeDescription(
         'virtual_rig',

@@ -56,8 +56,8 @@ def replayed(bag: Path, folder: Path, domain: int) -> BagReader:
     write_rig(open_recording(bag).rig, folder / 'rig.yaml')
     settings = GraphSettings(
         rig=folder / 'rig.yaml',
-        grid='60x36',
-        evaluations=8,
+        grid='47x28',
+        evaluations=4,
         record=folder / 'bag',
         use_sim_time=True,
     )

@@ -30,7 +30,7 @@ from porotwin_rig.made_experiment import make_experiment
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
-GRID = '94x56'
+GRID = '62x37'
 PHOTOGRAPHS = 18
 FAULTS = {13: 'truncated', 15: 'half_size', 16: 'black'}
 """Photographs that cannot be used, counted from 0."""
@@ -71,7 +71,7 @@ def mock_camera(session: Path, **parameters: str | float) -> NodeDescription:
     )
 
 
-def twin_beside(session: Path, *, evaluations: int = 12) -> list[NodeDescription]:
+def twin_beside(session: Path, *, evaluations: int = 6) -> list[NodeDescription]:
     settings = GraphSettings(
         rig=session / 'rig.yaml', grid=GRID, evaluations=evaluations, use_sim_time=True
     )
@@ -214,8 +214,8 @@ def test_real_photographs_become_maps_predictions_and_setpoints(
     settings = GraphSettings(
         rig=tmp_path / 'rig.yaml',
         photos=watched,
-        grid='140x75',
-        evaluations=8,
+        grid='93x50',
+        evaluations=4,
     )
     began = time.time()
     with running_graph(live_graph(settings), tmp_path, domain) as graph:

@@ -23,7 +23,7 @@ from porotwin_costa.frames import Frames
 from porotwin_costa.networks import architecture
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_imaging.calibration_fit import CalibrationFit, fit_calibration
 from porotwin_imaging.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.recording import Recording, open_recording
@@ -77,6 +77,19 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     Raises:
         InputError: the folder is not empty, or the photographs do not suffice for a calibration.
     """
+    fit = calibration_fit(rig, folder, seed=seed, photo_width=photo_width)
+    write_fit(fit, folder / 'calibration')
+    return folder / 'calibration' / 'calibration.yaml'
+
+
+def calibration_fit(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> CalibrationFit:
+    """Photograph a known injection with the virtual camera; return the fitted calibration.
+
+    The recording goes to `folder`/calibration_run.
+
+    Raises:
+        InputError: the folder is not empty, or the photographs do not suffice for a calibration.
+    """
     duration = CALIBRATION_MINUTES * 60.0
     make_experiment(
         folder / 'calibration_run',
@@ -90,7 +103,7 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
     states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
-    fit = fit_calibration(
+    return fit_calibration(
         recording.rig,
         baselines,
         states,
@@ -98,8 +111,6 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
         plumes=partial(plume_model, recording.rig, recording.schedule),
         source='calibration_run',
     )
-    write_fit(fit, folder / 'calibration')
-    return folder / 'calibration' / 'calibration.yaml'
 
 
 def training_schedules() -> list[Schedule]:

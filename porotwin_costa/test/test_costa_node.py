@@ -8,13 +8,15 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from refused_node import refusal
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from costa_graph import PATIENCE, start, stop  # noqa: E402
+from costa_graph import GRID, PATIENCE, start, stop  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_core.rig import EffectDescription  # noqa: E402
+from porotwin_costa import costa_node, trainer_node  # noqa: E402
 from porotwin_costa.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.corrective_source import corrective_source  # noqa: E402
 from porotwin_costa.frames import mean_rates  # noqa: E402
@@ -196,22 +198,21 @@ def test_the_loaded_model_decides_which_network_is_trained(
         stop(process)
 
 
-def test_wrong_parameters_end_the_node_with_one_line(rig, rig_file, trained, tmp_path):
+def test_wrong_parameters_end_the_node_with_one_line(
+    rig, rig_file, trained, tmp_path, monkeypatch, capfd
+):
     broken = tmp_path / 'model.safetensors'
     broken.write_bytes(b'no model')
     other = tmp_path / 'other.safetensors'
     dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind')).save(other)
-    processes = [
-        start('costa_node', namespace='/a', rig=rig_file, model=other, preset='fast'),
-        start('costa_node', namespace='/b', rig=tmp_path / 'none.yaml'),
-        start('costa_node', namespace='/c', rig=rig_file, model=broken),
-        start('costa_node', namespace='/d', rig=rig_file, architecture='cubist'),
-        start('trainer_node', namespace='/e', rig=rig_file),
-    ]
-    complaints = ("preset 'upwind'", 'none.yaml', 'safetensors', 'cubist', 'dataset')
-    for process, complaint in zip(processes, complaints, strict=True):
-        _, errors = process.communicate(timeout=2 * PATIENCE)
-        assert process.returncode == 2
+    for main, parameters, complaint in (
+        (costa_node.main, {'rig': rig_file, 'model': other, 'preset': 'fast'}, "preset 'upwind'"),
+        (costa_node.main, {'rig': tmp_path / 'none.yaml'}, 'none.yaml'),
+        (costa_node.main, {'rig': rig_file, 'model': broken}, 'safetensors'),
+        (costa_node.main, {'rig': rig_file, 'architecture': 'cubist'}, 'cubist'),
+        (trainer_node.main, {'rig': rig_file}, 'dataset'),
+    ):
+        errors = refusal(main, monkeypatch, capfd, grid=GRID, **parameters)
         assert errors.count('error: ') == 1
         assert complaint in errors
         assert 'Traceback' not in errors

@@ -153,7 +153,7 @@ def end_orphans() -> None:
 
 def main() -> None:
     """Run the node; after the launcher is gone, no node outlives this function."""
-    run(SupervisorNode)
+    run(SupervisorNode, threads=1)
     if _launcher_has_ended():
         end_orphans()
 

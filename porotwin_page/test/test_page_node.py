@@ -20,6 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from refused_node import refusal
 
 from porotwin_core import conversions, qos
 from porotwin_core.units import to_ml_h
@@ -33,6 +34,7 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_msgs.srv import ConfirmRates
+from porotwin_page import page_node
 from porotwin_page.address import listen
 
 pytestmark = pytest.mark.graph
@@ -287,23 +289,23 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
         stranger.destroy_node()
 
 
-def test_a_port_in_use_is_one_line_and_status_2() -> None:
+def test_a_port_in_use_is_one_line_and_status_2(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     with listen('127.0.0.1:0') as taken:
         port = taken.getsockname()[1]
-        process = start_page(f'127.0.0.1:{port}')
-        output, _ = process.communicate(timeout=TIMEOUT_S)
-    assert process.returncode == 2
+        output = refusal(page_node.main, monkeypatch, capfd, address=f'127.0.0.1:{port}')
     (line,) = output.strip().splitlines()
     assert line.startswith(f'error: page address 127.0.0.1:{port} is in use')
     assert '--page HOST:PORT' in line
 
 
-def test_a_wrong_rig_is_one_line_and_status_2(tmp_path: Path) -> None:
+def test_a_wrong_rig_is_one_line_and_status_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     broken = tmp_path / 'rig.yaml'
     broken.write_text(RIG_FILE.read_text().replace('producer: producer', 'producer: pump9'))
-    process = start_page(free_address(), f'rig:={broken}')
-    output, _ = process.communicate(timeout=TIMEOUT_S)
-    assert process.returncode == 2
+    output = refusal(page_node.main, monkeypatch, capfd, address=free_address(), rig=broken)
     (line,) = output.strip().splitlines()
     assert "unknown well 'pump9'" in line
 

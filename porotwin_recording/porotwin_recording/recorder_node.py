@@ -30,6 +30,10 @@ from porotwin_recording.serialization import SECOND
 DISCOVERY_PERIOD = 0.2
 """Period of the search for new topics [s]."""
 
+SEARCHES_PER_LOOK = 5
+"""At every fifth search the qualities of all publishers are read, in case one took the place of
+another. Between, they are read of topics whose number of publishers has changed."""
+
 DIAGNOSTICS_PERIOD = 10.0
 """Period of this node's reports on /diagnostics [s]."""
 
@@ -87,6 +91,8 @@ class RecorderNode(Node):
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
         self._refused: set[str] = set()
+        self._publisher_counts: dict[str, int] = {}
+        self._searches = 0
         self._before_clock: list[_Message] = []
         self._is_simulated = bool(self.get_parameter('use_sim_time').value)
         self._simulated_time: int | None = None
@@ -115,10 +121,16 @@ class RecorderNode(Node):
         return SplitRule(round(size * MEGABYTE), duration)
 
     def _discover(self) -> None:
+        self._searches += 1
+        all_again = self._searches % SEARCHES_PER_LOOK == 0
         for name, types in self.get_topic_names_and_types():
             hidden = any(part.startswith('_') for part in name.split('/'))
             if hidden or name in self._refused or (self._selected and name not in self._selected):
                 continue
+            count = self.count_publishers(name)
+            if self._publisher_counts.get(name, 0) == count and not all_again:
+                continue
+            self._publisher_counts[name] = count
             publishers = self.get_publishers_info_by_topic(name)
             if not publishers:
                 continue

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from node_processes import FRAMES, Process, by_topic, node, record_replay, write_minute_bag
+from refused_node import refusal
 
 from porotwin_recording import player_node
 from porotwin_recording.bag_conversion import IMPORT_START
@@ -145,13 +146,16 @@ def test_an_interrupt_ends_the_player(tmp_path: Path, bag: Path) -> None:
     ],
 )
 def test_wrong_parameters_end_with_one_line(
-    tmp_path: Path, bag: Path, parameters: dict[str, object], complaint: str
+    bag: Path,
+    parameters: dict[str, object],
+    complaint: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     parameters = {key: str(value).format(bag=bag) for key, value in parameters.items()}
-    with node(tmp_path / 'node.log', 'player_node', **parameters) as process:
-        assert process.popen.wait(timeout=60) == 2, process.output
-        assert complaint in process.output
-        assert 'Traceback' not in process.output
+    output = refusal(player_node.main, monkeypatch, capfd, **parameters)
+    assert complaint in output
+    assert 'Traceback' not in output
 
 
 def played(monkeypatch: pytest.MonkeyPatch, *parameters: str) -> None:

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from node_processes import Process, by_topic, node, write_minute_bag
 from recording_examples import eventually
+from refused_node import refusal
 
+from porotwin_recording import recorder_node
 from porotwin_recording.bag_reader import BagReader
 
 pytestmark = pytest.mark.graph
@@ -118,10 +120,13 @@ def test_a_live_graph_is_recorded_without_loss(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_recorder_parameters_end_with_one_line(
-    tmp_path: Path, bag: Path, parameters: dict[str, object], complaint: str
+    bag: Path,
+    parameters: dict[str, object],
+    complaint: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     parameters = {key: str(value).format(bag=bag) for key, value in parameters.items()}
-    with node(tmp_path / 'node.log', 'recorder_node', **parameters) as process:
-        assert process.popen.wait(timeout=60) == 2, process.output
-        assert complaint in process.output
-        assert 'Traceback' not in process.output
+    output = refusal(recorder_node.main, monkeypatch, capfd, **parameters)
+    assert complaint in output
+    assert 'Traceback' not in output

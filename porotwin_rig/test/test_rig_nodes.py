@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refused_node import refusal
 from rig_examples import make_rig, rates
 
 from porotwin_core.rig import load_rig, write_rig
@@ -27,6 +28,7 @@ from sensor_msgs.msg import CompressedImage  # noqa: E402
 from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_msgs.msg import CleanState, Outcome, Setpoint, WellRates  # noqa: E402
 from porotwin_msgs.srv import Control, Ping  # noqa: E402
+from porotwin_rig import virtual_rig_node  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
@@ -232,12 +234,15 @@ def test_truth_is_kept_for_every_photograph(lock_step: tuple[Twin, str, Path]) -
     ],
 )
 def test_wrong_parameter_ends_with_one_line(
-    tmp_path: Path, parameters: dict[str, object], complaint: str
+    tmp_path: Path,
+    parameters: dict[str, object],
+    complaint: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    write_rig(make_rig(), tmp_path / 'rig.yaml')
-    process = start('virtual_rig_node', rig=tmp_path / 'rig.yaml', **parameters)
-    output = end(process)
-    assert process.returncode == 2
+    rig_file = tmp_path / 'rig.yaml'
+    write_rig(make_rig(), rig_file)
+    output = refusal(virtual_rig_node.main, monkeypatch, capfd, rig=rig_file, **parameters)
     lines = [line for line in output.splitlines() if line.strip()]
     assert len(lines) == 1
     assert complaint in lines[0]

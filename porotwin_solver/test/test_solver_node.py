@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refused_node import refusal
 
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.rig import EffectDescription, load_rig
@@ -49,6 +50,7 @@ from porotwin_msgs.srv import (  # noqa: E402
     Rollout,
     SetEffects,
 )
+from porotwin_solver import solver_node  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
@@ -459,15 +461,17 @@ def test_a_second_solver_is_refused_with_one_line(client: Client, rig_file: Path
 @pytest.mark.parametrize(
     ('more', 'text'),
     [
-        (('-p', 'preset:=quick'), "error: parameter 'preset' of solver is 'quick'; choose one of"),
-        (('-p', 'longest_prediction_s:=-5.0'), 'is -5; it must be from 1 to 3.1536e+07'),
-        (('-p', 'grid:=many'), "error: grid 'many': write columns x rows, like 187x112"),
+        ({'preset': 'quick'}, "error: parameter 'preset' of solver is 'quick'; choose one of"),
+        ({'longest_prediction_s': -5.0}, 'is -5; it must be from 1 to 3.1536e+07'),
+        ({'grid': 'many'}, "error: grid 'many': write columns x rows, like 187x112"),
     ],
 )
 def test_a_wrong_parameter_ends_the_node_with_one_line(
-    rig_file: Path, more: tuple[str, ...], text: str
+    rig_file: Path,
+    more: dict[str, object],
+    text: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    process = start(rig_file, *more, '-r', '__ns:=/alone')
-    output, _ = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2
+    output = refusal(solver_node.main, monkeypatch, capfd, rig=rig_file, **more)
     assert text in output

@@ -1,13 +1,16 @@
 """Maps of the rig in NetCDF files: a variable (z, x), row 0 lowest."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import netCDF4
 import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig.sections import MapReference
+
+if TYPE_CHECKING:
+    import netCDF4
 
 EDGE_TOLERANCE = 0.02
 """Part of the rig by which cell centres may lie beyond it: round-off and cells at the edge."""
@@ -42,6 +45,8 @@ def read_map(
     Raises:
         InputError: it cannot be read, or its axes are wrong.
     """
+    import netCDF4  # takes a tenth of the start of a node, and few rigs have such maps
+
     try:
         with netCDF4.Dataset(file) as dataset:
             _check_axes(file, dataset, variable, size)
@@ -58,7 +63,7 @@ def read_map(
 
 
 def _check_axes(
-    file: Path, dataset: netCDF4.Dataset, variable: str, size: tuple[float, float] | None
+    file: Path, dataset: 'netCDF4.Dataset', variable: str, size: tuple[float, float] | None
 ) -> None:
     """Check the axes of a map as far as the file names them.
 
@@ -91,6 +96,8 @@ def _check_axes(
 
 def write_map(file: Path, variable: str, values: FloatArray, grid: Grid) -> None:
     """Write a map (nz, nx) on `grid` to a NetCDF `file`."""
+    import netCDF4
+
     with netCDF4.Dataset(file, 'w') as dataset:
         for name, coordinate in (('z', grid.z), ('x', grid.x)):
             dataset.createDimension(name, len(coordinate))
