@@ -235,9 +235,11 @@ def _deviation(hue: Array) -> Array:
 
 def _beside(plane: Array, down: int, right: int) -> Array:
     """Return `plane` shifted by `down` rows and `right` columns, with repeated edges."""
-    rows = np.clip(np.arange(plane.shape[0]) + down, 0, plane.shape[0] - 1)
-    columns = np.clip(np.arange(plane.shape[1]) + right, 0, plane.shape[1] - 1)
-    return plane[np.ix_(rows, columns)]
+    rows, columns = plane.shape
+    margins = ((max(-down, 0), max(down, 0)), (max(-right, 0), max(right, 0)))
+    first_row, first_column = max(down, 0), max(right, 0)
+    around = np.pad(plane, margins, 'edge')
+    return around[first_row : first_row + rows, first_column : first_column + columns]
 
 
 def _local_median(plane: Array, size: int) -> Array:

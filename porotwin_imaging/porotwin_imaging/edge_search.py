@@ -264,8 +264,9 @@ def _line(drop: Array, places: Array) -> tuple[int, int, NDArray[np.intp]]:
     """Return start and end [steps] of the line with the largest sum of drops, and its rows."""
     start, end = (ends[..., None] for ends in np.meshgrid(_LEANS, _LEANS, indexing='ij'))
     best, found = -np.inf, (0, 0, np.zeros(_PARTS, np.intp))
+    straight = start * (1 - places) + end * places
     for bow in _BOWS:
-        lines = start * (1 - places) + end * places + 4 * bow * places * (1 - places)
+        lines = straight + 4 * bow * places * (1 - places)
         rows = np.clip(np.rint(lines).astype(np.intp) + _REACH, 0, len(drop) - 1)
         sums = drop[rows, np.arange(_PARTS)].sum(axis=-1)
         at = np.unravel_index(int(sums.argmax()), sums.shape)

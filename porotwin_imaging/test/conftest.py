@@ -170,7 +170,7 @@ def laboratory() -> Laboratory:
     return Laboratory()
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def new_laboratory():
     return Laboratory
 
@@ -219,6 +219,12 @@ def baseline(laboratory, calibration, empty_photograph) -> Baseline:
 def true_map() -> NDArray[np.floating]:
     """A true map with a plume in the middle of the rig."""
     return plume(TRUE_SHAPE, 0.4, 0.25, 0.12)
+
+
+@pytest.fixture(scope='session')
+def photograph_of_plume(laboratory, true_map) -> bytes:
+    """A photograph of the default laboratory with the true map."""
+    return laboratory.photograph(true_map)
 
 
 @pytest.fixture(scope='session')

@@ -79,7 +79,7 @@ def test_a_turned_photograph_is_told(features, turned, words) -> None:
         align(np.ascontiguousarray(turned(nudged)), features)
 
 
-@pytest.mark.parametrize('seed', range(2, 5))
+@pytest.mark.parametrize('seed', (2, 3))
 def test_other_sand_is_refused(features, seed: int) -> None:
     with pytest.raises(InputError, match='does not match the baseline'):
         align(sand(seed), features)

@@ -9,10 +9,12 @@ from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.baseline_agreement import refuse_other_sand
 from porotwin_imaging.photo_to_map import concentration_map
 
+COARSE, MIDDLE, FINE = (45, 25), (90, 50), (240, 134)
+"""Sizes of grids, columns and rows."""
 NAMES = ['photos/first.jpg', 'photos/second.jpg', 'photos/third.jpg']
 
 
-def _made(laboratory, calibration, *photographs: bytes, size=(90, 50)) -> Baseline:
+def _made(laboratory, calibration, *photographs: bytes, size=MIDDLE) -> Baseline:
     rig, names = laboratory.rig, NAMES[: len(photographs)]
     grid = rig.grid(*size)
     return make_baseline(rig, grid, photographs, calibration=calibration, names=names)
@@ -37,8 +39,16 @@ def test_a_hand_in_a_further_baseline_is_refused(laboratory, calibration, empty_
         _made(laboratory, calibration, hand, empty_photograph)
 
 
-@pytest.mark.parametrize('size', [(45, 25), (90, 50), (240, 134)])
-@pytest.mark.parametrize(('radius', 'share'), [(0.04, 1.0), (0.12, 0.3), (0.2, 1.0)])
+@pytest.mark.parametrize(
+    ('size', 'radius', 'share'),
+    [
+        (MIDDLE, 0.04, 1.0),
+        (MIDDLE, 0.12, 0.3),
+        (MIDDLE, 0.2, 1.0),
+        (COARSE, 0.04, 1.0),
+        (FINE, 0.12, 0.3),
+    ],
+)
 def test_tracer_in_a_further_baseline_is_refused(
     laboratory, calibration, make_plume, true_shape, empty_photograph, size, radius, share
 ) -> None:
@@ -47,24 +57,36 @@ def test_tracer_in_a_further_baseline_is_refused(
         _made(laboratory, calibration, empty_photograph, tracer, size=size)
 
 
-@pytest.mark.parametrize('size', [(45, 25), (90, 50), (240, 134)])
+ALL_AT_ONCE = {'gain': 0.8, 'slope': -0.2, 'shift': (2.4, 1.7), 'noise': 3.0}
+
+
 @pytest.mark.parametrize(
-    'difference',
+    ('size', 'difference'),
     [
-        {'gain': 0.6},
-        {'gain': 1.35},
-        {'slope': 0.4},
-        {'shift': (6.3, -4.6)},
-        {'noise': 4.0},
-        {'gain': 0.8, 'slope': -0.2, 'shift': (2.4, 1.7), 'noise': 3.0},
+        (MIDDLE, {'gain': 0.6}),
+        (MIDDLE, {'gain': 1.35}),
+        (MIDDLE, {'slope': 0.4}),
+        (MIDDLE, {'shift': (6.3, -4.6)}),
+        (MIDDLE, {'noise': 4.0}),
+        (MIDDLE, ALL_AT_ONCE),
+        (COARSE, ALL_AT_ONCE),
+        (FINE, ALL_AT_ONCE),
     ],
 )
 def test_light_shake_and_noise_may_differ(
-    laboratory, calibration, no_tracer, true_map, empty_photograph, relative_error, size, difference
+    laboratory,
+    calibration,
+    no_tracer,
+    true_map,
+    photograph_of_plume,
+    empty_photograph,
+    relative_error,
+    size,
+    difference,
 ) -> None:
     other = laboratory.photograph(no_tracer, seed=5, **difference)
     baseline = _made(laboratory, calibration, empty_photograph, other, size=size)
-    found = concentration_map(laboratory.photograph(true_map), baseline)
+    found = concentration_map(photograph_of_plume, baseline)
     assert relative_error(found.values, true_map) < 0.04
 
 

@@ -24,7 +24,7 @@ def without_chart(laboratory, calibration, empty_photograph) -> Baseline:
     return make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
 
 
-@pytest.mark.parametrize('gain', [0.25, 0.5, 1.5, 2.0])
+@pytest.mark.parametrize('gain', [0.25, 1.5, 2.0])
 def test_the_chart_corrects_another_exposure(
     baseline, laboratory, truth, relative_error, gain: float
 ) -> None:
@@ -35,7 +35,7 @@ def test_the_chart_corrects_another_exposure(
     assert line == f'{gain:.2g} times the light of the baseline: corrected by the colour chart'
 
 
-@pytest.mark.parametrize('gain', [0.02, 0.25, 0.5, 1.5, 2.0, 3.0, 6.0])
+@pytest.mark.parametrize('gain', [0.02, 0.5, 1.5, 6.0])
 def test_without_a_chart_another_exposure_is_refused(
     without_chart, laboratory, truth, gain: float
 ) -> None:
@@ -43,9 +43,9 @@ def test_without_a_chart_another_exposure_is_refused(
         concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
 
 
-@pytest.mark.parametrize('factor', [1.5, 2.0, 3.0])
-def test_brighter_pixels_are_refused(baseline, laboratory, truth, factor: float) -> None:
-    pixels = cv2.imdecode(np.frombuffer(laboratory.photograph(truth), np.uint8), cv2.IMREAD_COLOR)
+@pytest.mark.parametrize('factor', [1.5, 3.0])
+def test_brighter_pixels_are_refused(baseline, photograph_of_plume, factor: float) -> None:
+    pixels = cv2.imdecode(np.frombuffer(photograph_of_plume, np.uint8), cv2.IMREAD_COLOR)
     data = cv2.imencode('.jpg', cv2.convertScaleAbs(pixels, alpha=factor))[1].tobytes()
     with pytest.raises(InputError, match=r'over-exposed|times the light of its baseline'):
         concentration_map(data, baseline)
@@ -79,10 +79,9 @@ def test_a_clipped_part_is_left_out_with_its_share(
     assert relative_error(found.values, truth) < 0.05
 
 
-def test_a_grey_photograph_is_refused(baseline, laboratory, truth) -> None:
-    grey = cv2.imdecode(np.frombuffer(laboratory.photograph(truth), np.uint8), cv2.IMREAD_GRAYSCALE)
+def test_a_grey_photograph_is_refused(baseline, photograph_of_plume) -> None:
     with pytest.raises(InputError, match='photograph is grey, its baseline coloured'):
-        concentration_map(cv2.imencode('.jpg', grey)[1].tobytes(), baseline)
+        concentration_map(_as_grey(photograph_of_plume), baseline)
 
 
 def test_a_baseline_says_that_it_is_over_exposed(laboratory, no_tracer, make_jpeg) -> None:

@@ -48,29 +48,35 @@ def test_the_same_photograph_gives_the_same_map(
     np.testing.assert_array_equal(first.values, second.values)
 
 
-def test_without_a_calibration_the_status_says_so(laboratory, no_tracer) -> None:
+def test_without_a_calibration_the_status_says_so(laboratory, no_tracer, empty_photograph) -> None:
     rig = laboratory.rig
-    baseline = make_baseline(rig, rig.grid(90, 50), [laboratory.photograph(no_tracer)])
+    baseline = make_baseline(rig, rig.grid(90, 50), [empty_photograph])
     found = concentration_map(laboratory.photograph(no_tracer, seed=2), baseline)
     assert not found.calibrated
     assert found.status == ['uncalibrated: default scaling']
 
 
-@pytest.mark.parametrize('grid', [(30, 17), (90, 50), (300, 167), (890, 480)])
+@pytest.mark.parametrize('grid', [(30, 17), (90, 50), (890, 480)])
 def test_the_mass_does_not_depend_on_the_grid(
-    laboratory, calibration, empty_photograph, true_map, grid
+    laboratory, calibration, empty_photograph, photograph_of_plume, true_map, grid
 ) -> None:
     rig = laboratory.rig
     baseline = make_baseline(rig, rig.grid(*grid), [empty_photograph], calibration=calibration)
-    found = concentration_map(laboratory.photograph(true_map), baseline)
+    found = concentration_map(photograph_of_plume, baseline)
     assert found.values.shape == (grid[1], grid[0])
     assert np.nanmean(found.values) == pytest.approx(true_map.mean(), rel=0.03)
 
 
 def test_unusable_photographs_are_refused_and_do_not_affect_the_next(
-    baseline, laboratory, new_laboratory, no_tracer, true_map, relative_error
+    baseline,
+    laboratory,
+    new_laboratory,
+    no_tracer,
+    true_map,
+    photograph_of_plume,
+    relative_error,
 ) -> None:
-    good = laboratory.photograph(true_map)
+    good = photograph_of_plume
     other = new_laboratory(seed=77).photograph(no_tracer)
     larger = cv2.imencode('.jpg', np.full((700, 890, 3), 90, np.uint8))[1].tobytes()
     for data, complaint in (

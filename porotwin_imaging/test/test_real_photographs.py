@@ -1,6 +1,7 @@
 """Maps of real photographs of the large FluidFlower show the tracer that an expert finds there."""
 
 import re
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, load_rig
-from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.laser_grid_check import check_laser_grid
@@ -110,16 +111,30 @@ def test_there_is_no_jump_at_the_light_sand(maps) -> None:
     assert inside.min() > 0.75
 
 
+@dataclass(frozen=True)
+class Uncalibrated:
+    """The photograph of the second plume beside a baseline without a calibration."""
+
+    photograph: bytes
+    baseline: Baseline
+    before: ConcentrationMap
+
+
+@pytest.fixture(scope='module')
+def uncalibrated(rig, tracer_photographs) -> Uncalibrated:
+    clean, plume = ((tracer_photographs / f'tracer_{n}.jpg').read_bytes() for n in (0, 3))
+    baseline = make_baseline(rig, rig.grid(NX // 2, NZ // 2), [clean])
+    return Uncalibrated(plume, baseline, concentration_map(plume, baseline))
+
+
 @pytest.mark.parametrize('factor', [0.5, 1.5, 2.0])
-def test_another_exposure_never_erases_the_plume(rig, tracer_photographs, factor) -> None:
+def test_another_exposure_never_erases_the_plume(uncalibrated, factor) -> None:
     """Tracer is seen as before, or it is not seen and the map says so, or there is no map."""
-    photos = [(tracer_photographs / f'tracer_{n}.jpg').read_bytes() for n in (0, 3)]
-    baseline = make_baseline(rig, rig.grid(NX // 2, NZ // 2), photos[:1])
-    before = concentration_map(photos[1], baseline)
-    pixels = cv2.imdecode(np.frombuffer(photos[1], np.uint8), cv2.IMREAD_COLOR)
+    before = uncalibrated.before
+    pixels = cv2.imdecode(np.frombuffer(uncalibrated.photograph, np.uint8), cv2.IMREAD_COLOR)
     brighter = cv2.imencode('.jpg', cv2.convertScaleAbs(pixels, alpha=factor))[1].tobytes()
     try:
-        found = concentration_map(brighter, baseline)
+        found = concentration_map(brighter, uncalibrated.baseline)
     except InputError as error:
         assert re.search('over-exposed|times the light|is brighter', str(error))
         return

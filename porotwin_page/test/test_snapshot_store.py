@@ -62,7 +62,7 @@ def test_memory_after_the_first_hour_grows_by_the_points_of_the_curves_alone() -
         feed(store, past, range(1, FIRST_HOUR + 1))
         gc.collect()
         before = tracemalloc.get_traced_memory()[0]
-        more = 4 * FIRST_HOUR
+        more = 2 * FIRST_HOUR
         feed(store, past, range(FIRST_HOUR + 1, FIRST_HOUR + 1 + more))
         gc.collect()
         growth = tracemalloc.get_traced_memory()[0] - before

@@ -1,6 +1,7 @@
 """Records of a bag: topics with their quality of service, and messages."""
 
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import yaml
@@ -92,6 +93,7 @@ def qos_profiles(qos: TopicQos) -> list[dict[str, Any]]:
     ]
 
 
+@lru_cache(maxsize=128)
 def qos_from_yaml(text: str) -> TopicQos:
     """Return the first profile in a text of `offered_qos_profiles`, or the default profile."""
     try:

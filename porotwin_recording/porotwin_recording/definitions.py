@@ -4,7 +4,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
@@ -97,6 +97,20 @@ def new_typestore() -> Typestore:
     return get_typestore(Stores.EMPTY)
 
 
+@lru_cache(maxsize=128)
+def types_of(type_name: str, definition: str) -> Typestore:
+    """Return the types in `definition`. Callers share the store and must not add types to it.
+
+    rosbags needs 10 ms and more to parse a definition, and every bag holds the same ones.
+
+    Raises:
+        InputError: the definition cannot be parsed.
+    """
+    store = new_typestore()
+    register_definition(store, type_name, definition)
+    return store
+
+
 @cache
 def type_hash(type_name: str, definition: str) -> str:
     """Return the RIHS01 hash of a message definition (REP-2016).
@@ -106,6 +120,4 @@ def type_hash(type_name: str, definition: str) -> str:
     Raises:
         InputError: the definition cannot be parsed.
     """
-    store = new_typestore()
-    register_definition(store, type_name, definition)
-    return store.hash_rihs01(type_name)
+    return types_of(type_name, definition).hash_rihs01(type_name)

@@ -9,7 +9,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
 from porotwin_core.errors import InputError
-from porotwin_recording.definitions import message_definition, new_typestore, register_definition
+from porotwin_recording.definitions import message_definition, types_of
 
 SECOND = 1_000_000_000
 """One second in nanoseconds, the unit of stamps and log times."""
@@ -42,9 +42,6 @@ Field = tuple[Nodetype, Any]
 class Serializer:
     """Serializes message objects whose definitions are installed."""
 
-    def __init__(self) -> None:
-        self._store = new_typestore()
-
     def to_cdr(self, message: Any) -> bytes:
         """Return `message`, an instance of a generated ROS 2 class, as little-endian CDR.
 
@@ -52,27 +49,28 @@ class Serializer:
             InputError: the definition of its type is not installed.
         """
         type_name = message_type(message)
-        if type_name not in self._store.types:
-            register_definition(self._store, type_name, message_definition(type_name))
-        data = bytes(self._store.serialize_cdr(self._converted(message, type_name), type_name))
+        store = types_of(type_name, message_definition(type_name))
+        data = bytes(store.serialize_cdr(_converted(message, type_name, store), type_name))
         return data + bytes(-len(data) % _CDR_ALIGNMENT)
 
-    def _converted(self, message: Any, type_name: str) -> Any:
-        """Return the message as an object of the store, which needs arrays in place of lists."""
-        _, fields = self._store.fielddefs[type_name]
-        values = {name: self._value(getattr(message, name), field) for name, field in fields}
-        return self._store.types[type_name](**values)
 
-    def _value(self, value: Any, field: Field) -> Any:
-        kind, detail = field
-        if kind == Nodetype.NAME:
-            return self._converted(value, detail)
-        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            element, _ = detail
-            if element[0] == Nodetype.BASE and element[1][0] in _NUMBERS:
-                return np.asarray(value, dtype=element[1][0])
-            return [self._value(item, element) for item in value]
-        return value
+def _converted(message: Any, type_name: str, store: Typestore) -> Any:
+    """Return the message as an object of the store, which needs arrays in place of lists."""
+    _, fields = store.fielddefs[type_name]
+    values = {name: _value(getattr(message, name), field, store) for name, field in fields}
+    return store.types[type_name](**values)
+
+
+def _value(value: Any, field: Field, store: Typestore) -> Any:
+    kind, detail = field
+    if kind == Nodetype.NAME:
+        return _converted(value, detail, store)
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        element, _ = detail
+        if element[0] == Nodetype.BASE and element[1][0] in _NUMBERS:
+            return np.asarray(value, dtype=element[1][0])
+        return [_value(item, element, store) for item in value]
+    return value
 
 
 class Deserializer:
@@ -88,8 +86,7 @@ class Deserializer:
 
     def __init__(self, type_name: str, definition: str) -> None:
         self._type_name = type_name
-        self._store = new_typestore()
-        register_definition(self._store, type_name, definition)
+        self._store = types_of(type_name, definition)
         self._current = _newer_types(type_name, definition)
 
     def from_cdr(self, data: bytes) -> Any:
@@ -110,13 +107,11 @@ class Deserializer:
 
 def _newer_types(type_name: str, definition: str) -> Typestore | None:
     """Return the installed types; None if they are not installed or equal to the recorded ones."""
-    store = new_typestore()
     try:
         installed = message_definition(type_name)
-        register_definition(store, type_name, installed)
+        return None if installed == definition else types_of(type_name, installed)
     except InputError:
         return None
-    return None if installed == definition else store
 
 
 def _add_missing_fields(

@@ -18,6 +18,8 @@ from porotwin_rig.virtual_rig import VirtualRig
 
 PAUSE = rates(injector=(0.0, 1.0), producer=0.0)
 PUMP = rates(injector=(500.0, 1.0), producer=-500.0)
+CELL_M = 0.006
+"""Size of the elements of the virtual rig [m]; the default is finer and slower."""
 COMMANDED = Schedule.from_rates([(0.0, PUMP), (130.0, PAUSE), (200.0, PUMP)])
 
 
@@ -33,6 +35,7 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
         noise=MapNoise(),
         effects=parse_effects('decay:rate=1e-4'),
         photo_width_px=320,
+        cell=CELL_M,
         truth=tmp_path / 'truth.nc',
     )
     found = read_folder(tmp_path / 'run')
@@ -61,6 +64,7 @@ def test_every_step_of_a_slow_experiment_is_told(tmp_path: Path) -> None:
         seed=4,
         effects=parse_effects('buoyancy:density_difference=1'),
         progress=shares.append,
+        cell=CELL_M,
     )
     assert len(shares) >= 20  # steps of 15 s between two maps
     assert shares == sorted(shares)
@@ -75,6 +79,7 @@ def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
         duration=90.0,
         photo_interval=30.0,
         seed=4,
+        cell=CELL_M,
         truth=tmp_path / 'truth.nc',
     )
     assert made.noise_floor == 0.0

@@ -83,7 +83,7 @@ def doublet_arrivals(spacing: float, rate: float) -> tuple[float, np.ndarray, np
 def test_doublet_breaks_through_when_the_fastest_streamline_arrives() -> None:
     spacing, rate = 0.12, from_ml_h(500.0)
     first, times, fraction = doublet_arrivals(spacing, rate)
-    asset = VirtualRig(wide_rig(spacing), cell=0.0025)
+    asset = VirtualRig(wide_rig(spacing), cell=0.0035)
     asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
     step, produced = first / 15.0, [0.0]
     for _ in range(30):
@@ -131,7 +131,7 @@ def test_tracer_fades_by_its_age_however_long_the_steps_are() -> None:
     fields = []
     for step in (1200.0, 30.0):
         fades = EffectDescription(name='decay', parameters={'rate': 3e-4})
-        asset = VirtualRig(make_rig(), effects=[fades])
+        asset = VirtualRig(make_rig(), effects=[fades], cell=0.004)
         asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
         run(asset, 1200.0, step)
         fields.append(asset.visible())
@@ -186,7 +186,7 @@ def test_reporting_grid_keeps_the_mass() -> None:
 
 
 def test_resting_water_only_diffuses() -> None:
-    asset = VirtualRig(make_rig())
+    asset = VirtualRig(make_rig(), cell=0.004)
     asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
     run(asset, 300.0)
     before = asset.visible().copy()

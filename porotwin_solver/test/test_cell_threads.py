@@ -17,7 +17,7 @@ from porotwin_solver.cell_threads import (
 from porotwin_solver.engine import State
 from porotwin_solver.model import Model
 
-LARGE = (760, 456)
+LARGE = (650, 390)
 """Columns and rows of a grid that is shared: its pressure takes multigrid, its substeps blocks."""
 
 

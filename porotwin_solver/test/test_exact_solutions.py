@@ -256,7 +256,7 @@ def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> Non
     v = np.array(darcy) / 0.375
     speed = np.hypot(*v)
     spread = across * speed * np.eye(2) + (along - across) * np.outer(v, v) / speed
-    errors, cells = [], [25, 50, 100]
+    errors, cells = [], [25, 100]
     first = 0.0016 * np.eye(2)
     last = first + 2.0 * spread * time
 
@@ -307,8 +307,8 @@ def test_a_denser_blob_sinks_at_the_darcy_velocity(make_rig) -> None:
     rig = make_rig(width_m=1.0, height_m=1.0, boundaries=Boundaries(top='closed'), wells={})
     conductivity = 6.57e-10 * 9.81 / 1e-3
     expected = exact_solutions.sinking_blob(1.0, conductivity=conductivity)
-    radius, errors, cells = 0.06, [], [50, 100, 200]
-    for count in cells:
+    radius, errors = 0.06, []
+    for count in (50, 200):
         grid = rig.grid(count, count)
         blob = supersampled(lambda x, z: 1.0 * (np.hypot(x - 0.5, z - 0.5) < radius), grid)
         flux = buoyant_flux(rig, grid, blob)
