@@ -10,10 +10,9 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_core import qos
-from porotwin_core.node import until_shutdown
+from porotwin_core.node_thread import NodeThread
 from porotwin_hub.graph import NAMESPACE, NodeDescription
 from porotwin_hub.processes import GraphProcesses
 from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
@@ -35,12 +34,12 @@ class Listener:
         """Listen in the DDS domain `domain`."""
         self.messages: dict[str, list[Any]] = {name: [] for name in TOPICS}
         self._changed = threading.Condition()
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node('listener', namespace=namespace, context=self._context)
+        context = Context()
+        rclpy.init(context=context, domain_id=domain)
+        self.node = rclpy.create_node('listener', namespace=namespace, context=context)
         for name, (message_type, profile) in TOPICS.items():
             self.node.create_subscription(message_type, name, self._keep(name), profile)
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._thread = NodeThread(self.node)
 
     def _keep(self, name: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
@@ -49,12 +48,6 @@ class Listener:
                 self._changed.notify_all()
 
         return keep
-
-    def _spin(self) -> None:
-        executor = SingleThreadedExecutor(context=self._context)
-        executor.add_node(self.node)
-        with until_shutdown(self._context):
-            executor.spin()
 
     def wait_for(self, purpose: str, condition: Callable[[], bool], *, timeout: float) -> None:
         """Return when `condition` holds; fail after `timeout` [s] with the `purpose`."""
@@ -68,7 +61,7 @@ class Listener:
 
     def close(self) -> None:
         """Stop listening."""
-        rclpy.try_shutdown(context=self._context)
+        self._thread.end()
 
 
 class RunningGraph:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor
 
 from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
@@ -64,7 +64,7 @@ def diagnose_run_so_far(
 
 def _result(
     client: ActionClient,
-    executor: SingleThreadedExecutor,
+    executor: Executor,
     output: Path,
     progress: Callable[[str, float], None],
 ) -> Any:
@@ -87,9 +87,7 @@ def _result(
         raise
 
 
-def _asked(
-    client: ActionClient, executor: SingleThreadedExecutor, request: Callable[[], Any]
-) -> Any:
+def _asked(client: ActionClient, executor: Executor, request: Callable[[], Any]) -> Any:
     """Return the answer to `request`, which is sent in the thread that takes the answers.
 
     rclpy sends a request before it notes that an answer is due. In another thread an answer that

@@ -12,10 +12,10 @@ import numpy as np
 import rclpy
 from rclpy.action import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import MultiThreadedExecutor
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
+from porotwin_core.node_thread import NodeThread
 from porotwin_costa.frames import Frames, mean_rates
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, WellRates
@@ -34,13 +34,11 @@ class Client:
     """A node of the test that runs in a thread."""
 
     def __init__(self) -> None:
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node = rclpy.create_node('test', context=self.context)
-        self.executor = MultiThreadedExecutor(num_threads=3, context=self.context)
-        self.executor.add_node(self.node)
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        self.node = rclpy.create_node('test', context=context)
         self.group = ReentrantCallbackGroup()
-        threading.Thread(target=self.executor.spin, daemon=True).start()
+        self._thread = NodeThread(self.node, threads=3)
 
     def wait(self, future: Any) -> Any:
         """Return the result of a future."""
@@ -74,9 +72,7 @@ class Client:
 
     def close(self) -> None:
         """End the node."""
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+        self._thread.end()
 
 
 def start(module: str, *, namespace: str = '/', **parameters: Any) -> subprocess.Popen:

@@ -89,7 +89,7 @@ def test_costa_answers_like_the_model_that_it_loaded(
     sigma, _ = conversions.source_from_msg(answer.source)
     assert np.array_equal(sigma, corrective_source(trained, predicted, rates, 30.0).sigma)
 
-    solver = rclpy.create_node('solver', context=client.context)
+    solver = rclpy.create_node('solver', context=client.node.context)
     told = solver.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
     effect = EffectDescription(name='retardation', parameters={'retardation_factor': 1.2})
     told.publish(ModelEffects(sequence=1, effects=[conversions.effect_to_msg(effect)]))

@@ -13,10 +13,10 @@ from porotwin_core.wells import WellRate
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.action import ActionClient  # noqa: E402
-from rclpy.executors import MultiThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
 from porotwin_msgs.action import Diagnose  # noqa: E402
 from porotwin_msgs.msg import NewState, Outcome, Setpoint  # noqa: E402
@@ -39,17 +39,14 @@ class Graph:
     """The node and a client of it, each with an executor of its own."""
 
     def __init__(self, rig):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
+        context = rclpy.Context()
+        rclpy.init(context=context)
         grid = SMALL.grid(47, 28)
         parameters = [Parameter('rig', value=str(rig)), Parameter('grid', value=str(grid))]
         self.grid = grid
-        self.server = DiagnosisNode(context=self.context, parameter_overrides=parameters)
-        self.node = rclpy.create_node('test', context=self.context)
-        self.executor = MultiThreadedExecutor(num_threads=4, context=self.context)
-        self.executor.add_node(self.server)
-        self.executor.add_node(self.node)
-        threading.Thread(target=self.executor.spin, daemon=True).start()
+        self.server = DiagnosisNode(context=context, parameter_overrides=parameters)
+        self.node = rclpy.create_node('test', context=context)
+        self._thread = NodeThread(self.server, self.node, threads=4)
         self.client = ActionClient(self.node, Diagnose, 'diagnosis/diagnose')
         assert self.client.wait_for_server(PATIENCE)
 
@@ -76,10 +73,7 @@ class Graph:
         return outcome.message
 
     def close(self):
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.server.destroy_node()
-        rclpy.shutdown(context=self.context)
+        self._thread.end()
 
 
 @pytest.fixture(scope='module')

@@ -1,18 +1,16 @@
 """Tests of the guard's node: one hub, one guard, and setpoints that reach the pumps."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
-from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from porotwin_core import conversions, qos
-from porotwin_core.node import until_shutdown
+from porotwin_core.node_thread import NodeThread
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_guard.guard_node import GuardNode
@@ -29,12 +27,12 @@ class Loop:
 
     def __init__(self, context: rclpy.Context) -> None:
         self._context = context
-        self._executor = MultiThreadedExecutor(num_threads=4, context=context)
         overrides = [
             Parameter('rig', value=str(SMALL_RIG)),
             Parameter('asset_timeout_s', value=0.3),
         ]
-        self.guard = self.add(GuardNode(context=context, parameter_overrides=overrides))
+        self.guard = GuardNode(context=context, parameter_overrides=overrides)
+        self._thread = NodeThread(self.guard, threads=4)
         self.pumps = self.node('operator')
         self.hub = self.node('hub')
         self.control = self.hub.create_client(Control, 'guard/control')
@@ -43,20 +41,16 @@ class Loop:
         self.pumps.create_subscription(
             Setpoint, 'wells/setpoint', lambda m: self.published.append(m.sequence), qos.SETPOINT
         )
-        threading.Thread(target=self._spin, daemon=True).start()
         self.wait_until(self.control.service_is_ready)
         self.wait_until(lambda: self.guard.count_subscribers('wells/setpoint') > 0)
 
-    def _spin(self) -> None:
-        with until_shutdown(self._context):
-            self._executor.spin()
-
-    def add(self, node: Node) -> Node:
-        self._executor.add_node(node)
+    def node(self, name: str) -> Node:
+        node = rclpy.create_node(name, context=self._context)
+        self._thread.executor.add_node(node)
         return node
 
-    def node(self, name: str) -> Node:
-        return self.add(rclpy.create_node(name, context=self._context))
+    def close(self) -> None:
+        self._thread.end()
 
     def attach_pumps(self) -> None:
         self.pumps.create_service(Control, 'asset/control', self._on_control)
@@ -97,8 +91,9 @@ class Loop:
 def loop(domain: int) -> Iterator[Loop]:
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
-    yield Loop(context)
-    rclpy.shutdown(context=context)
+    made = Loop(context)
+    yield made
+    made.close()
 
 
 def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> None:
@@ -120,9 +115,7 @@ def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> Non
     assert '/stranger publishes wells/setpoint too' in refused.message
     stranger.destroy_publisher(publisher)
     loop.wait_until(lambda: loop.guard.count_publishers('wells/setpoint') == 1)
-    loop.add(rclpy.create_node('hub', context=loop.guard.context)).create_client(
-        Control, 'guard/control'
-    )
+    loop.node('hub').create_client(Control, 'guard/control')
     loop.wait_until(lambda: '2 nodes /hub' in loop.send(7 + time.monotonic_ns()).message)
     assert loop.pumped == loop.published[1:]
     assert loop.published[0] == 1

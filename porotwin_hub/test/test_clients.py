@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import MultiThreadedExecutor
 from std_srvs.srv import Trigger
 
 from porotwin_core import conversions
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
-from porotwin_core.node import until_shutdown
+from porotwin_core.node_thread import NodeThread
 from porotwin_core.rig import Rig
 from porotwin_core.wells import RateStep
 from porotwin_hub.clients import Caller, PhysicsModelClient, PlanModelClient
@@ -37,14 +36,10 @@ class SlowSolver:
         group = ReentrantCallbackGroup()
         self.node.create_service(Predict, 'solver/predict', self._predict, callback_group=group)
         self.node.create_service(Trigger, 'solver/cancel', self._cancel, callback_group=group)
-        executor = MultiThreadedExecutor(num_threads=4, context=context)
-        executor.add_node(self.node)
+        self._thread = NodeThread(self.node, threads=4)
 
-        def spin() -> None:
-            with until_shutdown(context):
-                executor.spin()
-
-        threading.Thread(target=spin, daemon=True).start()
+    def close(self) -> None:
+        self._thread.end()
 
     def _predict(self, _: Any, response: Any) -> Any:
         if self.field is None:
@@ -62,8 +57,9 @@ class SlowSolver:
 def solver(domain: int) -> Iterator[SlowSolver]:
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
-    yield SlowSolver(context)
-    rclpy.shutdown(context=context)
+    made = SlowSolver(context)
+    yield made
+    made.close()
 
 
 def test_a_prediction_that_takes_too_long_is_cancelled(solver: SlowSolver, small_rig: Rig) -> None:

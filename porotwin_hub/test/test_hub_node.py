@@ -1,6 +1,5 @@
 """Tests of the hub's node: states and rates in, setpoints, forecasts and reports out."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,12 +8,11 @@ import numpy as np
 import pytest
 import rclpy
 from hub_examples import SMALL_RIG
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 from porotwin_core import conversions, qos
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.node import until_shutdown
+from porotwin_core.node_thread import NodeThread
 from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRates
 from porotwin_hub.forecast import no_correction
@@ -64,18 +62,13 @@ class Asset:
         self.setpoints: list[Setpoint] = []
         self.peer.create_subscription(CycleReport, 'hub/cycle', self.reports.append, qos.FIELD)
         self.peer.create_service(Control, 'guard/control', self._on_control)
-        executor = SingleThreadedExecutor(context=context)
-        for node in (self.hub, self.peer):
-            executor.add_node(node)
-
-        def spin() -> None:
-            with until_shutdown(context):
-                executor.spin()
-
-        threading.Thread(target=spin, daemon=True).start()
+        self._thread = NodeThread(self.hub, self.peer)
         publishers = (self.states, self.refreshed, self.measured)
         self.wait_until(lambda: all(one.get_subscription_count() for one in publishers))
         self.wait_until(lambda: self.hub.count_subscribers('hub/cycle') > 0)
+
+    def close(self) -> None:
+        self._thread.end()
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         self.setpoints.append(request.setpoint)
@@ -102,8 +95,9 @@ class Asset:
 def asset(domain: int) -> Iterator[Asset]:
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
-    yield Asset(context)
-    rclpy.shutdown(context=context)
+    made = Asset(context)
+    yield made
+    made.close()
 
 
 def test_rates_measured_beside_the_setpoint_reach_the_prediction(

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,9 +11,9 @@ from pathlib import Path
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.executors import SingleThreadedExecutor
 
-from porotwin_core.node import DIAGNOSTICS, until_shutdown
+from porotwin_core.node import DIAGNOSTICS
+from porotwin_core.node_thread import NodeThread
 from porotwin_hub.graph import NodeDescription
 from porotwin_hub.node_processes import process_of
 from porotwin_hub.processes import GraphProcesses
@@ -43,20 +42,17 @@ class Ear:
 
     def __init__(self, domain: int) -> None:
         self.heard: list[tuple[str, bytes, str]] = []
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node('ear', context=self.context)
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=domain)
+        self.node = rclpy.create_node('ear', context=context)
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, 100)
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._thread = NodeThread(self.node)
+
+    def close(self) -> None:
+        self._thread.end()
 
     def _hear(self, message: DiagnosticArray) -> None:
         self.heard += [(one.name, one.level, one.message) for one in message.status]
-
-    def _spin(self) -> None:
-        executor = SingleThreadedExecutor(context=self.context)
-        executor.add_node(self.node)
-        with until_shutdown(self.context):
-            executor.spin()
 
     def say_error(self, name: str, message: str) -> None:
         """Report an error as the node `name` would."""
@@ -80,7 +76,7 @@ def until(condition: Callable[[], bool], shown: object = '') -> None:
 def ear(domain: int) -> Iterator[Ear]:
     made = Ear(domain)
     yield made
-    rclpy.try_shutdown(context=made.context)
+    made.close()
 
 
 def test_a_stopped_node_is_stale_then_killed_and_started_again(

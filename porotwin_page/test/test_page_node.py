@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import urllib.error
 import urllib.request
@@ -18,11 +17,11 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from refused_node import refusal
 
 from porotwin_core import conversions, qos
+from porotwin_core.node_thread import NodeThread
 from porotwin_core.units import to_ml_h
 from porotwin_msgs.msg import (
     CleanState,
@@ -198,15 +197,9 @@ def hub() -> Iterator[Hub]:
     context = rclpy.Context()
     rclpy.init(context=context)
     node = Hub(context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    spinning = threading.Thread(target=executor.spin, daemon=True)
-    spinning.start()
+    thread = NodeThread(node)
     yield node
-    executor.shutdown()
-    spinning.join(10)
-    node.destroy_node()
-    rclpy.shutdown(context=context)
+    thread.end()
 
 
 def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_path) -> None:

@@ -1,6 +1,5 @@
 """Tests of the node of the pumps, with simulated pumps on a pseudo-terminal."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,7 +8,6 @@ import pytest
 import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
@@ -17,7 +15,7 @@ pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin'
 from new_era_simulator import PumpLine
 
 from porotwin_core import conversions, qos
-from porotwin_core.node import until_shutdown
+from porotwin_core.node_thread import NodeThread
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_msgs.msg import Outcome, Setpoint, WellRates
@@ -53,15 +51,12 @@ class Rack:
         self.health: list[str] = []
         self.guard.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
         self.guard.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, 10)
-        for node in (self.pumps, self.guard):
-            threading.Thread(target=self._spin, args=(context, node), daemon=True).start()
+        self._thread = NodeThread(self.pumps, self.guard, threads=2)
         self.wait_until(self.control.service_is_ready)
 
-    def _spin(self, context: rclpy.Context, node: rclpy.node.Node) -> None:
-        executor = SingleThreadedExecutor(context=context)
-        executor.add_node(node)
-        with until_shutdown(context):
-            executor.spin()
+    def close(self) -> None:
+        self._thread.end()
+        self.line.unplug()
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self.health += [status.message for status in message.status]
@@ -99,8 +94,7 @@ def rack(domain: int, tmp_path: Path) -> Iterator[Rack]:
     rclpy.init(context=context, domain_id=domain)
     made = Rack(context, tmp_path)
     yield made
-    rclpy.try_shutdown(context=context)
-    made.line.unplug()
+    made.close()
 
 
 def test_setpoints_are_pumped_measured_and_end_in_safe_rates(rack: Rack) -> None:

@@ -21,11 +21,11 @@ from porotwin_rig.made_experiment import make_experiment
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import CompressedImage  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import CleanState, Outcome, Setpoint, WellRates  # noqa: E402
 from porotwin_msgs.srv import Control, Ping  # noqa: E402
 from porotwin_rig import virtual_rig_node  # noqa: E402
@@ -45,9 +45,9 @@ class Twin:
         self.outcomes: dict[float, Outcome] = {}
         self.finished = threading.Event()
         self._answers = answers
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context)
-        self.node = rclpy.create_node('guard', namespace=namespace, context=self._context)
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        self.node = rclpy.create_node('guard', namespace=namespace, context=context)
         self._control = self.node.create_client(Control, 'asset/control')
         self.ping = self.node.create_client(Ping, 'asset/ping')
         listen = self.node.create_subscription
@@ -61,23 +61,10 @@ class Twin:
         listen(WellRates, 'wells/measured', self._on_rates, qos.FIELD)
         listen(Clock, '/clock', self._on_clock, 10)
         listen(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while self._context.ok() and self.node.handle is not None:
-            try:
-                self._executor.spin_once(timeout_sec=0.1)
-            except Exception:
-                if self._context.ok():
-                    raise
-                return
+        self._thread = NodeThread(self.node)
 
     def close(self) -> None:
-        rclpy.try_shutdown(context=self._context)
-        self._thread.join(5.0)
+        self._thread.end()
 
     def _keep(self, kind: str, message: Any) -> None:
         self.messages.append((kind, conversions.time_from_msg(message.header.stamp), message))

@@ -1,6 +1,5 @@
 """The node of the siblings, called over DDS in the same process."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,11 +15,10 @@ from porotwin_core.wells import RateStep, WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from rclpy.executors import MultiThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
-from porotwin_core.node import until_shutdown  # noqa: E402
+from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
 from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
@@ -35,12 +33,12 @@ class Beside:
     """The node, and another one that stands for all its neighbours, the solver among them."""
 
     def __init__(self, domain: int) -> None:
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=domain)
         given = {'rig': str(RIG), 'grid': '40x24', 'cells': 330, 'horizon_s': 1200.0}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
-        self.node = SiblingsNode(context=self.context, parameter_overrides=overrides)
-        self.other = rclpy.create_node('solver', context=self.context)
+        self.node = SiblingsNode(context=context, parameter_overrides=overrides)
+        self.other = rclpy.create_node('solver', context=context)
         self.forecasts: list[Forecast] = []
         self.other.create_subscription(
             Forecast, 'siblings/forecast', self.forecasts.append, qos.FIELD
@@ -50,16 +48,7 @@ class Beside:
         self.effects = self.other.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
         self.client = self.other.create_client(WhatIf, 'siblings/what_if')
         self.judges = self.other.create_client(CostGradient, 'siblings/cost_gradient')
-        executor = MultiThreadedExecutor(4, context=self.context)
-        executor.add_node(self.node)
-        executor.add_node(self.other)
-
-        def spin() -> None:
-            with until_shutdown(self.context):
-                executor.spin()
-
-        self.thread = threading.Thread(target=spin, daemon=True)
-        self.thread.start()
+        self._thread = NodeThread(self.node, self.other, threads=4)
 
     def wait(self, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + PATIENCE_S
@@ -101,8 +90,7 @@ class Beside:
         return future.result()
 
     def close(self) -> None:
-        rclpy.shutdown(context=self.context)
-        self.thread.join(timeout=PATIENCE_S)
+        self._thread.end()
 
 
 @pytest.fixture

@@ -1,0 +1,51 @@
+"""Spins nodes in a thread of its own, beside the work of a command or a test."""
+
+import threading
+
+import rclpy
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from porotwin_core.node import END_S, until_shutdown
+
+
+class NodeThread:
+    """Calls the callbacks of nodes of one context until `end`."""
+
+    def __init__(self, *nodes: Node, threads: int = 1) -> None:
+        """Start the thread.
+
+        Args:
+            nodes: at least one node; `executor.add_node` takes more of the same context.
+            threads: number of threads that run callbacks.
+        """
+        context = nodes[0].context
+        self.executor: Executor = (
+            SingleThreadedExecutor(context=context)
+            if threads == 1
+            else MultiThreadedExecutor(num_threads=threads, context=context)
+        )
+        for node in nodes:
+            self.executor.add_node(node)
+        self._ended: Future = Future()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        with until_shutdown(self.executor.context):
+            self.executor.spin_until_future_complete(self._ended)
+
+    def end(self) -> None:
+        """End the thread, then the nodes, then their context.
+
+        rclpy may wait forever if a context ends while another thread waits for its messages, or
+        before its nodes.
+        """
+        self._ended.set_result(None)
+        self._thread.join(END_S)
+        nodes = self.executor.get_nodes()
+        self.executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown(context=self.executor.context)
