@@ -8,6 +8,7 @@ from diagnosis_examples import (
     DENSER,
     candidate,
     commanded,
+    denser_sand,
     quiet,
     recorded,
     sample_of,
@@ -21,7 +22,7 @@ from porotwin_diagnosis.model.forward import Forward
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_validation.blind_cases import SMALL
 
-__all__ = ['quiet']
+__all__ = ['denser_sand', 'quiet']
 
 
 @pytest.fixture
@@ -48,12 +49,6 @@ def chasing(tmp_path_factory) -> Path:
     """The same sand; another well drives the tracer on."""
     folder = tmp_path_factory.mktemp('chasing') / 'chasing'
     return recorded(folder, DENSER, rates=CHASE, duration=2160, seed=4, grid=SMALL.grid(62, 37))
-
-
-@pytest.fixture(scope='session')
-def denser_sand(tmp_path_factory) -> Path:
-    """A recording whose porosity is 12 % lower than nominal; no test here searches all effects."""
-    return recorded(tmp_path_factory.mktemp('porosity') / 'recording', DENSER)
 
 
 @pytest.fixture(scope='session')
