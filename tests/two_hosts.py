@@ -5,6 +5,7 @@ As a program it measures what a cut cable does: python tests/two_hosts.py [SECON
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -83,7 +84,7 @@ class Hosts:
     def remove(self) -> None:
         """End all processes and remove both hosts."""
         for process in self._running:
-            process.kill()
+            os.killpg(process.pid, signal.SIGKILL)  # with what the command has started
             process.wait()
         for namespace in self.names.values():
             subprocess.run(['ip', 'netns', 'del', namespace], check=False, capture_output=True)
@@ -99,6 +100,7 @@ class Hosts:
                     env={**os.environ, **environment},
                     stdout=file,
                     stderr=subprocess.STDOUT,
+                    start_new_session=True,
                 )
             )
 
