@@ -9,8 +9,6 @@ from porotwin_cli.terminal import say
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.networks import architecture as architecture_called
 from porotwin_hub.graph import GraphSettings, live_graph
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.processes import GraphProcesses
@@ -51,10 +49,15 @@ def check_early(
     preset_named(preset)
     if rig.control is not None:
         make_objective(rig, grid)
-    architecture_called(architecture)
+    if architecture:
+        from porotwin_costa.networks import architecture as architecture_called  # loads torch
+
+        architecture_called(architecture)
     if calibration is not None:
         load_calibration(calibration).check_rig(rig)
     if model is not None:
+        from porotwin_costa.corrective_model import CorrectiveModel  # loads torch
+
         learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
         if learned.doubt:
             say(f'{model}: {learned.doubt}')

@@ -38,6 +38,11 @@ def test_up_checks_arguments_before_it_starts_a_node(
     assert not output.exists()
 
 
+def test_a_twin_without_a_network_starts_without_torch() -> None:
+    script = "import sys, porotwin_cli.live_twin; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, '-c', script], check=False).returncode == 0
+
+
 def test_up_checks_a_parameter_file_before_it_starts_a_node(
     experiment: Path, tmp_path: Path
 ) -> None:
