@@ -26,6 +26,7 @@ from porotwin_core.single_instance import only_one
 from porotwin_core.units import DAY_S
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
+from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.retraining import Retraining
 from porotwin_msgs.action import Train
@@ -82,11 +83,8 @@ class TrainerNode(Node):
             'architecture',
             '',
             'network to train; empty: the choice of the node costa',
+            choices=('', *ARCHITECTURES),
         )
-        if self._architecture:
-            from porotwin_costa.networks import architecture  # loads torch
-
-            architecture(self._architecture)
         self._output = declare(self, 'output', '', 'file for the weights; empty: none')
         self._seed = declare(
             self, 'seed', 1, 'seed of the training', at_least=0, at_most=LARGEST_SEED
