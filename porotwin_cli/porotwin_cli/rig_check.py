@@ -42,7 +42,7 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import Recording
 from porotwin_solver.background_flux import background_flux
 from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
-from porotwin_solver.effects.water_level import true_levels
+from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.prediction_cost import (
     PredictionCost,
@@ -163,7 +163,7 @@ def check(
 def _with_true_levels(rig: Rig) -> Rig:
     """Return `rig` with the heads that its effects make; as it is if one of them is refused."""
     try:
-        return rig.model_copy(update={'boundaries': true_levels(rig)})
+        return with_true_levels(rig)
     except InputError:
         return rig
 

@@ -2,7 +2,7 @@
 
 from porotwin_core.rig import Rig
 from porotwin_core.rig.oddities import remarks_about_heads
-from porotwin_solver.effects.water_level import true_levels
+from porotwin_solver.effects.water_level import with_true_levels
 
 
 def odd_heads(rig: Rig) -> list[str]:
@@ -11,8 +11,7 @@ def odd_heads(rig: Rig) -> list[str]:
     Its effects count. Where the heads of two sides jump in a corner, no rate between these sides
     can be trusted.
     """
-    boundaries = true_levels(rig)
-    if not boundaries.raised_heads:
+    levelled = with_true_levels(rig)
+    if not levelled.boundaries.raised_heads:
         return []
-    levelled = rig.model_copy(update={'boundaries': boundaries})
     return [str(remark) for remark in remarks_about_heads(levelled)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from porotwin_core.effect_limits import MOST_WATER_LEVEL
 from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.rig import SIDES, Boundaries, Rig, SideName
+from porotwin_core.rig import SIDES, Rig, SideName
 from porotwin_core.units import conductivity_of
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
@@ -34,8 +34,8 @@ def raise_water(physics: Physics, values: Values) -> Physics:
     return replace(physics, boundaries=physics.boundaries.with_water_raised(_rises(values)))
 
 
-def true_levels(rig: Rig) -> Boundaries:
-    """Return the boundaries of `rig` with the heads that its effects `water_level` make.
+def with_true_levels(rig: Rig) -> Rig:
+    """Return `rig` with the heads that its effects `water_level` make.
 
     Raises:
         InputError: one of them has a wrong parameter, or raises the water beyond a closed side.
@@ -44,7 +44,7 @@ def true_levels(rig: Rig) -> Boundaries:
     for described in rig.effects:
         if described.name == EFFECT.name:
             boundaries = boundaries.with_water_raised(_rises(EFFECT.checked(described.parameters)))
-    return boundaries
+    return rig.model_copy(update={'boundaries': boundaries})
 
 
 def _rises(values: Values) -> dict[SideName, float]:
