@@ -214,3 +214,15 @@ def test_the_fingerprint_of_a_map_depends_on_its_numbers_alone(tmp_path: Path) -
     assert first == same != other
     write_rig(rigs[0], tmp_path / 'rig.yaml')
     assert load_rig(tmp_path).physics_fingerprint == first
+
+
+def test_keys_that_differ_are_named() -> None:
+    first = parse_rig(SMALL, Path('rig.yaml'))
+    second = parse_rig(SMALL | {'name': 'other', 'porosity': 0.376}, Path('rig.yaml'))
+    assert first.keys_that_differ(second) == ['porosity']
+    plain = {key: SMALL[key] for key in SMALL if key != 'porosity'}
+    one, same, other = (
+        rig_from_maps(plain, {'porosity': np.full((3, 4), value)}) for value in (0.3, 0.3, 0.31)
+    )
+    assert one.keys_that_differ(same) == []
+    assert one.keys_that_differ(other) == ['porosity']

@@ -77,6 +77,7 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
             f'{path}: recorded with other interfaces ({error}); read it with the version of '
             'PoroTwin that made it'
         ) from None
+    replaced = None if rig is None else collector.rig
     if rig is None:
         rig = collector.rig
     if rig is None:
@@ -91,6 +92,7 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
         maps=_maps(bag, chosen, start, rig),
         photos=_photos(bag, chosen, start),
         remarks=tuple(bag.remarks),
+        replaced_rig=replaced,
     )
 
 

@@ -63,6 +63,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; name an experiment folder')
+    replaced = None if rig is None else _rig_in(folder)
     if rig is None:
         rig = load_rig(folder)
     commanded, measured = folder / COMMANDED_FILE, folder / MEASURED_FILE
@@ -86,7 +87,16 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
         remarks=(*_unfinished(folder), *_untold_photographs(folder)),
+        replaced_rig=replaced,
     )
+
+
+def _rig_in(folder: Path) -> Rig | None:
+    """Return the rig that `folder` describes; None if it has no description that can be read."""
+    try:
+        return load_rig(folder)
+    except InputError:
+        return None
 
 
 def is_unfinished(folder: Path) -> bool:

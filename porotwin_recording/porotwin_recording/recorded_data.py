@@ -21,6 +21,7 @@ class RecordedData:
         maps: tracer maps, read from disk on demand; None where there are none.
         photos: photographs, ordered by time.
         remarks: faults of the recording that did not prevent reading it, one line each.
+        replaced_rig: the description that the recording holds, if `rig` was given instead.
     """
 
     rig: Rig
@@ -29,3 +30,4 @@ class RecordedData:
     maps: ConcentrationMaps | None = None
     photos: tuple[Photo, ...] = ()
     remarks: tuple[str, ...] = ()
+    replaced_rig: Rig | None = None

@@ -163,6 +163,8 @@ def open_recording(
     if not is_folder:  # read_folder has told them
         for remark in remarks_about_times(data):
             LOG.warning('%s: %s', path, remark)
+    if data.replaced_rig and (keys := data.rig.keys_that_differ(data.replaced_rig)):
+        LOG.warning('%s: read with another rig.yaml, which differs in %s', path, ', '.join(keys))
     return Recording(source=path, **vars(data))
 
 

@@ -7,6 +7,7 @@ from recording_examples import bench_experiment, bench_rig, controlled_rig
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate
+from porotwin_recording.bag_conversion import import_experiment
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recording import Recording, open_recording
 
@@ -60,9 +61,24 @@ def test_a_bag_without_maps_becomes_a_folder_first() -> None:
     assert './porotwin image FOLDER --output FOLDER/concentration.nc' in line
 
 
-def test_a_given_rig_replaces_the_recorded_one(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize('as_bag', [False, True])
+def test_a_given_rig_replaces_the_recorded_one_with_a_line(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, *, as_bag: bool
+) -> None:
+    source = folder
+    if as_bag:
+        source = tmp_path / 'bag'
+        import_experiment(folder, source)
+    assert open_recording(source, rig=bench_rig()).rig == bench_rig()
+    assert not caplog.messages
     other = bench_rig().model_copy(update={'porosity': 0.5})
-    assert open_recording(folder, rig=other).rig.porosity == 0.5
+    assert open_recording(source, rig=other).rig.porosity == 0.5
+    assert caplog.messages == [f'{source}: read with another rig.yaml, which differs in porosity']
+
+
+def test_a_rig_replaces_a_description_that_cannot_be_read(folder: Path) -> None:
+    (folder / 'rig.yaml').write_text('width_m: [')
+    assert open_recording(folder, rig=bench_rig()).rig == bench_rig()
 
 
 def test_a_path_that_does_not_exist_is_named(tmp_path: Path) -> None:

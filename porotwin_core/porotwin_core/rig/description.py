@@ -291,6 +291,18 @@ class Rig(Section):
         digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
         return digest[:FINGERPRINT_LENGTH]
 
+    def keys_that_differ(self, other: 'Rig') -> list[str]:
+        """Return the keys of rig.yaml, without the name, whose values or maps differ."""
+        own, others = (rig.model_dump(mode='json', exclude={'name'}) for rig in (self, other))
+        differing = [key for key, value in own.items() if value != others[key]]
+        maps = [
+            key
+            for key, values in self._nominal_maps.items()
+            if key not in differing
+            and not np.array_equal(values, other._nominal_maps.get(key, np.empty(0)))
+        ]
+        return differing + maps
+
     def with_effects(self, effects: Iterable[EffectDescription]) -> Self:
         """Return this rig with additional `effects`."""
         return self.model_copy(update={'effects': (*self.effects, *effects)})
