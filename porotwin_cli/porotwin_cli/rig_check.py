@@ -19,6 +19,7 @@ from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
@@ -55,9 +56,6 @@ LITTLE_INJECTED = 0.01
 
 STEP_TOLERANCE_ML_H = 1e-3
 """Difference from a step of the pump that is rounding [ml/h]: far below any display."""
-
-USUAL_INTERVAL_S = 30.0
-"""Time between photographs where no recording tells it [s]."""
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -176,13 +174,13 @@ def resting_water(rig: Rig) -> bool:
 def recorded_interval(data: RecordedData | None) -> PhotoInterval:
     """Return the usual time between the photographs of a recording, or between its maps."""
     if data is None:
-        return PhotoInterval(USUAL_INTERVAL_S)
+        return PhotoInterval(USUAL_PHOTO_INTERVAL_S)
     maps = [] if data.maps is None else data.maps.times.tolist()
     states = [photo.time for photo in data.photos if photo.role == 'state']
     for times, origin in ((states, 'photographs'), (maps, 'maps')):
         if len(times) > 1 and (step := float(np.median(np.diff(times)))) > 0.0:
             return PhotoInterval(step, f', as between the recorded {origin},')
-    return PhotoInterval(USUAL_INTERVAL_S)
+    return PhotoInterval(USUAL_PHOTO_INTERVAL_S)
 
 
 def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
@@ -313,7 +311,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     The effects of the rig count.
     """
     physics = described_physics(rig, grid)
-    if physics.boundaries.jumps_in_a_corner:
+    if physics.boundaries.corners_with_a_jump:
         return 'heads: the rate between sides that meet in a corner is not determined'
     flux = background_flux(physics)
     if flux is None:

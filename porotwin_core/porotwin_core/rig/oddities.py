@@ -134,20 +134,17 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
     if given and not raised:
         why = 'water flows only between open sides with different heads'
         yield Remark(key, f'{min(given.values()):g} m everywhere', why, 'correct or remove it')
-    for (one, head), (other, lower) in itertools.combinations(raised.items(), 2):
-        apart, sides = abs(head - lower), {one, other}
-        across = sides == {'left', 'right'}
-        if not across and sides != {'top', 'bottom'}:
-            if apart > 0.0:
-                why = f'the {one} and the {other} side meet in a corner, where their heads jump'
-                remedy = (
-                    'the rate between them grows with the number of cells: trust no flow near '
-                    'this corner, or close one of the two sides'
-                )
-                yield Remark(key, f'{apart:g} m apart', why, remedy)
-            continue
-        size = rig.width_m if across else rig.height_m
-        if apart > STEEP * size:
+    for one, other in rig.boundaries.corners_with_a_jump:
+        apart = abs(raised[one] - raised[other])
+        why = f'the {one} and the {other} side meet in a corner, where their heads jump'
+        remedy = (
+            'the rate between them grows with the number of cells: trust no flow near '
+            'this corner, or close one of the two sides'
+        )
+        yield Remark(key, f'{apart:g} m apart', why, remedy)
+    for one, other, size in (('left', 'right', rig.width_m), ('bottom', 'top', rig.height_m)):
+        apart = abs(raised.get(one, 0.0) - raised.get(other, 0.0))
+        if one in raised and other in raised and apart > STEEP * size:
             why = f'the water falls by {apart:g} m over the {size:g} m between the two sides'
             far = apart > MOST_GRADIENT * size
             yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)

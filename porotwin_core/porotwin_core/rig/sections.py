@@ -136,15 +136,17 @@ class Boundaries(Section):
         return raised if any(raised.values()) else {}
 
     @property
-    def jumps_in_a_corner(self) -> bool:
-        """Whether two open sides that meet have different heads: no rate between them is right."""
+    def corners_with_a_jump(self) -> list[tuple[SideName, SideName]]:
+        """Pairs of open sides that meet and have different heads: no rate between them is right."""
         raised = self.raised_heads
-        return any(
-            raised[one] != raised[other]
-            for one in ('top', 'bottom')
-            for other in ('left', 'right')
-            if one in raised and other in raised
-        )
+        corners: list[tuple[SideName, SideName]] = [
+            (one, other) for one in ('top', 'bottom') for other in ('left', 'right')
+        ]
+        return [
+            (one, other)
+            for one, other in corners
+            if one in raised and other in raised and raised[one] != raised[other]
+        ]
 
     def with_water_raised(self, rises: Mapping[SideName, float]) -> Self:
         """Return the conditions after the water beyond open sides rose by `rises` [m].
