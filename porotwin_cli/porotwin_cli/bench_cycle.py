@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_cli.workspace import small_rig
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig
 from porotwin_hub.controller import Controller
 from porotwin_hub.cycle import Observation
@@ -14,9 +15,6 @@ from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Twin
 from porotwin_solver.model import Model
-
-PHOTO_INTERVAL_S = 30.0
-"""Time between photographs [s]."""
 
 HORIZON_S = 1800.0
 EVALUATIONS = 60
@@ -47,7 +45,7 @@ def _row(nx: int, nz: int) -> dict[str, Any]:
     twin = Twin(
         model,
         no_correction,
-        photo_interval=PHOTO_INTERVAL_S,
+        photo_interval=USUAL_PHOTO_INTERVAL_S,
         controller=Controller(
             Limits.of(rig), make_objective(rig, grid), horizon=HORIZON_S, evaluations=EVALUATIONS
         ),
@@ -57,7 +55,7 @@ def _row(nx: int, nz: int) -> dict[str, Any]:
     evaluations = []
     for number in range(CYCLES):
         begun = time.perf_counter()
-        cycle = twin.cycle(Observation(number * PHOTO_INTERVAL_S, state))
+        cycle = twin.cycle(Observation(number * USUAL_PHOTO_INTERVAL_S, state))
         seconds.append(time.perf_counter() - begun)
         assert cycle.forecast is not None
         assert cycle.decision is not None
@@ -69,5 +67,5 @@ def _row(nx: int, nz: int) -> dict[str, Any]:
         'cycle, median [s]': round(median, 3),
         'longest [s]': round(max(seconds), 3),
         'predictions': round(float(np.mean(evaluations)), 1),
-        'times faster than photographs': round(PHOTO_INTERVAL_S / median, 1),
+        'times faster than photographs': round(USUAL_PHOTO_INTERVAL_S / median, 1),
     }

@@ -19,6 +19,7 @@ from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.conversions import time_from_msg
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.ros_environment import claim_domain, prepare_environment
 from porotwin_hub.graph import GraphSettings, live_graph
@@ -31,9 +32,6 @@ from porotwin_rig.virtual_rig import VirtualRig
 
 WIDTH_PX = 7600
 """Width of the photographs [px]: 36 megapixels."""
-
-PHOTO_INTERVAL_S = 30.0
-"""Time between photographs [s]."""
 
 FIRST_PLUME_S = 1500.0
 """Age of the plume in the first photograph [s]: half way to the zone."""
@@ -111,7 +109,7 @@ def run(photographs: int = 10) -> list[dict[str, Any]]:
         settings = GraphSettings(
             rig=folder / 'rig.yaml',
             photos=camera.folder,
-            photo_interval_s=PHOTO_INTERVAL_S,
+            photo_interval_s=USUAL_PHOTO_INTERVAL_S,
             siblings=True,
             record=folder / 'bag',
             diagnoses=folder / 'diagnoses',
@@ -136,7 +134,7 @@ def _warm_up(camera: '_Camera', arrivals: Arrivals) -> None:
     """
     begin = time.monotonic()
     while time.monotonic() - begin < START_S:
-        if arrivals.wait(camera.put_next(), PHOTO_INTERVAL_S):
+        if arrivals.wait(camera.put_next(), USUAL_PHOTO_INTERVAL_S):
             return
     raise WorkFailed(f'no setpoint within {START_S:g} s of the start')
 
@@ -154,7 +152,7 @@ def _put_in_turn(camera: '_Camera', arrivals: Arrivals, count: int) -> Iterator[
             if not arrivals.wait(put, PATIENCE_S):
                 raise WorkFailed(f'no setpoint within {PATIENCE_S:g} s of a photograph')
             yield put
-            time.sleep(max(0.0, begin + PHOTO_INTERVAL_S - time.monotonic()))
+            time.sleep(max(0.0, begin + USUAL_PHOTO_INTERVAL_S - time.monotonic()))
 
 
 class _Camera:
@@ -184,7 +182,7 @@ class _Camera:
 
     def put_next(self) -> Put:
         """Put the next photograph into the folder."""
-        self._asset.advance(PHOTO_INTERVAL_S)
+        self._asset.advance(USUAL_PHOTO_INTERVAL_S)
         grid = self._asset.rig.default_grid(0.5 * 0.005)
         signal = signal_seen(self._asset, grid, time=self._asset.time)
         return self._put(lambda: self.photographer.photograph(signal, time=self._asset.time))

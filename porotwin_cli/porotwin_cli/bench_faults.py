@@ -11,7 +11,6 @@ from porotwin_cli.endurance import (
     HOUR_S,
     MEGABYTE,
     MOST_GROWTH,
-    PHOTO_INTERVAL_S,
     Kills,
     growth,
     kill_nodes,
@@ -20,6 +19,7 @@ from porotwin_cli.endurance import (
 )
 from porotwin_cli.fuzzing import READERS, fuzz
 from porotwin_cli.terminal import progress, say
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 KILLS = 100
 HOURS = 24.0
@@ -38,7 +38,7 @@ NODES = 9
 
 def estimate_s(kills: int, hours: float, tries: int) -> float:
     """Return about how long the benchmark takes [s]."""
-    photographs = hours * HOUR_S / PHOTO_INTERVAL_S
+    photographs = hours * HOUR_S / USUAL_PHOTO_INTERVAL_S
     return (
         SECONDS_PER_PHOTOGRAPH * photographs
         + SECONDS_PER_KILL * kills * NODES
@@ -68,7 +68,7 @@ def _node_rows(kills: int, hours: float, seed: int) -> list[dict[str, Any]]:
     if hours <= 0.0:
         return []
     # the experiment goes on while nodes are killed
-    reserve = kills * NODES * SECONDS_PER_KILL * 2.0 * PHOTO_INTERVAL_S / HOUR_S
+    reserve = kills * NODES * SECONDS_PER_KILL * 2.0 * USUAL_PHOTO_INTERVAL_S / HOUR_S
     with long_run(hours + reserve + 1.0, seed) as twin:
         memory = {node: growth(values) for node, values in read_memory(twin, hours).items()}
         killed = kill_nodes(twin, kills, seed)

@@ -20,6 +20,7 @@ from porotwin_cli.run_pictures import course_picture, plume_picture
 from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import EffectDescription, Rig, load_rig, write_rig
 from porotwin_core.ros_environment import claim_domain
 from porotwin_hub.graph import (
@@ -40,9 +41,6 @@ from porotwin_rig.pumps import Pumps
 from porotwin_rig.session import parse_speed
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import preset_named
-
-PHOTO_INTERVAL_S = 30.0
-"""Time between photographs [s]."""
 
 PRODUCER_DELIVERY = 0.99
 """Share of its commanded rate that the producer's pump delivers (paper, section 4)."""
@@ -136,7 +134,7 @@ class DemoSettings:
     @property
     def photographs(self) -> int:
         """Number of photographs under control."""
-        return round(self.minutes * 60.0 / PHOTO_INTERVAL_S) + 1
+        return round(self.minutes * 60.0 / USUAL_PHOTO_INTERVAL_S) + 1
 
     def check(self) -> None:
         """Check the options that are text.
@@ -182,7 +180,7 @@ def _graph(rig_file: Path, folder: Path, settings: DemoSettings) -> GraphSetting
     return GraphSettings(
         rig=rig_file,
         preset=settings.preset,
-        photo_interval_s=PHOTO_INTERVAL_S,
+        photo_interval_s=USUAL_PHOTO_INTERVAL_S,
         record=folder / 'bag',
         page=settled(settings.page) if settings.page else '',
         page_token=folder / 'page_token' if settings.page else None,
@@ -241,7 +239,7 @@ def _prepare_camera_and_model(
         rig,
         folder,
         calibration,
-        photo_interval=PHOTO_INTERVAL_S,
+        photo_interval=USUAL_PHOTO_INTERVAL_S,
         seed=settings.seed,
         preset=settings.preset,
         photo_width=settings.photo_width,
@@ -395,7 +393,8 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
         (
             'state to setpoint, median [s]',
             f'{figures["cycle_median_s"]:.2f}',
-            f'at most {figures["cycle_longest_s"]:.2f}; {PHOTO_INTERVAL_S:g} between photographs',
+            f'at most {figures["cycle_longest_s"]:.2f}; photographs every '
+            f'{USUAL_PHOTO_INTERVAL_S:g} s',
         ),
         ('photographs', figures['photographs'], f'{figures["remarks"]} remarks in the bag'),
     ]

@@ -22,6 +22,7 @@ import psutil
 from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.ros_environment import claim_domain, prepare_environment
 from porotwin_core.units import HOUR_S
@@ -34,7 +35,6 @@ ASSET = 'virtual_rig'
 
 GRID = '94x56'
 PHOTO_WIDTH_PX = 640
-PHOTO_INTERVAL_S = 30.0
 EVALUATIONS = 8
 """A light twin: its nodes keep the same data as a heavy one, per photograph."""
 
@@ -144,7 +144,7 @@ def _nodes(folder: Path, hours: float, seed: int) -> list[NodeDescription]:
         rig=folder / 'rig.yaml',
         grid=GRID,
         evaluations=EVALUATIONS,
-        photo_interval_s=PHOTO_INTERVAL_S,
+        photo_interval_s=USUAL_PHOTO_INTERVAL_S,
         record=folder / 'bag',
         diagnoses=folder / 'diagnoses',
         page='127.0.0.1:0',
@@ -156,7 +156,7 @@ def _nodes(folder: Path, hours: float, seed: int) -> list[NodeDescription]:
         'virtual_rig_node',
         {
             'rig': str(settings.rig),
-            'photo_interval_s': PHOTO_INTERVAL_S,
+            'photo_interval_s': USUAL_PHOTO_INTERVAL_S,
             'duration_s': hours * HOUR_S,
             'seed': seed,
             'photo_width_px': PHOTO_WIDTH_PX,
@@ -208,7 +208,7 @@ def growth(readings: list[tuple[float, float]]) -> Growth:
     end_time, end = readings[-1]
     warm_from = min(WARM_S, 0.5 * end_time)
     warm_time, warm = next(item for item in readings if item[0] >= warm_from)
-    photographs = max(1.0, (end_time - warm_time) / PHOTO_INTERVAL_S)
+    photographs = max(1.0, (end_time - warm_time) / USUAL_PHOTO_INTERVAL_S)
     return Growth(warm, end, 1000.0 * (end - warm) / photographs)
 
 
@@ -234,9 +234,9 @@ def kill_nodes(run: LongRun, count: int, seed: int) -> dict[str, Kills]:
             begun, moment = time.monotonic(), run.time
             run.processes.process(node).send_signal(signal.SIGKILL)
             found[node].count += 1
-            if run.wait_until(moment + PHOTO_INTERVAL_S, limit=STALL_S, control=True) and _back(
-                run, node
-            ):
+            if run.wait_until(
+                moment + USUAL_PHOTO_INTERVAL_S, limit=STALL_S, control=True
+            ) and _back(run, node):
                 found[node].recoveries.append(time.monotonic() - begun)
             else:
                 found[node].failures += 1

@@ -25,6 +25,11 @@ from porotwin_core.grid import Grid
 from porotwin_core.node_health import NodeHealth
 from porotwin_core.parameter_rule import ParameterRule
 from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
+from porotwin_core.photo_interval import (
+    LONGEST_PHOTO_INTERVAL_S,
+    SHORTEST_PHOTO_INTERVAL_S,
+    USUAL_PHOTO_INTERVAL_S,
+)
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros_environment import check_environment
@@ -138,6 +143,31 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
     """
     text = declare(node, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
     return chosen_grid(text, rig)
+
+
+def declare_photo_interval(
+    node: Node, *, also: str = '', on_change: OnChangeFn | None = None
+) -> float:
+    """Declare the parameter `photo_interval_s` and return the time between photographs [s].
+
+    Args:
+        node: the node.
+        also: what else follows from it in this node, one clause for people.
+        on_change: as in `declare`.
+
+    Raises:
+        InputError: the value is no time that a camera keeps.
+    """
+    interval: float = declare(
+        node,
+        'photo_interval_s',
+        USUAL_PHOTO_INTERVAL_S,
+        'time between photographs [s]' + also,
+        at_least=SHORTEST_PHOTO_INTERVAL_S,
+        at_most=LONGEST_PHOTO_INTERVAL_S,
+        on_change=on_change,
+    )
+    return interval
 
 
 class Diagnostics:

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
@@ -40,10 +40,7 @@ class GuardNode(Node):
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('guard', **kwargs)
-        interval = declare(
-            self, 'photo_interval_s', 30.0, 'time between photographs [s]', at_least=0.1,
-            at_most=86400.0,
-        )  # fmt: skip
+        interval = declare_photo_interval(self)
         self._guard = Guard(declare_rig(self), photo_interval=interval)
         self._patience = declare(
             self, 'asset_timeout_s', 10.0, 'longest wait for the pumps [s]', at_least=0.1,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
 from porotwin_hub.parameter_file import known_rules, template, with_parameters
@@ -52,7 +53,7 @@ class GraphSettings:
     model: Path | None = _option(None, 'COSTA model to load; none: forecasts are not corrected')
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', f'scheme of the physics-based model: {PRESET_WORDS}')
-    photo_interval_s: float = _option(30.0, 'time between photographs [s]')
+    photo_interval_s: float = _option(USUAL_PHOTO_INTERVAL_S, 'time between photographs [s]')
     horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
     siblings: bool = _option(False, 'forecast with bands, and answer what-if')

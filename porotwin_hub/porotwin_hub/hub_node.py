@@ -18,12 +18,18 @@ from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.model_effects import ToldEffects, follow_effects
-from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.node import (
+    Diagnostics,
+    declare,
+    declare_grid,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
-from porotwin_core.units import DAY_S
 from porotwin_hub.clients import (
     Caller,
     DataDrivenModelClient,
@@ -93,14 +99,7 @@ class HubNode(Node):
         self._numbers = StateNumbers()
         self._known_limits = Limits.of(rig) if rig.control is not None else None
         self._simulated = bool(self.get_parameter('use_sim_time').value)
-        interval = declare(
-            self,
-            'photo_interval_s',
-            30.0,
-            'time between photographs [s]',
-            at_least=0.1,
-            at_most=DAY_S,
-        )
+        interval = declare_photo_interval(self)
         self._call = Caller(self, timeout=self._declare_timeout())
         self._planning = PlannerParameters(
             self, rig, self._grid, self._call, interval=interval, simulated=self._simulated

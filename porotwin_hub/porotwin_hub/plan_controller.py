@@ -23,6 +23,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
@@ -121,7 +122,7 @@ class PlanController:
     model: PlanModel
     cells: tuple[int, int]
     horizon: float
-    interval: float = 30.0
+    interval: float = USUAL_PHOTO_INTERVAL_S
     end: float | None = None
     change_cost: float = 0.0
     patience: float = math.inf

@@ -11,10 +11,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.conversions import CAMERA_FRAME, header_at
-from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.node import Diagnostics, declare, declare_photo_interval, run
 from porotwin_core.qos import BASELINE, PHOTO
 from porotwin_core.single_instance import only_one
-from porotwin_core.units import DAY_S
 from porotwin_imaging.file_names import one_line, printable
 from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
@@ -95,16 +94,7 @@ class CameraNode(Node):
             if self._takes_photographs:
                 self._schedule.interval_s = value
 
-        interval: float = declare(
-            self,
-            'photo_interval_s',
-            30.0,
-            'time between photographs [s]',
-            at_least=0.1,
-            at_most=DAY_S,
-            on_change=change,
-        )
-        return interval
+        return declare_photo_interval(self, on_change=change)
 
     def _declare_trust(self) -> Trust:
         def change(value: Trust) -> None:

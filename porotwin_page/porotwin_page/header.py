@@ -1,7 +1,8 @@
 """The header of the page: rig, newest photograph, end of the experiment, worst node."""
 
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_page.graph_snapshot import GraphSnapshot, ObservedState
-from porotwin_page.health import DEFAULT_INTERVAL, nodes_view, worst_view
+from porotwin_page.health import nodes_view, worst_view
 from porotwin_page.json_values import Json, finite
 
 STALE_AFTER_INTERVALS = 3
@@ -16,7 +17,7 @@ def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> 
         state: its observed state.
         steady: present time on this machine's steady clock [s].
     """
-    interval = snapshot.photo_interval or DEFAULT_INTERVAL
+    interval = snapshot.photo_interval or USUAL_PHOTO_INTERVAL_S
     age = steady - state.arrival
     return {
         'sequence': state.sequence,

@@ -1,5 +1,6 @@
 """The health of the nodes, in words."""
 
+from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
 from porotwin_page.json_values import Json, finite
 
@@ -14,9 +15,6 @@ SILENT_GAPS = 3.0
 
 SILENT_INTERVALS = 2.0
 """A node is silent after so many intervals between photographs."""
-
-DEFAULT_INTERVAL = 30.0
-"""Time between photographs until the second one arrives [s]."""
 
 _ORDER = {'error': 0, 'silent': 1, 'warn': 2}
 _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
@@ -34,7 +32,12 @@ def silent_after(report: Health, interval: float) -> float:
 
 
 def node_view(
-    name: str, report: Health, steady: float, *, finished: bool, interval: float = DEFAULT_INTERVAL
+    name: str,
+    report: Health,
+    steady: float,
+    *,
+    finished: bool,
+    interval: float = USUAL_PHOTO_INTERVAL_S,
 ) -> Json:
     """Return the line of one node.
 
@@ -63,7 +66,7 @@ def node_view(
 def nodes_view(snapshot: GraphSnapshot, steady: float) -> list[Json]:
     """Return the lines of all nodes, errors and warnings first; `steady` as in `node_view`."""
     finished = snapshot.finished is not None
-    interval = snapshot.photo_interval or DEFAULT_INTERVAL
+    interval = snapshot.photo_interval or USUAL_PHOTO_INTERVAL_S
     lines = [
         node_view(name, report, steady, finished=finished, interval=interval)
         for name, report in snapshot.health.items()

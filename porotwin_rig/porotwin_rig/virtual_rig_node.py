@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
 from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRate
 from porotwin_msgs.msg import CleanState, WellRates
@@ -55,7 +55,7 @@ class VirtualRigNode(Node):
         super().__init__('virtual_rig', **kwargs)
         self.set_parameters([Parameter('use_sim_time', value=True)])
         rig = declare_rig(self)
-        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        interval = declare_photo_interval(self)
         duration = declare(self, 'duration_s', 4800.0, 'end of the experiment [s]')
         self._start = declare(
             self, 'start_s', 0.0, 'time of the first photograph; safe rates until then [s]'

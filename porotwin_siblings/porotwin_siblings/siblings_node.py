@@ -23,14 +23,21 @@ from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.grid import Grid
 from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.node import (
+    Diagnostics,
+    declare,
+    declare_grid,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
 from porotwin_core.rates_in_force import LONGEST_GAP_INTERVALS, KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
-from porotwin_core.units import DAY_S, MINUTE_S
+from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
@@ -107,14 +114,8 @@ class SiblingsNode(Node):
             at_least=60.0,
             at_most=LONGEST_HORIZON_S,
         )
-        self._longest_gap = LONGEST_GAP_INTERVALS * declare(
-            self,
-            'photo_interval_s',
-            30.0,
-            f'time between photographs [s]; after {LONGEST_GAP_INTERVALS} without one, forecasts '
-            'begin anew',
-            at_least=0.1,
-            at_most=DAY_S,
+        self._longest_gap = LONGEST_GAP_INTERVALS * declare_photo_interval(
+            self, also=f'; after {LONGEST_GAP_INTERVALS} without one, forecasts begin anew'
         )
         self._judges = declare(
             self,

@@ -1,0 +1,9 @@
+"""The time between photographs that is assumed where nobody gives one, and the times allowed."""
+
+from porotwin_core.units import DAY_S
+
+USUAL_PHOTO_INTERVAL_S = 30.0
+"""Time between photographs [s], as in the paper's section 4."""
+
+SHORTEST_PHOTO_INTERVAL_S, LONGEST_PHOTO_INTERVAL_S = 0.1, DAY_S
+"""Times between photographs [s] that a node accepts."""
