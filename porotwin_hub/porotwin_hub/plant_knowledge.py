@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
+from porotwin_core.order_delay import AT_ONCE, OrdersAhead
 
 
 @dataclass(frozen=True)

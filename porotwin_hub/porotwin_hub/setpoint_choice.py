@@ -4,12 +4,12 @@ import math
 import time
 from dataclasses import replace
 
+from porotwin_core.order_delay import OrderDelay
 from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
-from porotwin_hub.order_delay import OrderDelay
 from porotwin_hub.plant_knowledge import PlantKnowledge
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 

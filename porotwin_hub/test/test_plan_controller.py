@@ -14,12 +14,12 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.order_delay import OrdersAhead
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.controller import Controller, WithSubstitute
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
-from porotwin_hub.order_delay import OrdersAhead
 from porotwin_hub.plan_controller import PlanController
 from porotwin_hub.plant_knowledge import PlantKnowledge
 

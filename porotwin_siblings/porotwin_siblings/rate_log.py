@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.order_delay import OrderDelay
 from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rates_in_force import (
     SAME_RATE,
@@ -46,18 +47,28 @@ MOST_STEPS = 100
 
 
 class RateLog:
-    """Remembers rates until the states they lead to have been used."""
+    """Remembers rates until the states they lead to have been used.
 
-    def __init__(self, assumed: WellRates) -> None:
-        """Begin with `assumed` rates [m^3/s], which hold until any others are known."""
+    It believes what the hub believes: measured rates, then confirmed ones until a newer setpoint,
+    then the setpoint, unless a person who tells when an order was set has not told it yet.
+    """
+
+    def __init__(self, assumed: WellRates, wells: tuple[str, ...] = ()) -> None:
+        """Begin with `assumed` rates [m^3/s], which hold until any others are known.
+
+        `wells` are the control wells.
+        """
+        self._wells = wells
         self._commanded: deque[tuple[float, WellRates]] = deque([(float('-inf'), assumed)], KEPT)
         self._known: deque[KnownRates] = deque(maxlen=KEPT)
         self._before: WellRates = assumed
+        self._delay = OrderDelay()
         self.pauses: FixedPauses = NO_PAUSES
         """Announced pauses of the fixed wells, on the clock of the photographs."""
 
     def add_commanded(self, stamp: float, rates: WellRates) -> None:
         """Add a setpoint, which holds from the `stamp` [s] of its photograph."""
+        self._delay.ordered(stamp, rates, self.commanded_at(stamp), self._wells)
         self._commanded.append((stamp, rates))
 
     def add_known(self, known: KnownRates) -> None:
@@ -69,20 +80,24 @@ class RateLog:
         return any(abs(item[0] - stamp) < SAME_STAMP_S for item in self._commanded)
 
     def commanded_at(self, time: float) -> WellRates:
-        """Return the setpoint of the newest photograph until `time` [s]."""
-        past = [item for item in self._commanded if item[0] <= time]
+        """Return the setpoint of the newest photograph until `time` [s].
+
+        Of two setpoints with the same stamp, the one that arrived later counts.
+        """
+        past = [item for item in reversed(self._commanded) if item[0] <= time]
         return max(past, key=lambda item: item[0])[1] if past else self._commanded[0][1]
 
     def take(self, start: float, end: float) -> tuple[RatePeriod, ...]:
         """Return the rates in force from `start` to `end` [s], and forget older ones."""
+        self._delay.learn([item for item in self._known if item.start <= end], end)
         stamps = sorted({stamp for stamp, _ in self._commanded if start < stamp < end})
         periods: list[RatePeriod] = []
         for low, high in zip([start, *stamps], [*stamps, end], strict=True):
             periods += rates_in_force(
-                self._known,
+                self._not_superseded(low),
                 low,
                 high,
-                commanded=self.commanded_at(low),
+                commanded=self._believed(low),
                 before=self._before,
                 pauses=self.pauses,
             )
@@ -90,21 +105,39 @@ class RateLog:
         self._forget(end)
         return tuple(periods)
 
+    def _believed(self, time: float) -> WellRates:
+        return self._delay.believed(self.commanded_at(time), self._before)
+
+    def _newest_stamp(self, time: float) -> float:
+        """Return the stamp [s] of the newest setpoint until `time` [s]; -inf without any."""
+        return max((stamp for stamp, _ in self._commanded if stamp <= time), default=-math.inf)
+
+    def _not_superseded(self, time: float) -> list[KnownRates]:
+        """Return the known rates that no setpoint until `time` [s] replaces."""
+        stamp = self._newest_stamp(time)
+        return [item for item in self._known if not item.is_open or item.start > stamp]
+
     def _forget(self, time: float) -> None:
-        commanded = self.commanded_at(time)
+        newest = self._newest_stamp(time), self.commanded_at(time)
         newer = [item for item in self._commanded if item[0] > time]
-        self._commanded = deque([(time, commanded), *newer], KEPT)
-        held = [item for item in self._known if item.is_open or item.end > time]
+        self._commanded = deque([newest, *newer], KEPT)
+        held = [item for item in self._not_superseded(time) if item.is_open or item.end > time]
         self._known = deque(held, KEPT)
+
+    def forget_later(self, time: float) -> None:
+        """Forget setpoints and rates stamped after `time` [s]: the clock has gone back to it."""
+        kept = [item for item in self._commanded if item[0] <= time]
+        self._commanded = deque(kept or [(-math.inf, self._before)], KEPT)
+        self._known = deque([item for item in self._known if item.end <= time], KEPT)
+        self._delay.begin_anew()
 
     def present(self, time: float) -> WellRates:
         """Return the rates that hold at `time` [s] and, as far as is known, from then on.
 
         Rates that the operator confirmed count, until a newer setpoint replaces them.
         """
-        stamp = max((stamp for stamp, _ in self._commanded if stamp <= time), default=time)
-        confirmed = [item for item in self._known if item.is_open and item.start > stamp]
-        return latest_known(confirmed, float('inf')) or self.commanded_at(time)
+        confirmed = [item for item in self._not_superseded(time) if item.is_open]
+        return latest_known(confirmed, float('inf')) or self._believed(time)
 
     def present_plan(self, time: float, horizon: float) -> tuple[RateStep, ...]:
         """Return the `present` rates from `time` [s] over `horizon` [s], with announced pauses."""

@@ -161,7 +161,8 @@ class SiblingsNode(Node):
         self.siblings = self._make_siblings(self._rig)
         self._effects: tuple[EffectDescription, ...] = ()
         self._new_effects: tuple[EffectDescription, ...] | None = None
-        self._rates = RateLog(safe_rates(self._rig))
+        control_wells = self._rig.control.wells if self._rig.control else ()
+        self._rates = RateLog(safe_rates(self._rig), control_wells)
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
@@ -291,6 +292,7 @@ class SiblingsNode(Node):
         with self._changed:
             if siblings.started and photograph.time <= siblings.time:
                 siblings.begin_anew()
+                self._rates.forget_later(photograph.time)
             elif self._interrupted or self._is_late(photograph):
                 siblings.interrupt()
             self._interrupted = False

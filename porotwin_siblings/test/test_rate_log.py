@@ -59,6 +59,54 @@ def test_confirmed_rates_are_present_until_a_newer_setpoint() -> None:
     assert not log.is_commanded(60.0)
 
 
+def test_a_setpoint_that_follows_its_photograph_replaces_the_last_one() -> None:
+    log = RateLog(REST)
+    log.add_commanded(0.0, FIRST)
+    assert log.take(0.0, 30.0) == (RatePeriod(0.0, 30.0, FIRST),)
+    assert not log.is_commanded(30.0)
+    log.add_commanded(30.0, SECOND)
+    assert log.is_commanded(30.0)
+    assert log.present(30.0) == SECOND
+    assert log.take(30.0, 60.0) == (RatePeriod(30.0, 60.0, SECOND),)
+    log.add_commanded(60.0, SECOND)
+    log.add_commanded(60.0, FIRST)  # sent again
+    assert log.take(60.0, 90.0) == (RatePeriod(60.0, 90.0, FIRST),)
+
+
+def test_confirmed_rates_hold_until_the_next_setpoint_only() -> None:
+    log = RateLog(REST)
+    log.add_commanded(0.0, FIRST)
+    log.add_known(KnownRates(10.0, 10.0, REST))
+    assert log.take(0.0, 30.0)[-1] == RatePeriod(0.0, 30.0, REST)
+    log.add_commanded(30.0, SECOND)
+    assert log.take(30.0, 60.0) == (RatePeriod(30.0, 60.0, SECOND),)
+
+
+def test_a_person_who_told_when_orders_were_set_is_waited_for() -> None:
+    log = RateLog(REST, wells=('a',))
+    log.add_commanded(0.0, FIRST)
+    log.add_known(KnownRates(40.0, 40.0, FIRST))
+    log.take(0.0, 60.0)
+    log.add_commanded(60.0, SECOND)
+    assert log.take(60.0, 90.0) == (RatePeriod(60.0, 90.0, FIRST),)
+    assert log.present(90.0) == FIRST
+    log.add_known(KnownRates(100.0, 100.0, SECOND))
+    assert log.take(90.0, 120.0) == (
+        RatePeriod(90.0, 100.0, FIRST),
+        RatePeriod(100.0, 120.0, SECOND),
+    )
+
+
+def test_a_clock_that_goes_back_leaves_no_later_rates() -> None:
+    log = RateLog(REST)
+    log.add_commanded(500.0, FIRST)
+    log.take(500.0, 530.0)
+    log.forget_later(10.0)
+    assert log.take(10.0, 40.0) == (RatePeriod(10.0, 40.0, FIRST),)
+    log.add_commanded(40.0, SECOND)
+    assert log.take(40.0, 600.0) == (RatePeriod(40.0, 600.0, SECOND),)
+
+
 def test_an_announced_pause_holds_where_nothing_is_measured() -> None:
     log = RateLog(FIRST)
     log.pauses = FixedPauses({'a': ((60.0, 120.0),)}, {'a': FIRST['a']}, 'out')

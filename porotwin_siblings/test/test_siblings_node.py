@@ -141,7 +141,11 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.effects.publish(ModelEffects(effects=[conversions.effect_to_msg(effect)]))
     assert beside.effects.wait_for_all_acked()
     beside.photograph(300.0, plume)
+    time.sleep(0.5)  # a setpoint follows its photograph
+    beside.command(300.0, control1=200.0, producer=-200.0)
     beside.wait(lambda: len(beside.forecasts) == 2)
+    (step,) = beside.forecasts[1].schedule
+    assert conversions.rates_from_msg(step.wells)['control1'].rate == from_ml_h(200.0)
     assert beside.node.siblings.rig.effects == (effect,)
 
     wrong = beside.ask([RateStep(0.001 * number, flush) for number in range(101)], 600.0)

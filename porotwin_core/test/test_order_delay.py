@@ -1,18 +1,25 @@
 """Tests of the delay of orders: how it is learnt, and what holds until an order is set."""
 
 import pytest
-from hub_examples import LIMITS
 
+from porotwin_core.order_delay import MOST_DELAY_S, OrderDelay
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate, WellRates
-from porotwin_hub.order_delay import MOST_DELAY_S, OrderDelay
 
-SAFE = LIMITS.safe()
+CONTROL_WELLS = ('control1', 'control2')
 
 
 def rates(control1_ml_h: float, control2_ml_h: float = 0.0) -> WellRates:
-    return LIMITS.setpoint([from_ml_h(control1_ml_h), from_ml_h(control2_ml_h), 0.0])
+    return {
+        'injector': WellRate(from_ml_h(500.0), 1.0),
+        'control1': WellRate(from_ml_h(control1_ml_h)),
+        'control2': WellRate(from_ml_h(control2_ml_h)),
+        'producer': WellRate(-from_ml_h(500.0 + control1_ml_h + control2_ml_h)),
+    }
+
+
+SAFE = rates(0.0)
 
 
 def confirmed(time: float, told: WellRates) -> list[KnownRates]:
@@ -88,7 +95,7 @@ def resting(order: WellRates) -> WellRates:
 @pytest.mark.parametrize('metered', [False, True])
 def test_a_pause_of_the_injector_sets_no_order(metered: bool) -> None:
     delay, order = OrderDelay(), rates(200.0)
-    delay.ordered(0.0, order, SAFE, LIMITS.wells)
+    delay.ordered(0.0, order, SAFE, CONTROL_WELLS)
     end = 120.0 if metered else 60.0
     delay.learn([KnownRates(60.0, end, resting(SAFE))], end)
     assert delay.ahead(end, SAFE).waits
@@ -98,7 +105,7 @@ def test_a_pause_of_the_injector_sets_no_order(metered: bool) -> None:
 
 def test_an_order_that_changes_no_control_well_is_judged_by_the_others() -> None:
     delay, order = OrderDelay(), resting(SAFE)
-    delay.ordered(0.0, order, SAFE, LIMITS.wells)
+    delay.ordered(0.0, order, SAFE, CONTROL_WELLS)
     delay.learn(confirmed(60.0, SAFE), 60.0)
     assert delay.ahead(60.0, SAFE).waits
     delay.learn(confirmed(90.0, order), 90.0)
