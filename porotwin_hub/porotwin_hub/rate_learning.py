@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.delivered_rates import delivered
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.map_blocks import Blocks
@@ -437,3 +438,18 @@ class DeliveringModel:
         """
         pumped = self._learner.delivered(rates)
         return self._physics.correct(previous, sigma, pumped, time_step)
+
+
+def correcting_delivered(correct: CorrectionFn, learner: RateLearner) -> CorrectionFn:
+    """Return the data-driven model for commanded rates: `correct` is asked with the delivered ones.
+
+    COSTA learns from measured rates, and it corrects a prediction that was made with delivered
+    ones. With others its learnt physics would take the factor of a pump out again.
+    """
+
+    def corrected(
+        predicted: FloatArray, rates: WellRates, time_step: float, previous: FloatArray
+    ) -> Correction:
+        return correct(predicted, learner.delivered(rates), time_step, previous)
+
+    return corrected

@@ -27,7 +27,12 @@ from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
 from porotwin_hub.plant_knowledge import PlantKnowledge
-from porotwin_hub.rate_learning import DeliveringModel, PumpFactor, RateLearner
+from porotwin_hub.rate_learning import (
+    DeliveringModel,
+    PumpFactor,
+    RateLearner,
+    correcting_delivered,
+)
 from porotwin_hub.setpoint_choice import SetpointChoice
 from porotwin_hub.state_estimation import StateEstimation
 from porotwin_hub.tracer_balance import imbalance
@@ -78,7 +83,10 @@ class Twin:
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
         self._learner = learner
-        self._physics = DeliveringModel(physics, learner) if learner is not None else physics
+        self._physics = physics
+        if learner is not None:
+            self._physics = DeliveringModel(physics, learner)
+            data_driven = correcting_delivered(data_driven, learner)
         self._forecaster = Forecaster(self._physics, data_driven)
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from porotwin_core.correction import Correction
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.state_filter import Estimate, Seen, Volume
 from porotwin_core.wells import WellRate, WellRates
+from porotwin_hub.cycle import Observation
 from porotwin_hub.rate_learning import DeliveringModel, RateLearner, joined
+from porotwin_hub.twin import Twin
 
 GRID = Grid(30, 20, 0.3, 0.2)
 RATE = 1e-7
@@ -89,6 +92,25 @@ def test_predictions_use_what_is_delivered() -> None:
     state = fronts(0.06, 0.05)
     told = DeliveringModel(model, learner).predict(state, TOLD, 600.0)
     np.testing.assert_array_equal(told, model.predict(state, learner.delivered(TOLD), 600.0))
+
+
+def test_a_twin_asks_both_models_with_what_is_delivered() -> None:
+    learner, model, asked = RateLearner(tuple(TOLD), GRID, closed=False), Fronts(), []
+    learner.meter(TOLD, TOLD)
+    learner.meter({**TOLD, 'in': WellRate(0.6 * RATE, 1.0)}, TOLD)
+    told = KnownRates(0.0, 0.0, TOLD)
+
+    def data_driven(
+        predicted: FloatArray, rates: WellRates, time_step: float, previous: FloatArray
+    ) -> Correction:
+        expected = model.predict(previous, rates, time_step)
+        np.testing.assert_array_equal(predicted, expected)
+        asked.append(rates['in'].rate)
+        return Correction(None, 'asked')
+
+    twin = Twin(model, data_driven, photo_interval=60.0, learner=learner)
+    twin.cycle(Observation(10.0, fronts(0.06, 0.05)), [told])
+    assert asked == [pytest.approx(0.6 * RATE)]
 
 
 def test_a_meter_tells_at_once() -> None:
