@@ -65,6 +65,8 @@ class Guard:
     def check(self, request: SetpointRequest, *, now: float) -> None:
         """Check that the pumps may run `request` from `now` [s] on, on the clock of its stamps.
 
+        `take` tells that they do.
+
         Raises:
             InputError: a rule is broken; one line with the well or the time.
         """
@@ -72,6 +74,9 @@ class Guard:
         self._check_settings(request.rates, now)
         self._check_times(request, now)
         self._check_order(request, now)
+
+    def take(self, request: SetpointRequest, *, now: float) -> None:
+        """Note that the pumps run a checked `request` from `now` [s] on."""
         self._last, self._passed = request, now
 
     def expired(self, now: float) -> int | None:

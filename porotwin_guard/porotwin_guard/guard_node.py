@@ -31,7 +31,7 @@ LONGEST_SEARCH_S = 2.0
 
 
 class GuardNode(Node):
-    """Checks every setpoint of the hub; publishes it and hands it to the pumps if it is valid."""
+    """Checks every setpoint of the hub, hands it to the pumps, and publishes what they took."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Read the parameters; `kwargs` are for the node, such as `context`.
@@ -67,14 +67,16 @@ class GuardNode(Node):
         setpoint = request.setpoint
         try:
             self._check_alone()
-            self._guard.check(self._request(setpoint), now=self._now())
+            wanted, now = self._request(setpoint), self._now()
+            self._guard.check(wanted, now=now)
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self._say(DiagnosticStatus.ERROR, f'setpoint {setpoint.sequence} refused: {error}')
             return response
-        self._setpoints.publish(setpoint)
         response.outcome = self._command(request)
         if response.outcome.code == Outcome.OK:
+            self._guard.take(wanted, now=now)
+            self._setpoints.publish(setpoint)
             self._say(DiagnosticStatus.OK, f'setpoint {setpoint.sequence} passed')
         else:
             text = f'setpoint {setpoint.sequence} not pumped: {response.outcome.message}'

@@ -53,6 +53,11 @@ def refusal(subject: Guard, asked: SetpointRequest, now: float = NOW) -> str:
     return str(caught.value)
 
 
+def passes(subject: Guard, asked: SetpointRequest, now: float = NOW) -> None:
+    subject.check(asked, now=now)
+    subject.take(asked, now=now)
+
+
 def hand_set_guard() -> Guard:
     assert RIG.control is not None
     control = RIG.control.model_copy(
@@ -71,15 +76,23 @@ def hand_set_guard() -> Guard:
 )
 def test_settings_that_pumps_cannot_take_are_refused(wrong: float, line: str) -> None:
     subject = hand_set_guard()
-    subject.check(request(), now=NOW)
+    passes(subject, request(), now=NOW)
     later = request(2, NOW - 1.0, rates=rates(control1=wrong))
     assert line in refusal(subject, later)
 
 
+def test_changes_count_from_the_setpoint_that_the_pumps_took() -> None:
+    subject = hand_set_guard()
+    passes(subject, request(), now=NOW)
+    refused_by_the_pumps = request(2, NOW - 1.0, rates=rates(control1=200.0))
+    subject.check(refused_by_the_pumps, now=NOW)
+    passes(subject, request(3, NOW - 0.5, rates=rates(control1=50.0)), now=NOW)
+
+
 def test_wells_may_be_switched_off_at_once() -> None:
     subject = hand_set_guard()
-    subject.check(request(rates=rates(control1=400.0)), now=NOW)
-    subject.check(request(2, NOW - 1.0, rates=rates(control1=0.0)), now=NOW)
+    passes(subject, request(rates=rates(control1=400.0)), now=NOW)
+    passes(subject, request(2, NOW - 1.0, rates=rates(control1=0.0)), now=NOW)
 
 
 @pytest.mark.parametrize(
@@ -127,32 +140,32 @@ def test_setpoints_at_impossible_times_are_refused(
 
 def test_numbers_count_up_until_another_hub_begins() -> None:
     subject = guard()
-    subject.check(request(7), now=NOW)
+    passes(subject, request(7), now=NOW)
     for sequence in (7, 6, 0):
         asked = request(sequence, stamp=NOW + 28.0)
         assert 'does not follow 7' in refusal(subject, asked, NOW + 30.0)
-    subject.check(request(9, stamp=NOW + 28.0), now=NOW + 30.0)
-    subject.check(request(1, stamp=NOW + 58.0, hub='second'), now=NOW + 60.0)
+    passes(subject, request(9, stamp=NOW + 28.0), now=NOW + 30.0)
+    passes(subject, request(1, stamp=NOW + 58.0, hub='second'), now=NOW + 60.0)
     assert 'does not follow 1' in refusal(subject, request(1, NOW + 88.0, hub='second'), NOW + 90)
 
 
 def test_an_older_photograph_cannot_end_a_setpoint_in_force() -> None:
     subject = guard()
-    subject.check(request(1, stamp=NOW), now=NOW)
+    passes(subject, request(1, stamp=NOW), now=NOW)
     for hub in ('first', 'second'):
         asked = request(2, stamp=NOW - 10.0, hub=hub)
         assert 'no newer than the one of setpoint 1' in refusal(subject, asked, NOW + 5.0)
     # an hour later the clock of this machine was set back
-    subject.check(request(2, stamp=NOW - 3600.0), now=NOW - 3599.0)
+    passes(subject, request(2, stamp=NOW - 3600.0), now=NOW - 3599.0)
 
 
 def test_a_refused_setpoint_leaves_the_last_one_in_force() -> None:
     subject = guard()
-    subject.check(request(1), now=NOW)
+    passes(subject, request(1), now=NOW)
     refusal(subject, request(2, stamp=NOW + 28.0, rates=rates(control1=900.0)), NOW + 30.0)
     assert subject.expired(NOW + 90.0) is None
     assert subject.expired(NOW + 91.0) == 1
-    subject.check(request(2, stamp=NOW + 98.0), now=NOW + 100.0)
+    passes(subject, request(2, stamp=NOW + 98.0), now=NOW + 100.0)
     assert subject.expired(NOW + 101.0) is None
 
 
@@ -162,8 +175,8 @@ def test_a_camera_with_another_clock_is_believed_once_its_pace_proves_it(lag: fl
     for number in range(3):
         now = NOW + 30.0 * number
         refusal(subject, request(number + 1, stamp=now - lag), now)
-    subject.check(request(4, stamp=NOW + 90.0 - lag), now=NOW + 93.0)
-    subject.check(request(5, stamp=NOW + 120.0 - lag), now=NOW + 121.0)
+    passes(subject, request(4, stamp=NOW + 90.0 - lag), now=NOW + 93.0)
+    passes(subject, request(5, stamp=NOW + 120.0 - lag), now=NOW + 121.0)
     assert 'it expired' in refusal(subject, request(6, stamp=NOW + 121.0 - lag), NOW + 300.0)
 
 
@@ -177,21 +190,21 @@ def test_a_backlog_of_old_photographs_proves_no_clock() -> None:
 
 def test_simulated_time_counts_from_the_start_of_the_experiment() -> None:
     subject = guard()
-    subject.check(request(1, stamp=0.0), now=0.0)
-    subject.check(request(2, stamp=30.0), now=0.0)  # the clock arrives a moment later
-    subject.check(request(3, stamp=60.0), now=61.0)
+    passes(subject, request(1, stamp=0.0), now=0.0)
+    passes(subject, request(2, stamp=30.0), now=0.0)  # the clock arrives a moment later
+    passes(subject, request(3, stamp=60.0), now=61.0)
     assert 'it expired 10.0 s ago' in refusal(subject, request(4, stamp=61.0), 161.0)
     assert 'in the future' in refusal(subject, request(4, stamp=NOW), 161.0)
     # nobody publishes /clock
     guard().check(request(1, stamp=1800.0), now=0.0)
-    subject.check(request(4, stamp=0.0), now=1.0)  # a replay begins again
+    passes(subject, request(4, stamp=0.0), now=1.0)  # a replay begins again
 
 
 def test_nothing_may_be_set_without_a_control_section() -> None:
     subject = Guard(RIG.model_copy(update={'control': None}), photo_interval=30.0)
     assert 'rig.yaml allows 0 to 0' in refusal(subject, request())
     still = {name: WellRate() for name in RIG.wells}
-    subject.check(request(rates=still), now=NOW)
+    passes(subject, request(rates=still), now=NOW)
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=5, max_size=5))

@@ -12,7 +12,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_pumps.protocols.pump_protocol import Pump, PumpError
+from porotwin_pumps.protocols.pump_protocol import Pump, PumpError, PumpSilent
 
 RETRY_PERIOD_S = 5.0
 """Time between two attempts to reach a pump that failed [s]."""
@@ -32,6 +32,8 @@ class _Channel:
     pump: Pump | None = None
     told_ml_h: float = 0.0
     fault: str = ''
+    goes_on: bool = False
+    """Whether a pump with a fault is believed to run as it was set last."""
     base_ml: float = field(default=0.0)
     """Volume at the beginning of the measurement."""
 
@@ -50,6 +52,7 @@ class _Channel:
 
     def fail(self, error: PumpError) -> None:
         self.pump, self.fault = None, str(error)
+        self.goes_on = isinstance(error, PumpSilent)
 
     def check(self) -> None:
         """Note a fault if the pump does not run at its commanded rate."""
@@ -59,17 +62,23 @@ class _Channel:
         except PumpError as error:
             self.fail(error)
 
-    def pumped_ml(self) -> float | None:
-        """Return the volume since the last call or setting; None if the pump gives none."""
+    def begin_measurement(self) -> None:
+        """Measure from now on."""
+        self.mean_rate_ml_h(1.0)
+
+    def mean_rate_ml_h(self, seconds: float) -> float:
+        """Return the mean rate [ml/h] in the `seconds` since the last call or setting.
+
+        Without a volume it is the rate that the pump is believed to have.
+        """
         try:
-            if self.pump is None:
-                return None
-            volume = self.pump.volume_ml()
+            if self.pump is not None:
+                volume = self.pump.volume_ml()
+                pumped, self.base_ml = volume - self.base_ml, volume
+                return pumped * 3600.0 / seconds
         except PumpError as error:
             self.fail(error)
-            return None
-        pumped, self.base_ml = volume - self.base_ml, volume
-        return pumped
+        return self.told_ml_h if self.goes_on else 0.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +117,7 @@ class PumpBridge:
         self._since = now
         self._tried = now
         self._whole = True
-        """Whether all pumps worked since the measurement began."""
+        """Whether no pump failed, and none was set, since the measurement began."""
         self._go_safe()
 
     @property
@@ -133,8 +142,12 @@ class PumpBridge:
                     f"well '{well}': {to_ml_h(rate.rate):g} ml/h; "
                     f'its pump runs at up to {self._limits_ml_h[well]:g} ml/h'
                 )
+        wanted = {well: rates.get(well, WellRate()) for well in self._channels}
+        self._apply({well: wanted[well] for well in self.faults})
+        if self.faults:
+            raise PumpError(self._fault_line())
         self._until = until
-        self._apply({well: rates.get(well, WellRate()) for well in self._channels})
+        self._apply(wanted)
         self._begin_measurement(now)
         if self.faults:
             self._until = None
@@ -156,7 +169,9 @@ class PumpBridge:
             return self._fault_line()
         if failed and now - self._tried >= RETRY_PERIOD_S:
             self._tried = now
-            self._go_safe()
+            self._apply({well: self._safe[well] for well in failed})
+            if set(self.faults) != failed:
+                self._go_safe()
             if not self.faults:
                 return 'all pumps work again, at the safe rates'
         return None
@@ -164,22 +179,26 @@ class PumpBridge:
     def measure(self, now: float) -> Measurement | None:
         """Return the mean rates since the last call or setting.
 
-        None if the time is too short, or if a pump did not work.
+        A pump that does not answer counts with the rate that was set last, one that has stopped
+        counts with none. None if the time is too short, or if a pump failed or was set meanwhile.
         """
         duration = now - self._since
         if duration < SHORTEST_MEASUREMENT_S:
             return None
-        pumped = {well: item.pumped_ml() for well, item in self._channels.items()}
-        whole, self._since = self._whole and None not in pumped.values(), now
-        self._whole = not self.faults
+        failed = set(self.faults)
+        ml_h = {well: item.mean_rate_ml_h(duration) for well, item in self._channels.items()}
+        whole, self._since = self._whole and set(self.faults) == failed, now
+        self._whole = True
         if not whole:
             return None
-        rates = {}
-        for well, volume_ml in pumped.items():
-            assert volume_ml is not None
-            rate = from_ml_h(volume_ml * 3600.0 / duration)
-            rates[well] = WellRate(rate, self._rates[well].concentration if rate > 0.0 else 0.0)
-        return Measurement(duration, rates)
+        concentrations = {
+            well: self._rates[well].concentration if rate > 0.0 else 0.0
+            for well, rate in ml_h.items()
+        }
+        return Measurement(
+            duration,
+            {well: WellRate(from_ml_h(rate), concentrations[well]) for well, rate in ml_h.items()},
+        )
 
     def go_safe(self, now: float) -> None:
         """Set the safe rates, for the end of the program."""
@@ -188,9 +207,9 @@ class PumpBridge:
         self._begin_measurement(now)
 
     def _begin_measurement(self, now: float) -> None:
-        self._since, self._whole = now, not self.faults
+        self._since, self._whole = now, True
         for item in self._channels.values():
-            item.pumped_ml()
+            item.begin_measurement()
 
     def _fault_line(self) -> str:
         lines = [f"the pump of '{well}': {fault}" for well, fault in self.faults.items()]
@@ -198,14 +217,16 @@ class PumpBridge:
 
     def _go_safe(self) -> None:
         """Set the safe rates; without a producer nothing is put in."""
-        self._apply(self._safe)
+        safe = dict(self._safe)
+        producer = {name: safe.pop(name) for name in [self._producer] if name in safe}
+        self._apply(producer)
         if self._producer in self.faults:
-            still = {well: WellRate() for well, rate in self._safe.items() if rate.rate > 0.0}
-            self._apply({**self._rates, **still})
+            safe = {well: WellRate(min(rate.rate, 0.0)) for well, rate in safe.items()}
+        self._apply(safe)
         self._whole = False
 
     def _apply(self, rates: Mapping[str, WellRate]) -> None:
         """Set all pumps: first those that take water out, then those that put it in."""
         for well in sorted(rates, key=lambda name: rates[name].rate):
             self._channels[well].set_rate(to_ml_h(rates[well].rate))
-        self._rates = dict(rates)
+        self._rates |= rates

@@ -9,7 +9,7 @@ from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_pumps.bridge import RETRY_PERIOD_S, PumpBridge
-from porotwin_pumps.protocols.pump_protocol import PumpError
+from porotwin_pumps.protocols.pump_protocol import PumpError, PumpSilent
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 SAFE_ML_H = {'injector': 500.0, 'producer': -500.0, 'control1': 0.0, 'control2': 0.0,
@@ -23,12 +23,15 @@ class FakePump:
         self.rate_ml_h = 0.0
         self.volume = 0.0
         self.broken = False
+        self.stopped = False
         self.share = 1.0
         self.settings = 0
 
     def _answer(self) -> None:
         if self.broken:
-            raise PumpError('it does not answer')
+            raise PumpSilent('it does not answer')
+        if self.stopped:
+            raise PumpError('alarm: it stalled')
 
     def set_rate(self, rate_ml_h: float) -> None:
         self._answer()
@@ -185,13 +188,42 @@ def test_delivered_rates_are_measured_between_settings(bench: Bench) -> None:
     assert to_ml_h(second.rates['control1'].rate) == pytest.approx(200.0)
 
 
-def test_no_rates_are_measured_while_a_pump_fails(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    ('well', 'fault', 'believed'),
+    [
+        ('control1', 'broken', {'control1': 100.0}),
+        ('control1', 'stopped', {}),
+        ('producer', 'broken', {'injector': 0.0, 'producer': -600.0}),
+        ('producer', 'stopped', {'injector': 0.0, 'producer': 0.0}),
+    ],
+)
+def test_while_a_pump_fails_the_others_are_measured(
+    bench: Bench, well: str, fault: str, believed: dict[str, float]
+) -> None:
     bench.command(100.0)
     bench.pass_time(10.0)
-    bench.pumps['control1'].broken = True
+    setattr(bench.pumps[well], fault, True)
     bench.bridge.tick(bench.now)
     bench.pass_time(10.0)
-    assert bench.bridge.measure(bench.now) is None
+    assert bench.bridge.measure(bench.now) is None  # it failed meanwhile
+    for _ in range(3):  # attempts to reach it, and refused setpoints, touch no other pump
+        bench.pass_time(RETRY_PERIOD_S)
+        bench.bridge.tick(bench.now)
+        with pytest.raises(PumpError):
+            bench.command(200.0)
+        measured = bench.bridge.measure(bench.now)
+        assert measured is not None
+        ml_h = {name: to_ml_h(rate.rate) for name, rate in measured.rates.items()}
+        assert ml_h == pytest.approx(SAFE_ML_H | believed)
+
+
+def test_a_producer_that_stays_silent_never_lets_an_injector_run(bench: Bench) -> None:
+    bench.pumps['producer'].broken = True
+    bench.bridge.tick(bench.now)
+    before = {well: pump.settings for well, pump in bench.pumps.items()}
+    bench.pass_time(RETRY_PERIOD_S)
+    bench.bridge.tick(bench.now)
+    assert {well: pump.settings for well, pump in bench.pumps.items()} == before
 
 
 def test_at_the_end_the_safe_rates_are_set(bench: Bench) -> None:

@@ -9,7 +9,7 @@ import math
 import re
 
 from porotwin_core.errors import InputError
-from porotwin_pumps.protocols.pump_protocol import PumpError, PumpProtocol
+from porotwin_pumps.protocols.pump_protocol import PumpError, PumpProtocol, PumpSilent
 from porotwin_pumps.serial_line import LineError, SerialLine
 
 STX, ETX = b'\x02', b'\x03'
@@ -138,7 +138,7 @@ class NewEraPump:
         try:
             answer = self._line.ask(question, end=ETX)
         except LineError as error:
-            raise PumpError(str(error)) from None
+            raise PumpSilent(str(error)) from None
         found = ANSWER.fullmatch(answer[answer.rfind(STX) :] if STX in answer else answer)
         if found is None or int(found['address']) != self._address:
             raise PumpError(f'it answers {answer!r}, which makes no sense')

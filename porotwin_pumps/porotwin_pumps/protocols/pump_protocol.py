@@ -13,6 +13,10 @@ class PumpError(Exception):
     """A pump does not run as commanded; the message is one line with the reason."""
 
 
+class PumpSilent(PumpError):  # noqa: N818  it is a state of the pump, not a mistake
+    """A pump does not answer. It may well go on as it was set last."""
+
+
 class Pump(Protocol):
     """One pump. Rates in [ml/h] and volumes in [ml] are positive into the rig."""
 
