@@ -130,15 +130,9 @@ def check_confirmations(graph: RunningGraph, limits: Limits) -> None:
             for remark in report.remarks
         )
 
-    # a confirmation that arrives during a cycle is superseded by the setpoint of that cycle
-    for _ in range(6):
-        newest = graph.messages['wells/setpoint'][-1].sequence
-        assert answer(ConfirmRates.Request(sequence=newest, wells=other)).outcome.message == ''
-        count = len(graph.messages['hub/cycle'])
-        graph.wait_for_messages('hub/cycle', count + 1, timeout=30.0)
-        if predicted_again():
-            break
-    assert predicted_again()
+    newest = graph.messages['wells/setpoint'][-1].sequence
+    assert answer(ConfirmRates.Request(sequence=newest, wells=other)).outcome.message == ''
+    graph.listener.wait_for('a prediction with the confirmed rates', predicted_again, timeout=60.0)
     unknown = answer(ConfirmRates.Request(sequence=999))
     assert 'setpoint 999 is not known' in unknown.outcome.message
 

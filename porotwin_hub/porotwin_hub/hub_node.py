@@ -325,7 +325,6 @@ class HubNode(Node):
             wells=conversions.rates_to_msg(decision.rates),
             reason=decision.reason,
         )
-        self._inbox.supersede_confirmed_rates(ready.state.stamp)
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:

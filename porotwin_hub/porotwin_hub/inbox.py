@@ -147,16 +147,6 @@ class Inbox(Generic[Envelope]):
         with self._lock:
             self._timeline.rates.append(known)
 
-    def supersede_confirmed_rates(self, stamp: float) -> None:
-        """Forget rates without an end: the setpoint of the state at `stamp` [s] replaces them.
-
-        In simulated time, rates that begin then or later are kept: they confirm this setpoint or a
-        later one. Otherwise the clocks may differ, and all are forgotten.
-        """
-        kept_from = stamp if self._judge is None else math.inf
-        with self._lock:
-            self._keep_rates(lambda item: not item.is_open or item.start >= kept_from)
-
     def take(self, timeout: float | None = None) -> ReadyState[Envelope] | None:
         """Wait for a ready state; None after `timeout` [s].
 

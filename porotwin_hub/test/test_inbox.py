@@ -130,18 +130,6 @@ def test_in_simulated_time_no_state_is_left_out(clock: Clock) -> None:
     assert [taken(inbox).state.sequence for _ in range(5)] == [3, 4, 5, 6, 7]
 
 
-def test_in_simulated_time_confirmations_of_later_setpoints_are_kept(clock: Clock) -> None:
-    inbox: Inbox[str] = Inbox(clock)
-    add(inbox, 1)
-    taken(inbox)
-    early, late = KnownRates(20.0, 20.0, RATES), KnownRates(45.0, 45.0, OTHER)
-    inbox.add_rates(late)
-    inbox.add_rates(early)
-    inbox.supersede_confirmed_rates(30.0)
-    add(inbox, 2)
-    assert taken(inbox).known == (late,)
-
-
 def test_interruptions_of_the_far_future_do_not_pile_up(inbox: Inbox[str]) -> None:
     for number in range(1000):
         inbox.add_interruption(2e9 + number, 'of the future')
@@ -216,17 +204,18 @@ def test_rates_measured_across_a_state_belong_to_both_intervals(inbox: Inbox[str
     assert taken(inbox).known == ()
 
 
-def test_confirmed_rates_end_with_the_next_setpoint_and_measured_ones_do_not(
+def test_a_confirmation_that_comes_while_a_state_is_worked_on_belongs_to_the_next_one(
     inbox: Inbox[str],
 ) -> None:
     add(inbox, 1)
-    taken(inbox)
-    measured = KnownRates(30.0, 45.0, RATES)
-    inbox.add_rates(KnownRates(40.0, 40.0, OTHER))
+    taken(inbox)  # the photograph of 30 s; its setpoint follows a moment later
+    confirmed, measured = KnownRates(31.0, 31.0, OTHER), KnownRates(30.0, 45.0, RATES)
+    inbox.add_rates(confirmed)
     inbox.add_rates(measured)
-    inbox.supersede_confirmed_rates(30.0)
     add(inbox, 2)
-    assert taken(inbox).known == (measured,)
+    assert taken(inbox).known == (confirmed, measured)
+    add(inbox, 3)
+    assert taken(inbox).known == ()
 
 
 @pytest.mark.parametrize('stamp', [1.8e9, 60.0 + 91.0, 30.0 - 91.0])
