@@ -78,7 +78,8 @@ class OperatorNode(Node):
         except InputError as error:
             self.get_logger().error(f'setpoint {message.sequence} not shown: {error}')
             return
-        self._photographs_ahead = setpoint.stamp - now
+        arrived = setpoint.valid_until - setpoint.validity  # by the clock of the photographs
+        self._photographs_ahead = arrived - now
         self._say(words)
 
     def _shown(self, message: Setpoint) -> ShownSetpoint:

@@ -117,6 +117,20 @@ def test_setpoints_are_announced_confirmed_and_expire(
     assert conversions.rates_from_msg(desk.measured[1].wells) == safe
 
 
+def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(
+    desk: Desk, other: dict[str, WellRate]
+) -> None:
+    message, taken = setpoint(1, other), time.time() - 20.0
+    message.header = conversions.header_at(taken)
+    message.valid_until = conversions.time_to_msg(taken + 90.0)
+    desk.setpoints.publish(message)
+    desk.spin_until(lambda: desk.operator._book.sequences == (1,))
+    desk.now += 12.0
+    assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
+    desk.spin_until(lambda: len(desk.measured) == 1)
+    assert conversions.time_from_msg(desk.measured[0].start) == pytest.approx(taken + 32.0, abs=5.0)
+
+
 def test_a_setpoint_that_is_not_valid_is_neither_announced_nor_accepted(
     desk: Desk, other: dict[str, WellRate], capsys: pytest.CaptureFixture[str]
 ) -> None:
