@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from typing import Any, NoReturn
 from weakref import WeakKeyDictionary
 
@@ -94,11 +95,17 @@ def declare(
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
     rule.check(value, node.get_name())
     if on_change is not None:
-        node.add_on_set_parameters_callback(_on_set(node, rule, on_change))
+        if node not in _handlers:
+            _handlers[node] = {}
+            node.add_on_set_parameters_callback(partial(_on_set, node))
+        _handlers[node][name] = on_change
     return value
 
 
 _rules: WeakKeyDictionary[Node, list[ParameterRule]] = WeakKeyDictionary()
+
+_handlers: WeakKeyDictionary[Node, dict[str, OnChangeFn]] = WeakKeyDictionary()
+"""Takes new values of the parameters that can change, by node and name."""
 
 
 def rules_of(node: Node) -> list[ParameterRule]:
@@ -106,22 +113,22 @@ def rules_of(node: Node) -> list[ParameterRule]:
     return list(_rules.get(node, []))
 
 
-def _on_set(
-    node: Node, rule: ParameterRule, on_change: OnChangeFn
-) -> Callable[[list[Parameter]], SetParametersResult]:
-    """Return rclpy's callback for the parameter of `rule`."""
-
-    def on_set(parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            for parameter in parameters:
-                if parameter.name == rule.name:
-                    rule.check(parameter.value, node.get_name())
-                    on_change(parameter.value)
-        except InputError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    return on_set
+def _on_set(node: Node, parameters: list[Parameter]) -> SetParametersResult:
+    """Take new values of several parameters of `node`, all of them or none."""
+    rules = {rule.name: rule for rule in rules_of(node)}
+    handlers, taken = _handlers[node], list[str]()
+    known = [parameter for parameter in parameters if parameter.name in handlers]
+    try:
+        for parameter in known:
+            rules[parameter.name].check(parameter.value, node.get_name())
+        for parameter in known:
+            handlers[parameter.name](parameter.value)
+            taken.append(parameter.name)
+    except InputError as error:
+        for name in taken:
+            handlers[name](node.get_parameter(name).value)
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
 
 
 def declare_rig(node: Node) -> Rig:

@@ -4,6 +4,7 @@ import math
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 import rclpy
@@ -107,6 +108,32 @@ def test_a_change_is_checked_and_taken(node_of_ranges: Node) -> None:
     assert 'from 1 to 9' in refused.reason
     assert taken == [5]
     assert node_of_ranges.get_parameter('count').value == 5
+
+
+@pytest.mark.parametrize('second', [10, 7])
+def test_several_changes_are_taken_together_or_not_at_all(
+    node_of_ranges: Node, second: int
+) -> None:
+    in_use = {}
+
+    def take(name: str, value: int) -> None:
+        if value == 7:
+            raise InputError('7 brings bad luck')
+        in_use[name] = value
+
+    for name in ('first', 'second'):
+        declare(
+            *(node_of_ranges, name, 3, 'a number'),
+            at_least=1,
+            at_most=9,
+            on_change=partial(take, name),
+        )
+    wanted = [Parameter('first', value=5), Parameter('second', value=second)]
+    assert not node_of_ranges.set_parameters_atomically(wanted).successful
+    assert in_use.get('first', 3) == node_of_ranges.get_parameter('first').value == 3
+    wanted[1] = Parameter('second', value=6)
+    assert node_of_ranges.set_parameters_atomically(wanted).successful
+    assert in_use == {'first': 5, 'second': 6}
 
 
 class Watched(Node):
