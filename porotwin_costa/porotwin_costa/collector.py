@@ -24,7 +24,10 @@ from porotwin_costa.frames import (
 )
 
 REMEMBERED = 64
-"""Number of measured rates and of interruptions kept; a pair of photographs needs far fewer."""
+"""Number of interruptions kept; a pair of photographs needs far fewer."""
+
+MOST_RATES = 100_000
+"""Measured rates kept before the first pair: a flow meter at 10 Hz for almost three hours."""
 
 LATE_RATES = 0.1
 """Share of a time step that may pass between a pair's first state and its first measured rates."""
@@ -77,7 +80,7 @@ class Collector:
         self._empty = empty_dataset(rig, grid, time_step, preset)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
-        self._rates: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=REMEMBERED)
+        self._rates: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=MOST_RATES)
         self._interruptions: deque[float] = deque(maxlen=REMEMBERED)
         self._samples: list[TrainingSample] = []
         self._sequence = 0
@@ -161,7 +164,7 @@ class Collector:
         self._states.clear()
         self._experiment += 1
         self._sequence += 1
-        self._rates = deque((item for item in self._rates if item[0] <= time), maxlen=REMEMBERED)
+        self._rates = deque((item for item in self._rates if item[0] <= time), maxlen=MOST_RATES)
         self._interruptions = deque(
             (moment for moment in self._interruptions if moment <= time), maxlen=REMEMBERED
         )
@@ -172,6 +175,8 @@ class Collector:
             return []
         (start, previous), (end, following) = self._states
         self._states.popleft()
+        rates = sorted(self._rates, key=lambda item: item[0])
+        self._forget_rates(rates, end)
         time_step = self._empty.time_step
         if any(start < moment <= end for moment in self._interruptions):
             self.dropped[ACROSS_INTERRUPTION] += 1
@@ -185,9 +190,14 @@ class Collector:
         if not (enough_seen(previous) and enough_seen(following)):
             self.dropped[TOO_LITTLE_SEEN] += 1
             return []
-        known_from = min((time for time, _ in self._rates), default=math.inf)
+        known_from = rates[0][0] if rates else math.inf
         if known_from > start + LATE_RATES * time_step:
             self.dropped['pairs without measured rates'] += 1
             return []
-        rates = mean_rates(Schedule.from_rates(self._rates), max(start, known_from), end)
-        return [Pair(previous, following, rates, end, self._experiment, self._sequence)]
+        mean = mean_rates(Schedule.from_rates(rates), max(start, known_from), end)
+        return [Pair(previous, following, mean, end, self._experiment, self._sequence)]
+
+    def _forget_rates(self, rates: list[tuple[float, dict[str, WellRate]]], time: float) -> None:
+        """Keep, of all `rates` sorted by time, those in force from `time` [s] on."""
+        begun = sum(start <= time for start, _ in rates)
+        self._rates = deque(rates[max(begun - 1, 0) :], maxlen=MOST_RATES)

@@ -17,6 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from porotwin_core import conversions
@@ -29,7 +30,7 @@ from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, 
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_source import WITHHELD, LearntStep, corrective_source
-from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
+from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, newest_pairs, pairs_beside
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome, TracerField
@@ -43,6 +44,13 @@ if TYPE_CHECKING:
 
 DEFAULT_PRESET = 'fast'
 """Scheme of the solver that judges a training, where the node was told none."""
+
+FEEDBACK_S = 10.0
+"""Time between two reports of a training [s]."""
+
+MOST_PAIRS = 3000
+"""Newest pairs that a training reads from the folder of a trainer: a day of photographs every 30 s,
+about 1 GB for maps of 5 mm on the small rig."""
 
 MOST_THREADS = 64
 """Threads of the network; more than any laboratory machine has cores."""
@@ -98,6 +106,7 @@ class CostaNode(Node):
         self._model: CorrectiveModel | None = None
         self._path = ''
         self._training = False
+        self._feedback: tuple[ServerGoalHandle, Train.Feedback] | None = None
         model = declare(self, 'model', '', 'model to load; empty: none')
         trained = declare(
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
@@ -131,6 +140,8 @@ class CostaNode(Node):
             cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=group,
         )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
+        self.create_timer(FEEDBACK_S, self._report_training, callback_group=group, clock=steady)
 
     def _on_effects(self, told: ToldEffects) -> None:
         """Follow the effects of the solver; a model that corrects other physics is withheld."""
@@ -294,20 +305,20 @@ class CostaNode(Node):
         return GoalResponse.ACCEPT
 
     def _train(self, handle: ServerGoalHandle) -> Train.Result:
-        from porotwin_costa.training import TrainingCancelledError
-
         result = Train.Result()
+        self._feedback = handle, Train.Feedback()
         try:
             model = self._trained(handle)
-        except TrainingCancelledError as error:
-            handle.canceled()
-            result.outcome = Outcome(code=Outcome.FAILED, message=f'cancelled: {error}')
         except Exception as error:
             # a failed training must not end the node: it keeps the model that it has
-            handle.abort()
-            result.outcome = conversions.refusal(error)
-            self.get_logger().error(f'training failed: {result.outcome.message}')
-            self._diagnostics.report(DiagnosticStatus.ERROR, result.outcome.message)
+            if handle.is_cancel_requested:
+                handle.canceled()
+                result.outcome = Outcome(code=Outcome.FAILED, message=f'cancelled: {error}')
+            else:
+                handle.abort()
+                result.outcome = conversions.refusal(error)
+                self.get_logger().error(f'training failed: {result.outcome.message}')
+                self._diagnostics.report(DiagnosticStatus.ERROR, result.outcome.message)
         else:
             handle.succeed()
             result.outcome = conversions.ok()
@@ -318,8 +329,15 @@ class CostaNode(Node):
             result.validation_loss = model.provenance['validation_loss']
             self._diagnostics.report(DiagnosticStatus.OK, self._status())
         finally:
-            self._training = False
+            self._training, self._feedback = False, None
         return result
+
+    def _report_training(self) -> None:
+        """Repeat the last feedback: pairs are simulated for minutes before the first epoch."""
+        feedback = self._feedback
+        if feedback is not None:
+            handle, message = feedback
+            handle.publish_feedback(message)
 
     def _trained(self, handle: ServerGoalHandle) -> 'CorrectiveModel':
         from porotwin_costa.live_training import not_used
@@ -327,20 +345,20 @@ class CostaNode(Node):
         self._limit_threads()
         goal = handle.request
         begun = time.perf_counter()
-        dataset = load_dataset(Path(goal.dataset))
+        dataset = _training_pairs(Path(goal.dataset))
         chosen = self._chosen_architecture(goal.architecture)
         self.get_logger().info(f'training the {chosen.name} network on {dataset.summary}')
 
         def report(progress: 'TrainingProgress') -> None:
-            handle.publish_feedback(
-                Train.Feedback(
-                    epoch=progress.epoch,
-                    epochs=progress.epochs,
-                    training_loss=progress.training_loss,
-                    validation_loss=progress.validation_loss,
-                    remaining=progress.remaining_seconds,
-                )
+            message = Train.Feedback(
+                epoch=progress.epoch,
+                epochs=progress.epochs,
+                training_loss=progress.training_loss,
+                validation_loss=progress.validation_loss,
+                remaining=progress.remaining_seconds,
             )
+            self._feedback = handle, message
+            handle.publish_feedback(message)
 
         model, is_better = self._live_training().retrained(
             self._with_offline_pairs(dataset),
@@ -393,6 +411,15 @@ def _named(name: str) -> 'Architecture':
     from porotwin_costa.networks import architecture
 
     return architecture(name)
+
+
+def _training_pairs(path: Path) -> Dataset:
+    """Return the pairs to train on: of a trainer's folder the newest, so that memory is bounded.
+
+    Raises:
+        InputError: the data set is missing, damaged or of another format.
+    """
+    return newest_pairs(path, MOST_PAIRS) if path.is_dir() else load_dataset(path)
 
 
 def _known_map(message: TracerField) -> FloatArray | None:

@@ -218,6 +218,20 @@ def _check_agreement(parts: Sequence[Dataset]) -> None:
             raise InputError(f'data sets differ in physics: {difference}; train apart')
 
 
+def newest_pairs(folder: Path, most: int) -> Dataset:
+    """Return the newest samples of a data set in parts: at least `most`, if there are as many.
+
+    Raises:
+        InputError: there is no part, or one is damaged or of another format.
+    """
+    newest: list[Dataset] = []
+    for part in reversed(dataset_parts(folder)):
+        newest.insert(0, load_dataset(part))
+        if sum(map(len, newest)) >= most:
+            return join_datasets(newest, renumber=False)
+    return load_dataset(folder)
+
+
 def load_dataset(path: Path) -> Dataset:
     """Return the data set in a .safetensors file, or in a folder of parts.
 

@@ -1,7 +1,12 @@
 """When COSTA is trained again: after so many new pairs, and again if a training was lost."""
 
+import math
+
 SILENCE_S = 300.0
-"""A training that has reported no epoch for so long is lost [s]; an epoch takes seconds."""
+"""A training that has reported nothing for so long is lost [s]; COSTA reports every few seconds."""
+
+RETRY_S = 30.0
+"""Time until a refused goal is sent again [s]."""
 
 
 class Retraining:
@@ -17,11 +22,11 @@ class Retraining:
         self._due = False
         self._running = False
         self._last_report = 0.0
+        self._not_before = -math.inf
 
-    @property
-    def wanted(self) -> bool:
-        """Whether a goal shall be sent now."""
-        return self._due and not self._running
+    def wanted(self, now: float) -> bool:
+        """Return whether a goal shall be sent at `now` [s]."""
+        return self._due and not self._running and now >= self._not_before
 
     def pair_added(self) -> bool:
         """Count a new pair; return whether it makes a training due."""
@@ -38,9 +43,9 @@ class Retraining:
         """Note that the training reported its progress at `now` [s]."""
         self._last_report = now
 
-    def refused(self) -> None:
-        """Note that the goal was refused: it is sent again."""
-        self._due, self._running = True, False
+    def refused(self, now: float) -> None:
+        """Note that the goal was refused at `now` [s]: it is sent again after a while."""
+        self._due, self._running, self._not_before = True, False, now + RETRY_S
 
     def finished(self) -> None:
         """Note that the training has ended, with success or not."""
@@ -53,5 +58,5 @@ class Retraining:
         """
         if not self._running or (server_ready and now - self._last_report <= SILENCE_S):
             return False
-        self.refused()
+        self._due, self._running = True, False
         return True

@@ -20,10 +20,9 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.model_effects import ToldEffects, follow_effects
-from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.node import declare, declare_grid, declare_photo_interval, declare_rig, run
 from porotwin_core.rig import EffectDescription
 from porotwin_core.single_instance import only_one
-from porotwin_core.units import DAY_S
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
 from porotwin_costa.networks.network_registry import ARCHITECTURES
@@ -41,6 +40,12 @@ PENDING_PAIRS = 1000
 
 LARGEST_SEED = 2**31 - 1
 """Seeds are whole numbers up to this."""
+
+MOST_TRIES = 3
+"""Attempts at a pair that the solver fails at. Another client may have cancelled all requests."""
+
+RETRY_S = 2.0
+"""Time until a pair is tried again [s]."""
 
 TIMER_S = 0.5
 """Time between two looks for work [s]."""
@@ -62,14 +67,7 @@ class TrainerNode(Node):
         self._rig = declare_rig(self)
         self._grid = declare_grid(self, self._rig)
         self._preset = declare(self, 'preset', '', 'numerical scheme of the solver; empty: unknown')
-        self._time_step = declare(
-            self,
-            'photo_interval_s',
-            30.0,
-            'time between photographs [s]',
-            at_least=0.1,
-            at_most=DAY_S,
-        )
+        self._time_step = declare_photo_interval(self)
         self._every = declare(
             self,
             'retrain_every',
@@ -131,7 +129,9 @@ class TrainerNode(Node):
         self._retraining = Retraining(self._every, len(known) if known else 0)
         self._pending.clear()
         self._pair: Pair | None = None
-        self._request: Future | None = None
+        self._failures = 0
+        self._next_request = 0.0
+        self._request: tuple[Any, Future] | None = None
         count = len(known) if known else 0
         self.get_logger().info(f'training pairs in {self._dataset}: {count} so far')
 
@@ -193,18 +193,21 @@ class TrainerNode(Node):
         ready = self._train.server_is_ready()
         if self._retraining.lost(time.monotonic(), server_ready=ready):
             self.get_logger().warning('the training was lost with its node; it is sent again')
-        if self._retraining.wanted and ready:
+        if ready and self._retraining.wanted(time.monotonic()):
             self._retrain()
 
     def _next(self) -> None:
         """Ask for the prediction of the next pair, unless the solver is absent or still busy."""
+        now = time.monotonic()
         if self._request is not None:
-            if time.monotonic() - self._request_time < self._model_timeout:
+            if now - self._request_time < self._model_timeout:
                 return
-            self.get_logger().warning(f'the solver did not answer in {self._model_timeout:g} s')
+            client, future = self._request
             self._request = None
+            client.remove_pending_request(future)
+            self._failed(f'it did not answer in {self._model_timeout:g} s')
         ready = self._predict.service_is_ready() and self._residual.service_is_ready()
-        if not ready or not (self._pair or self._pending):
+        if not ready or now < self._next_request or not (self._pair or self._pending):
             return
         self._pair = pair = self._pair or self._pending.popleft()
         request = Predict.Request(
@@ -214,6 +217,19 @@ class TrainerNode(Node):
         )
         self._send(self._predict, request, lambda answer: self._on_predicted(pair, answer))
 
+    def _failed(self, reason: str) -> None:
+        """Try the pair in work again later, or leave it out after some failures."""
+        self._failures += 1
+        self._next_request = time.monotonic() + RETRY_S
+        if self._failures < MOST_TRIES:
+            self.get_logger().warning(f'solver: {reason}; the pair is tried again')
+        else:
+            self._leave_out(reason)
+
+    def _leave_out(self, reason: str) -> None:
+        self._pair, self._failures = None, 0
+        self.get_logger().error(f'pair left out, solver: {reason}')
+
     def _start_message(self, pair: Pair) -> Any:
         start = pair.end - self._time_step
         return conversions.tracer_to_msg(self._collector.start_state(pair), self._grid, start)
@@ -221,23 +237,31 @@ class TrainerNode(Node):
     def _send(self, client: Any, request: Any, use: Any) -> None:
         """Send a request to the solver; call `use` with the answer if it is in time and good."""
         future = client.call_async(request)
-        self._request, self._request_time = future, time.monotonic()
+        self._request, self._request_time = (client, future), time.monotonic()
 
         def done(answered: Future) -> None:
-            if answered is not self._request:
+            if self._request is None or answered is not self._request[1]:
                 return
             self._request = None
-            answer = answered.result()
-            try:
-                if answer.outcome.code != Outcome.OK:
-                    raise InputError(answer.outcome.message)
-                use(answer)
-            except InputError as error:
-                self._pair = None
-                self.get_logger().error(f'pair left out, solver: {error}')
+            self._take(answered.result(), use)
             self._next()
 
         future.add_done_callback(done)
+
+    def _take(self, answer: Any, use: Any) -> None:
+        """Call `use` with a good `answer` of the solver; after a bad one the pair waits or goes."""
+        outcome = answer.outcome
+        try:
+            if outcome.code == Outcome.OK:
+                use(answer)
+            elif outcome.code == Outcome.INVALID_INPUT:
+                self._leave_out(outcome.message)
+            elif outcome.code == Outcome.NOT_READY:
+                self._next_request = time.monotonic() + RETRY_S
+            else:
+                self._failed(outcome.message)
+        except InputError as error:
+            self._leave_out(str(error))
 
     def _on_predicted(self, pair: Pair, answer: Predict.Response) -> None:
         predicted, _ = conversions.tracer_from_msg(answer.predicted)
@@ -254,7 +278,7 @@ class TrainerNode(Node):
 
     def _on_residual(self, pair: Pair, predicted: FloatArray, answer: Residual.Response) -> None:
         residual, _ = conversions.source_from_msg(answer.residual)
-        self._pair = None
+        self._pair, self._failures = None, 0
         kept = self._collector.complete(pair, predicted, residual)
         due = kept and self._retraining.pair_added()
         if due or self._collector.waiting >= PAIRS_PER_FILE:
@@ -285,7 +309,7 @@ class TrainerNode(Node):
         handle = future.result()
         if not handle.accepted:
             # another client has COSTA trained at this moment
-            self._retraining.refused()
+            self._retraining.refused(time.monotonic())
             return
         handle.get_result_async().add_done_callback(self._on_trained)
 

@@ -1,5 +1,6 @@
 """Real COSTA nodes in processes of their own, and a client that plays asset, solver and hub."""
 
+import itertools
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.node_thread import NodeThread
 from porotwin_costa.frames import Frames, mean_rates
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import CleanState, NewState, WellRates
+from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
 
 PATIENCE = 60.0
@@ -101,10 +102,17 @@ def stop(process: subprocess.Popen) -> str:
 
 
 def offer_solver(client: Client, model: Any) -> list[Any]:
-    """Offer the services of a solver with a toy model; return them."""
+    """Offer the services of a solver with a toy model; return them.
+
+    The first request is cancelled, as if another client had asked for it.
+    """
+    requests = itertools.count()
 
     def answer(field: str, convert: Callable, work: Callable) -> Callable:
         def callback(request: Any, response: Any) -> Any:
+            if next(requests) == 0:
+                response.outcome = Outcome(code=Outcome.FAILED, message='cancelled')
+                return response
             values = conversions.tracer_from_msg(request.previous)[0]
             rates = conversions.rates_from_msg(request.wells)
             try:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_costa.dataset import FORMAT, empty_dataset, join_datasets, load_dataset
+from porotwin_costa.dataset import FORMAT, empty_dataset, join_datasets, load_dataset, newest_pairs
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.tensor_files import write_tensors
 
@@ -31,6 +31,17 @@ def test_parts_appended_to_a_folder_are_one_data_set(build, unseen_frames, tmp_p
     whole = load_dataset(tmp_path / 'pairs')
     assert np.array_equal(whole.residual, dataset.residual)
     assert len(np.unique(whole.experiment)) == 1
+
+
+def test_the_newest_parts_are_read_until_they_are_enough(build, unseen_frames, tmp_path):
+    dataset = build(unseen_frames)
+    for low in (0, 5, 10):
+        dataset.select(np.arange(low, low + 5)).append_to(tmp_path)
+    assert np.array_equal(newest_pairs(tmp_path, 6).time, dataset.time[5:15])
+    assert np.array_equal(newest_pairs(tmp_path, 1000).time, dataset.time[:15])
+    (tmp_path / 'empty').mkdir()
+    with pytest.raises(InputError, match=r'holds no part_'):
+        newest_pairs(tmp_path / 'empty', 5)
 
 
 def test_joined_experiments_get_numbers_of_their_own(build, training_frames):
