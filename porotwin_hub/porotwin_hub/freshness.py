@@ -77,9 +77,9 @@ class PhotographClock:
             validity: age up to which a photograph may be acted on [s].
         """
         self._interval = interval
-        self.most_age = validity - AGREEMENT * interval
-        """Age on arrival [s] up to which a photograph is fresh; the rest of the validity allows for
-        a clock that is not exactly right."""
+        self.most_age = validity - (1.0 + AGREEMENT) * interval
+        """Age on arrival [s] up to which a photograph is fresh. Its setpoint then outlasts the next
+        photograph, also if the clock is not exactly right."""
         self._behind = 0.0
         """Lag of the camera's clock behind the clock of arrivals [s]."""
         self._learnt: _LearntClock | None = None

@@ -58,8 +58,8 @@ def test_last_weeks_photographs_are_not_acted_on(age: float) -> None:
     assert acted_on(*backlog(40, age=age), *live(2, after=60.0))[-2:] == [True, True]
 
 
-def test_the_newest_photographs_of_a_short_backlog_are_in_time() -> None:
-    assert acted_on(*backlog(10, age=300.0)) == [False] * 8 + [True] * 2
+def test_the_newest_photograph_of_a_short_backlog_is_in_time() -> None:
+    assert acted_on(*backlog(10, age=300.0)) == [False] * 9 + [True]
 
 
 @pytest.mark.parametrize('pause_after', [1, 20, 60, 119])
@@ -122,7 +122,17 @@ def test_a_camera_whose_clock_is_ahead_is_trusted_and_its_old_photographs_are_no
 
 def test_photographs_that_lag_more_and_more_become_late_at_a_live_pace() -> None:
     lagging = [(30.0 * n, 36.0 * n) for n in range(20)]
-    assert acted_on(*lagging) == [True] * 13 + [False] * 7
+    assert acted_on(*lagging) == [True] * 8 + [False] * 12
+
+
+@pytest.mark.parametrize('late', [2.0, 20.0, 40.0, 50.0, 70.0, 80.0, 100.0])
+def test_a_setpoint_holds_until_the_next_one_comes(late: float) -> None:
+    photographs = [(INTERVAL * n - late, INTERVAL * n) for n in range(40)]
+    clock = PhotographClock(interval=INTERVAL, validity=VALIDITY)
+    judged = [clock.judge(NOW + stamp, NOW + arrival) for stamp, arrival in photographs]
+    fresh = [one for one in judged if not one.doubt and one.age <= clock.most_age]
+    assert len(fresh) > 35  # a clock that is behind is learnt
+    assert all(one.age + INTERVAL < VALIDITY for one in fresh)
 
 
 def test_photographs_that_stay_late_are_never_acted_on_by_a_clock_that_was_right() -> None:

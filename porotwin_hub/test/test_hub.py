@@ -141,12 +141,12 @@ def test_after_time_went_back_the_loop_begins_anew(
 def test_a_wrong_stamp_leads_to_one_remark_and_spoils_nothing(
     desk: Desk, toy_model: ToyModel, stamp: float
 ) -> None:
-    desk.run(NOW - 62.0, arrival=NOW - 60.0)
+    desk.run(NOW - 42.0, arrival=NOW - 40.0)
     toy_model.steps.clear()
     cycle = desk.run(stamp, doubts=('the doubt',))
     assert (cycle.remarks, cycle.setpoint, cycle.forecast) == (['the doubt'], None, None)
     assert toy_model.steps == []
-    cycle = desk.run(NOW - 32.0)
+    cycle = desk.run(NOW - 12.0)
     assert (len(desk.setpoints), cycle.remarks) == (2, [])
     assert cycle.elapsed is not None
     assert max(toy_model.steps) <= 600.0
