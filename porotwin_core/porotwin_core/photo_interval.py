@@ -7,3 +7,7 @@ USUAL_PHOTO_INTERVAL_S = 30.0
 
 SHORTEST_PHOTO_INTERVAL_S, LONGEST_PHOTO_INTERVAL_S = 0.1, DAY_S
 """Times between photographs [s] that a node accepts."""
+
+LONGEST_GAP_INTERVALS = 10
+"""Longest time between two states in photo intervals. After a longer one the sequence begins anew,
+and nothing is predicted over it. A few lost photographs are no interruption."""

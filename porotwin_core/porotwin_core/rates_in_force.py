@@ -26,11 +26,6 @@ MOST_PERIODS = 8
 """Periods of one interval that are predicted one by one; more of them count by their mean rates."""
 
 
-LONGEST_GAP_INTERVALS = 10
-"""Longest time between two states in photo intervals. After a longer one the sequence begins anew,
-and nothing is predicted over it. A few lost photographs are no interruption."""
-
-
 class KnownRates(NamedTuple):
     """Rates [m^3/s] that the pumps measured or the operator confirmed.
 

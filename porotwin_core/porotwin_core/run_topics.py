@@ -29,7 +29,8 @@ def follow_run(
         on_effects: takes the effects in the solver; InputError from it ignores them.
     """
     node.create_subscription(WellRates, 'wells/measured', on_measured, qos.FIELD)
-    node.create_subscription(Setpoint, 'wells/setpoint', on_setpoint, qos.SETPOINT)
+    # every setpoint of a run counts, not only the newest as for a pump
+    node.create_subscription(Setpoint, 'wells/setpoint', on_setpoint, qos.FIELD)
     node.create_subscription(CleanState, 'asset/clean_state', on_clean_state, qos.FIELD)
     follow_effects(node, on_effects)
     node.create_subscription(NewState, 'asset/new_state', on_state, qos.FIELD)

@@ -1,7 +1,8 @@
 """The node that mends the running twin: asks for diagnoses, makes offers, and judges effects.
 
 The thread that takes the answers of a diagnosis also asks for it. A worker runs the shadow
-forecasts, so no message and no answer of the operator waits for them.
+forecasts, so that no message and no answer of the operator waits for them. While the solver takes
+effects, messages wait in their queues.
 """
 
 import os
@@ -10,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -304,14 +306,19 @@ class MendNode(Node):
         self._asked = _Asked(self._run, self._newest, time.monotonic(), self._mender.in_force)
         self._overdue = False
         sent = self._diagnosis.send_goal_async(Diagnose.Goal())
-        sent.add_done_callback(self._on_goal)
+        sent.add_done_callback(partial(self._on_goal, self._asked))
 
-    def _on_goal(self, future: Any) -> None:
-        self._goal = future.result()
-        if not self._goal.accepted:
+    def _on_goal(self, asked: _Asked, future: Any) -> None:
+        goal = future.result()
+        if self._asked is not asked:  # given up before
+            if goal.accepted:
+                goal.cancel_goal_async()
+            return
+        if not goal.accepted:
             self._give_up('no verdict: the diagnosis node refused; it is asked again later')
             return
-        self._goal.get_result_async().add_done_callback(self._on_result)
+        self._goal = goal
+        goal.get_result_async().add_done_callback(partial(self._on_result, asked))
 
     def _look_after_diagnosis(self) -> None:
         assert self._asked is not None
@@ -328,10 +335,10 @@ class MendNode(Node):
         self.get_logger().warning(line)
         self._diagnostics.report(DiagnosticStatus.WARN, line)
 
-    def _on_result(self, future: Any) -> None:
-        if self._asked is None:
+    def _on_result(self, asked: _Asked, future: Any) -> None:
+        if self._asked is not asked:
             return  # given up before
-        asked, self._asked, self._goal = self._asked, None, None
+        self._asked = self._goal = None
         result = future.result().result
         if result.outcome.code != Outcome.OK:
             self._give_up(f'no verdict: {result.outcome.message}')

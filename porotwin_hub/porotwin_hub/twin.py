@@ -12,8 +12,8 @@ from porotwin_core.correction import CorrectionFn
 from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.rates_in_force import (
-    LONGEST_GAP_INTERVALS,
     KnownRates,
     RatePeriod,
     describe_difference,

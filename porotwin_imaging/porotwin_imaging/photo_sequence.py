@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
-GAP_INTERVALS = 2.5
-"""Photographs are missing if the distance in time exceeds this multiple of the usual interval."""
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
+
 REMEMBERED = 16
 """Number of states whose times and digests are remembered."""
 _SAME_TIME_S = 1e-6
@@ -99,4 +99,4 @@ def _place_earlier(time: float, state: SequenceState) -> tuple[Placement, Sequen
 def _usual_gap(times: tuple[float, ...]) -> float | None:
     """Return the longest usual time between photographs [s], None if it is not known yet."""
     steps = [later - earlier for earlier, later in pairwise(times)]
-    return GAP_INTERVALS * statistics.median(steps) if steps else None
+    return LONGEST_GAP_INTERVALS * statistics.median(steps) if steps else None

@@ -20,8 +20,8 @@ def test_states_follow_each_other_by_their_time_steps() -> None:
 
 
 def test_missing_photographs_start_a_new_sequence() -> None:
-    assert placements([0, 30, 60, 200, 230])[3:] == [('start', 0.0), ('next', 30.0)]
-    assert placements([0, 30, 60, 120])[3] == ('next', 60.0)  # a single one is missing
+    assert placements([0, 30, 60, 400, 430])[3:] == [('start', 0.0), ('next', 30.0)]
+    assert placements([0, 30, 60, 240])[3] == ('next', 180.0)  # a few are missing
     assert placements([0, 30, 60, 120], longest_gap_s=40.0)[3] == ('start', 0.0)
 
 

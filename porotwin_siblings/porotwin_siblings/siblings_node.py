@@ -32,7 +32,8 @@ from porotwin_core.node import (
     run,
 )
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.rates_in_force import LONGEST_GAP_INTERVALS, KnownRates
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
