@@ -62,7 +62,11 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
             'imaging',
             'porotwin_imaging',
             'imaging_node',
-            {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
+            {
+                'rig': str(tmp_path / 'rig.yaml'),
+                'grid': '93x56',
+                'experiment_start': str(tmp_path / 'start.json'),
+            },
         ),
         NodeDescription(
             'camera',
@@ -98,7 +102,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.wait_for_log('camera', 'out of order', timeout=60)
         put(photos, '07.jpg', camera.photograph(plume(0.07), time=90.0))
         graph.wait_for_messages('asset/new_state', 3, timeout=60)
-        put(photos, '08.jpg', camera.photograph(plume(0.08), time=390.0))
+        put(photos, '08.jpg', camera.photograph(plume(0.08), time=420.0))
         graph.wait_for_messages('asset/new_state', 4, timeout=60)
 
         assert [state.sequence for state in states] == [0, 1, 2, 3]
@@ -115,6 +119,19 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         complaints = {one.message for one in diagnostics if one.level == DiagnosticStatus.ERROR}
         for text in ('duplicate', 'does not match', 'truncated or broken', 'out of order'):
             assert sum(text in complaint for complaint in complaints) == 1
+
+        lines = graph.log('imaging').count('baseline:')
+        os.kill(graph.processes.process('imaging').pid, signal.SIGKILL)
+        graph.listener.wait_for(
+            'imaging to start again',
+            lambda: graph.log('imaging').count('baseline:') > lines,
+            timeout=60.0,
+        )
+        put(photos, '09.jpg', camera.photograph(plume(0.09), time=450.0))
+        graph.wait_for_messages('asset/new_state', 5, timeout=60)
+        restarted = graph.messages['asset/clean_state'][-1]
+        assert restarted.cause == CleanState.INTERRUPTED, restarted.reason
+        assert restarted.reason == 'imaging was started again'
 
 
 def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(

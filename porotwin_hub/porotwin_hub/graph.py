@@ -32,6 +32,9 @@ TRAINING_PAIRS = 'pairs'
 TRAINED_MODEL = 'model.safetensors'
 """Names in the folder of retraining: the pairs that the trainer collects, and the weights."""
 
+EXPERIMENT_START = 'experiment_start.json'
+"""Name of the file, beside the bag of a run, with the time of its first photograph."""
+
 
 def _option(default: Any, description: str) -> Any:
     return field(default=default, metadata={'description': description})
@@ -108,8 +111,13 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
 
 
 def _imaging_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
-    calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
-    return NodeDescription('imaging', 'porotwin_imaging', 'imaging_node', {**mapped, **calibration})
+    """Return imaging; it keeps the start of the experiment beside the bag of the run."""
+    parameters = {**mapped}
+    if settings.calibration is not None:
+        parameters['calibration'] = str(settings.calibration)
+    if settings.record is not None and not settings.use_sim_time:
+        parameters['experiment_start'] = str(settings.record.with_name(EXPERIMENT_START))
+    return NodeDescription('imaging', 'porotwin_imaging', 'imaging_node', parameters)
 
 
 def _costa_node(settings: GraphSettings, modelled: Parameters) -> NodeDescription:

@@ -12,6 +12,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
@@ -136,6 +137,8 @@ class HubNode(Node):
         self._setpoints = 0
         self._effects: tuple[EffectDescription, ...] = ()
         self._model_changed = threading.Event()
+        self._told_start: float | None = None
+        """Start of the experiment that imaging has told since the last state [s]."""
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
         if planner is None:
@@ -207,6 +210,8 @@ class HubNode(Node):
         self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         follow_effects(self, self._on_effects, refuse=self._refuse)
+        if not self._simulated:
+            self.create_subscription(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
         self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
@@ -263,6 +268,9 @@ class HubNode(Node):
             self._effects = told.effects
             self._model_changed.set()
 
+    def _on_experiment(self, message: Header) -> None:
+        self._told_start = conversions.time_from_msg(message.stamp)
+
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
 
@@ -281,6 +289,9 @@ class HubNode(Node):
                 if self._model_changed.is_set():
                     self._model_changed.clear()
                     self._twin.forget_rate_factors()
+                told, self._told_start = self._told_start, None
+                if told is not None:
+                    self._twin.set_start(told)
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)

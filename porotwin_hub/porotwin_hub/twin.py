@@ -116,6 +116,10 @@ class Twin:
         if self._learner is not None:
             self._learner.begin_anew()
 
+    def set_start(self, time: float) -> None:
+        """Count pauses and the end of the experiment from its start at `time` [s]."""
+        self._known_start = self._began = time
+
     def forget_rate_factors(self) -> None:
         """Learn the rate factors anew: those learnt with another model may stand for its error."""
         if self._learner is not None:
@@ -200,7 +204,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
-        self._began = now if self._began is None else self._began
+        self._began = now if self._began is None else min(self._began, now)
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()

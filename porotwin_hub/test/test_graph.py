@@ -36,7 +36,11 @@ FULL = GraphSettings(
 )
 
 
-SHARED_DECLARATIONS = {'declare_rig': 'rig', 'declare_grid': 'grid'}
+SHARED_DECLARATIONS = {
+    'declare_rig': 'rig',
+    'declare_grid': 'grid',
+    'declare_photo_interval': 'photo_interval_s',
+}
 """Helpers of `porotwin_core.node` that declare one parameter each."""
 
 

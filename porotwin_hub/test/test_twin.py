@@ -233,6 +233,11 @@ def test_an_announced_pause_holds_where_no_rates_are_known(
     assert rests == {0.0: [], 30.0: [False], 60.0: [False, True], 90.0: [True, False]}
     stopped = [KnownRates(began + 90.0, began + 120.0, {})]
     assert twin.cycle(empty(began + 120.0), stopped).pumped == {}
+    restarted = Twin(
+        toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe(), pauses=pauses
+    )
+    restarted.set_start(began)
+    assert restarted.cycle(empty(began + 60.0)).pumped['injector'].rate == 0.0
 
 
 def test_a_setpoint_that_the_rig_rejects_does_not_count_as_pumped(make_twin: MakeTwin) -> None:

@@ -6,20 +6,23 @@ costs one log line and a diagnostic, and the stream continues.
 
 import queue
 import threading
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Header
 
 from porotwin_core.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.qos import BASELINE, FIELD, PHOTO
+from porotwin_core.qos import BASELINE, CONFIG, FIELD, PHOTO
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import only_one
 from porotwin_core.stamps import time_in_words
 from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.experiment_start import ExperimentStart
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
@@ -56,12 +59,22 @@ class ImagingNode(Node):
             calibration=load_calibration(calibration) if calibration else None,
             longest_gap_s=longest_gap or None,
         )
+        kept = declare(
+            self,
+            'experiment_start',
+            '',
+            'file that keeps the time of the first photograph over a restart; empty: none',
+        )
+        self._start = ExperimentStart(Path(kept) if kept else None)
         self._calibration_hash = sha256_of_file(calibration)
         self._queue: queue.Queue[tuple[str, float, bytes]] = queue.Queue()
         self._diagnostics = Diagnostics(self)
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
         self._refreshed = self.create_publisher(StateRefreshed, 'asset/state_refreshed', FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', FIELD)
+        self._experiment = self.create_publisher(Header, 'asset/experiment', CONFIG)
+        if self._start.time is not None:
+            self._experiment.publish(header_at(self._start.time))
         self._listen('baseline', 'camera/baseline/compressed', BASELINE)
         self._listen('state', 'camera/image/compressed', PHOTO)
         threading.Thread(target=self._work, daemon=True).start()
@@ -119,9 +132,7 @@ class ImagingNode(Node):
     def _publish(self, state: ImagedState) -> None:
         header = header_at(state.time)
         if state.placement.action == 'start':
-            cause = CleanState.INTERRUPTED if state.number else CleanState.START
-            reason = state.placement.reason
-            self._clean.publish(CleanState(header=header, cause=cause, reason=reason))
+            self._tell_start(state)
         self._new_state.publish(
             NewState(
                 header=header,
@@ -138,6 +149,21 @@ class ImagingNode(Node):
         )
         self._refreshed.publish(StateRefreshed(header=header, sequence=state.number))
         self._report(state)
+
+    def _tell_start(self, state: ImagedState) -> None:
+        """Tell that a sequence of photographs begins, and perhaps an experiment with it."""
+        header, reason = header_at(state.time), state.placement.reason
+        cause = CleanState.INTERRUPTED
+        if self._start.goes_on(state.time):
+            reason = 'imaging was started again'
+        elif state.number == 0:
+            cause = CleanState.START
+            try:
+                self._start.note(state.time)
+            except OSError as error:
+                self.get_logger().warning(f'a restart will count as a new experiment: {error}')
+            self._experiment.publish(header)
+        self._clean.publish(CleanState(header=header, cause=cause, reason=reason))
 
     def _report(self, state: ImagedState) -> None:
         found = state.map

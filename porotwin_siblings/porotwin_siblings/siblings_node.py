@@ -16,6 +16,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
@@ -167,8 +168,9 @@ class SiblingsNode(Node):
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
         # simulated time counts from the start of the experiment
-        self._began = 0.0 if self.get_parameter('use_sim_time').value else None
+        self._began = 0.0 if self._simulated else None
         self._forecast: Outlook | None = None
         self._diagnostics = Diagnostics(self)
         self._make_topics()
@@ -212,6 +214,8 @@ class SiblingsNode(Node):
             on_clean_state=self._on_clean_state,
             on_effects=self._on_effects,
         )
+        if not self._simulated:
+            self.create_subscription(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
@@ -247,6 +251,10 @@ class SiblingsNode(Node):
     def _on_clean_state(self, message: CleanState) -> None:
         with self._changed:
             self._interrupted = True
+
+    def _on_experiment(self, message: Header) -> None:
+        with self._changed:
+            self._began = conversions.time_from_msg(message.stamp)
 
     def _on_effects(self, told: ToldEffects) -> None:
         with self._changed:
