@@ -11,3 +11,6 @@ SHORTEST_PHOTO_INTERVAL_S, LONGEST_PHOTO_INTERVAL_S = 0.1, DAY_S
 LONGEST_GAP_INTERVALS = 10
 """Longest time between two states in photo intervals. After a longer one the sequence begins anew,
 and nothing is predicted over it. A few lost photographs are no interruption."""
+
+VALIDITY_INTERVALS = 3
+"""Photo intervals that a setpoint is valid: two photographs may be lost before control ends."""

@@ -1,5 +1,7 @@
 """Stamps of photographs and messages: seconds since 1970, or since the start of an experiment."""
 
+import time
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 SINCE_1970 = 1e9
@@ -15,3 +17,9 @@ def time_in_words(stamp: float) -> str:
         return datetime.fromtimestamp(stamp, UTC).strftime('%Y-%m-%d %H:%M:%S UTC')
     except (ValueError, OverflowError, OSError):
         return f'{stamp:g} s'
+
+
+def steady_time() -> Callable[[], float]:
+    """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
+    epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+    return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)

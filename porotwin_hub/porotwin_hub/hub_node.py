@@ -6,8 +6,6 @@ slow cycle delays no message and a service call can wait without a deadlock.
 
 import math
 import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -18,6 +16,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
+from porotwin_core.freshness import PhotographClock
 from porotwin_core.model_effects import ToldEffects, follow_effects
 from porotwin_core.node import (
     Diagnostics,
@@ -30,6 +29,7 @@ from porotwin_core.node import (
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
+from porotwin_core.stamps import steady_time
 from porotwin_core.state_filter import StateFilter
 from porotwin_hub.clients import (
     Caller,
@@ -41,7 +41,6 @@ from porotwin_hub.cycle import Cycle
 from porotwin_hub.cycle_report import report_of
 from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
-from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.planner_parameters import PlannerParameters
@@ -65,12 +64,6 @@ SIMULATED_PATIENCE_S = 60.0
 
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
-
-
-def steady_time() -> Callable[[], float]:
-    """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
-    epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
-    return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class HubNode(Node):

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
+from porotwin_core.freshness import IN_TIME, StampJudgement
 from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import KnownRates
-from porotwin_hub.freshness import IN_TIME, StampJudgement
 
 REMEMBERED_STATES = 16
 """States that wait for their refreshed message, and the other way round: half a burst of 30."""

@@ -6,10 +6,8 @@ the asset goes to its safe rates by itself, the twin assumes so, and the operato
 
 from dataclasses import dataclass
 
+from porotwin_core.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.wells import WellRate
-
-VALIDITY_INTERVALS = 3
-"""Photo intervals that a setpoint is valid: two photographs may be lost before control ends."""
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import pytest
 from hub_examples import ToyModel
 
 from porotwin_core.correction import Correction
+from porotwin_core.freshness import IN_TIME, PhotographClock
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.freshness import IN_TIME, PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, ReadyState
 from porotwin_hub.setpoint_expiry import SetpointDecision

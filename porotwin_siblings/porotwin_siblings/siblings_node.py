@@ -22,6 +22,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
+from porotwin_core.freshness import PhotographClock
 from porotwin_core.grid import Grid
 from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import (
@@ -33,12 +34,13 @@ from porotwin_core.node import (
     run,
 )
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS, VALIDITY_INTERVALS
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
+from porotwin_core.stamps import steady_time
 from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
@@ -116,9 +118,14 @@ class SiblingsNode(Node):
             at_least=60.0,
             at_most=LONGEST_HORIZON_S,
         )
-        self._longest_gap = LONGEST_GAP_INTERVALS * declare_photo_interval(
+        interval = declare_photo_interval(
             self, also=f'; after {LONGEST_GAP_INTERVALS} without one, forecasts begin anew'
         )
+        self._longest_gap = LONGEST_GAP_INTERVALS * interval
+        self._photographs = PhotographClock(
+            interval=interval, validity=VALIDITY_INTERVALS * interval
+        )
+        self._steady_time = steady_time()
         self._judges = declare(
             self,
             'judges',
@@ -265,6 +272,11 @@ class SiblingsNode(Node):
             photograph = photograph_from_msg(message, self._map_grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
+            return
+        # in simulated time all stamps are believed, as in the hub
+        judgement = self._photographs.judge(photograph.time, self._steady_time())
+        if judgement.doubt and not self._simulated:
+            self.get_logger().warning(f'state {message.sequence} ignored: {judgement.doubt}')
             return
         with self._changed:
             self._arrived = _Arrived(message.sequence, photograph)

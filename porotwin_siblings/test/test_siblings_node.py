@@ -35,7 +35,13 @@ class Beside:
     def __init__(self, domain: int) -> None:
         context = rclpy.Context()
         rclpy.init(context=context, domain_id=domain)
-        given = {'rig': str(RIG), 'grid': '40x24', 'cells': 330, 'horizon_s': 1200.0}
+        given: dict[str, Any] = {
+            'rig': str(RIG),
+            'grid': '40x24',
+            'cells': 330,
+            'horizon_s': 1200.0,
+            'use_sim_time': True,  # so that stamps of any time are believed
+        }
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         self.node = SiblingsNode(context=context, parameter_overrides=overrides)
         self.other = rclpy.create_node('solver', context=context)
