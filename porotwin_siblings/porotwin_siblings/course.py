@@ -118,7 +118,7 @@ def with_traits(traits: Traits, physics: Physics) -> Physics:
         density_difference=physics.density_difference + traits.density_difference,
         porosity=np.minimum(physics.porosity * traits.porosity_factor, 1.0),
         background_flux=(have_x + more_x, have_z + more_z),
-        permeability=physics.permeability * np.exp(waves),
+        permeability=physics.permeability * traits.permeability_factor * np.exp(waves),
     )
 
 

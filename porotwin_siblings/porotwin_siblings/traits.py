@@ -31,9 +31,19 @@ SINKING_M_H = 0.03
 DRIFT_M_H = 0.006
 """Standard deviation of how far water drifts beside the wells in an hour, each way [m]."""
 
+CONDUCTIVITY_DEVIATION = 0.3
+"""Standard deviation of the log of the hydraulic conductivity of all the sand, where heads drive
+water. Wells alone drive the same flow in any sand."""
+
+LEVEL_DEVIATION_M = 1e-3
+"""Standard deviation of the difference between two water levels [m]: a ruler on a wet glass."""
+
 WAVES = tuple(wave for wave in itertools.product(range(4), range(3)) if 0 < wave[0] + wave[1] <= 3)
 """Half waves along x and z of the cosines that change the permeability: half waves of 1/3 of the
 rig and above; smaller scales bend the plume little."""
+
+RESERVOIRS = 'flow between reservoirs'
+"""Name of the unknown of rigs whose heads drive water."""
 
 COMMON_UNKNOWNS = 6 + len(WAVES)
 """Unknowns of every rig, beside the rates of its wells."""
@@ -51,6 +61,7 @@ class Traits:
     density_difference: of tracer stock and water [kg/m^3], on top of the one of rig.yaml.
     porosity_factor: [-].
     background_flux: Darcy flux (x, z) beside the wells [m/s].
+    permeability_factor: of all the sand, where heads drive water [-].
     waves: log permeability in each of `WAVES` [-].
     photograph_error: systematic error of the photographs, in standard deviations [-].
     effects: diagnosed effects, drawn within their intervals.
@@ -61,6 +72,7 @@ class Traits:
     density_difference: float = 0.0
     porosity_factor: float = 1.0
     background_flux: tuple[float, float] = (0.0, 0.0)
+    permeability_factor: float = 1.0
     waves: tuple[float, ...] = ()
     photograph_error: float = 0.0
     effects: tuple[EffectDescription, ...] = ()
@@ -102,6 +114,7 @@ class Unknowns:
             Unknown('drift x', 0.0, drift),
             Unknown('drift z', 0.0, drift),
             Unknown('photograph', 0.0, 1.0),
+            *_of_reservoirs(rig),
             *(Unknown(f'wave {i} {j}', 0.0, WAVE_DEVIATION / max(i, j)) for i, j in WAVES),
             *(
                 Unknown(f'{effect.name} {name}', value, deviation)
@@ -121,6 +134,11 @@ class Unknowns:
         """The standard deviation of every unknown before any photograph, (unknowns,)."""
         return np.array([unknown.deviation for unknown in self.listed])
 
+    @property
+    def has_reservoirs(self) -> bool:
+        """Whether the flow between reservoirs is an unknown."""
+        return any(unknown.name == RESERVOIRS for unknown in self.listed)
+
     def index(self, name: str) -> int:
         """Return the place of the unknown `name`."""
         return [unknown.name for unknown in self.listed].index(name)
@@ -130,6 +148,7 @@ class Unknowns:
         count, rest = len(self.wells), iter(values[len(self.wells) :])
         factors = np.exp(values[:count])
         dispersivity, density, porosity, drift_x, drift_z, photograph = itertools.islice(rest, 6)
+        through = next(rest) if self.has_reservoirs else 0.0
         waves = tuple(float(value) for value in itertools.islice(rest, len(WAVES)))
         return Traits(
             rate_factors=dict(zip(self.wells, map(float, factors), strict=True)),
@@ -137,7 +156,20 @@ class Unknowns:
             density_difference=float(density),
             porosity_factor=float(np.exp(porosity)),
             background_flux=(float(drift_x), float(drift_z)),
+            permeability_factor=float(np.exp(through)),
             waves=waves,
             photograph_error=float(photograph),
             effects=tuple(effect.described(rest) for effect in self.diagnosed),
         )
+
+
+def _of_reservoirs(rig: Rig) -> list[Unknown]:
+    """Return the unknown of a rig whose heads drive water: how much flows between its reservoirs.
+
+    Maps show conductivity times fall only, so that both are one factor on the conductivity.
+    """
+    raised = rig.boundaries.raised_heads
+    if not raised:
+        return []
+    level = LEVEL_DEVIATION_M / max(raised.values())
+    return [Unknown(RESERVOIRS, 0.0, float(np.hypot(CONDUCTIVITY_DEVIATION, level)))]

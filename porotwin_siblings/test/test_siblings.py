@@ -15,7 +15,7 @@ from porotwin_siblings.course import CourseOrder, run_course
 from porotwin_siblings.expected_cost import chosen_judges
 from porotwin_siblings.outlook import Outlook, answers
 from porotwin_siblings.siblings import Siblings
-from porotwin_siblings.traits import Traits
+from porotwin_siblings.traits import RESERVOIRS, Traits
 
 PLAN = [RateStep(0.0, RATES)]
 TIMES = (600.0, 1200.0, 2400.0)
@@ -68,6 +68,26 @@ def test_the_truth_lies_in_the_bands(threads: Executor) -> None:
     for number, map_ in enumerate(later):
         low, _, high = outlook.zone_tracer[:, number]
         assert low <= siblings.zone.tracer(map_) <= high
+
+
+def test_the_flow_between_reservoirs_is_learnt(threads: Executor) -> None:
+    sides = {'left': 'open', 'right': 'open', 'top': 'closed', 'bottom': 'closed'}
+    heads = {'left': 0.565, 'right': 0.562}
+    boundaries = RIG.boundaries.model_validate({**sides, 'heads_m': heads})
+    rig = RIG.model_copy(update={'boundaries': boundaries})
+    times = [300.0 * (number + 1) for number in range(8)]
+    true = Traits({}, permeability_factor=1.5)
+    periods = (period(0.0, times[-1]),)
+    order = CourseOrder(rig, GRID, true, EMPTY, periods, None, (), tuple(times))
+    siblings = Siblings(rig, GRID, executor=threads)
+    assert not Siblings(RIG, GRID, executor=threads).unknowns.has_reservoirs
+    siblings.observe(photograph(0.0, EMPTY))
+    for time, map_ in zip(times, run_course(order).maps, strict=True):
+        siblings.observe(photograph(time, map_), [period(time - 300.0, time)])
+    place = siblings.unknowns.index(RESERVOIRS)
+    belief = siblings.learning.belief
+    assert belief.mean[place] > np.log(1.2)  # the rest is taken for a drift
+    assert belief.mean[place] == pytest.approx(np.log(1.5), abs=2.5 * belief.deviation[place])
 
 
 def test_bands_widen_and_the_zone_is_never_left_again(ordinary: Siblings) -> None:
