@@ -17,6 +17,13 @@ changed by a per cent, and a calibration that compares fronts with the model ref
 REACTED_SHARE = 0.05
 """Largest product of a step and a reaction rate: so much tracer reacts in one step."""
 
+NOTABLE_FRACTION = 0.1
+"""Fraction of immobile water below which its exchange bears longer steps, in proportion."""
+
+COUPLED_SHARE = 1.0 / 240.0
+"""Share of the moving water that may be pumped between two solutions of a flow that the tracer
+changes. It gives `LONGEST_STEP` at 500 ml/h in the small rig."""
+
 
 def longest_free_step(physics: Physics, rates: WellRates) -> float:
     """Return the longest splitting step [s] of a free run under constant `rates`.
@@ -25,16 +32,28 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
     is exchanged, but at least `LONGEST_STEP`. Pumps, leaks, flow from outside, density, a tilted
     water table and heads of open sides exchange water. Decay and exchange with immobile water bound
     the step too.
+
+    Two things need shorter steps than `LONGEST_STEP` where pumps are fast. A tracer that changes
+    the flow needs a new flow after `COUPLED_SHARE`. Exchange with immobile water needs steps in
+    which either little is exchanged or little water moves.
     """
-    water = EXCHANGED_SHARE * float(np.sum(physics.mobile_water))
+    moving = float(np.sum(physics.mobile_water))
     flow = _pumped(physics, rates) + _driven(physics)
-    reaction = physics.decay_rate + physics.exchange_rate / max(
-        1.0 - physics.immobile_fraction, 0.1
-    )
-    limits = [
-        limit / rate for limit, rate in ((water, flow), (REACTED_SHARE, reaction)) if rate > 0.0
-    ]
-    return max(LONGEST_STEP, min(limits, default=math.inf))
+    exchange = physics.exchange_rate / max(1.0 - physics.immobile_fraction, 0.1)
+    slow = EXCHANGED_SHARE * _over(moving, flow)
+    reacted = REACTED_SHARE * _over(1.0, exchange)
+    limits = [max(LONGEST_STEP, min(slow, reacted, REACTED_SHARE * _over(1.0, physics.decay_rate)))]
+    if physics.immobile_fraction > 0.0:
+        few = max(1.0, NOTABLE_FRACTION / physics.immobile_fraction)
+        limits.append(few * max(reacted, slow))
+    if physics.is_coupled:
+        limits.append(COUPLED_SHARE * _over(moving, _pumped(physics, rates)))
+    return min(limits)
+
+
+def _over(amount: float, rate: float) -> float:
+    """Return the time [s] that `amount` takes at `rate`."""
+    return amount / rate if rate > 0.0 else math.inf
 
 
 def _pumped(physics: Physics, rates: WellRates) -> float:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from effect_examples import described
 
+from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.engine import LONGEST_STEP
+from porotwin_solver.engine import LONGEST_STEP, State
 from porotwin_solver.free_run_step import longest_free_step
 from porotwin_solver.model import Model
 from porotwin_solver.simulation import maps_of
@@ -54,3 +55,33 @@ def test_long_steps_show_the_same_maps(make_rig, effect):
     effects = [described(effect)] if effect else []
     long, short = (maps_at_the_end(make_rig(), effects, 2.0 * DAY, step) for step in (None, 240.0))
     assert np.linalg.norm(long - short) < 0.02 * np.linalg.norm(short)
+
+
+@pytest.mark.parametrize(
+    ('effect', 'parameters', 'most'),
+    [
+        ('dual_porosity', {'immobile_fraction': 0.3, 'exchange_rate': 1.0}, 0.02),
+        ('dual_porosity', {'immobile_fraction': 0.3, 'exchange_rate': 1e-2}, 0.02),
+        ('viscosity', {'viscosity_ratio': 5.0}, 0.03),
+    ],
+)
+def test_fast_pumps_see_the_maps_of_short_steps(make_rig, effect, parameters, most):
+    model = model_of(make_rig(), EffectDescription(name=effect, parameters=parameters))
+    rates = rates_of(8000.0)
+    maps = []
+    for step in (None, 0.5):
+        state = State.equilibrium(np.zeros(model.engine.grid.shape))
+        length = longest_free_step(model.engine.physics, rates) if step is None else step
+        model.engine.advance(state, rates, 240.0, length)
+        maps.append(model.engine.mean_concentration(state))
+    assert np.linalg.norm(maps[0] - maps[1]) < most * np.linalg.norm(maps[1])
+
+
+def test_exchange_within_a_second_equals_pores_without_immobile_water(make_rig):
+    rates, maps = Schedule.constant(rates_of(4000.0)), []
+    fast = {'immobile_fraction': 0.3, 'exchange_rate': 1.0}
+    for effects in ((), (EffectDescription(name='dual_porosity', parameters=fast),)):
+        model = model_of(make_rig(), *effects)
+        initial = model.initial_condition()
+        maps += maps_of(model, rates, np.array([400.0]), initial=initial, start=0.0)
+    assert np.linalg.norm(maps[1] - maps[0]) < 0.03 * np.linalg.norm(maps[0])

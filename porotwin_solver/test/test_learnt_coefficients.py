@@ -88,12 +88,13 @@ def test_a_learnt_scheme_takes_the_place_of_the_own_one(rig: Rig, grid: Grid) ->
 
 def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
     solver = LearntModels(rig, grid, 'fast')
-    schedule, start = Schedule.constant(RATES), np.zeros(grid.shape)
+    rates = {name: WellRate(0.2 * well.rate, well.concentration) for name, well in RATES.items()}
+    schedule, start = Schedule.constant(rates), np.zeros(grid.shape)
     maps = solver.run(EVERYTHING, schedule, np.array([60.0, 120.0]), initial=start, start=0.0)
     model = solver.model(EVERYTHING)
-    first = model.predict(start, RATES, 60.0)
+    first = model.predict(start, rates, 60.0)
     assert np.allclose(maps[0], first)
-    assert np.allclose(maps[1], model.predict(first, RATES, 60.0))
+    assert np.allclose(maps[1], model.predict(first, rates, 60.0))
 
 
 @pytest.mark.parametrize('preset', ['upwind', 'fast'])

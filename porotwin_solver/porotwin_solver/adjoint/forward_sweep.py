@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_solver.engine import State
+from porotwin_solver.free_run_step import longest_free_step
 from porotwin_solver.model import Model
 from porotwin_solver.refinement import refine
 
@@ -64,7 +65,8 @@ def sweep_forward(
     observe(observed_before)
     for interval in intervals:
         duration = interval.end - interval.start
-        for coefficients in engine.interval(state, interval.rates, duration):
+        step = longest_free_step(engine.physics, interval.rates)
+        for coefficients in engine.interval(state, interval.rates, duration, step):
             interval.states.append(state.copy())
             engine.step(state, coefficients)
         if interval.observed:
