@@ -24,6 +24,15 @@ This page is for the person beside a rig: the tested faults, their signs, the re
 and the remedy. `./porotwin test` starts a twin, injects one fault after the other, and checks each
 sign. `docs/make_faults.py` writes this page from these tests (`tests/faults`).
 
+The signs name their place:
+
+| sign | place |
+| --- | --- |
+| `/diagnostics: NODE` | the panel *Nodes* of the [page](page.md) |
+| `hub/cycle` | the lines below the maps of the page |
+| log of NODE | the file `log/NODE.log` in the folder of the run, under `runs/` |
+| `up` prints | the terminal of `./porotwin up` |
+
 These rules hold for every fault:
 
 - A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s.

@@ -134,7 +134,7 @@ def test_a_form_that_closes_more_than_known_effects_is_said(denser):
     part = PartialCause(pair, 0.77, RemainderForm((), 0.0), None)
     form = RemainderForm((term,), 0.86)
     result = replace(denser, verdict=verdict, partial=part, remainder=form)
-    assert 'the plume is 10 % paler throughout, which closes 86 % of it' in said(result)
+    assert 'the plume is 10 % paler throughout. This closes 86 % of it' in said(result)
 
 
 def test_before_a_form_that_closes_less_than_half_it_is_said_that_none_fits_well(denser):
@@ -152,7 +152,7 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     worst = denser.evidence.findings.singles[1]
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
-    assert text.startswith('<b>Unexplained.</b> There is a gap: the error of the model')
+    assert text.startswith('<b>Unexplained</b> (confidence 90 %). There is a gap: the error')
     assert 'None of the 2 effects of the library, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
     (part,) = denser.held_out

@@ -94,7 +94,7 @@ def test_beside_an_effect_without_a_probable_rival_no_experiment_is_asked_for(
 ):
     verdict = replace(coarse_denser.verdict, probabilities={'porosity': 1.0, 'leak': 1e-5})
     text, _ = page(replace(coarse_denser, verdict=verdict, proposals=()), tmp_path)
-    assert 'no experiment must separate them' in text
+    assert 'no experiment is needed to tell them apart' in text
 
 
 def test_no_gap_says_first_which_effects_could_not_have_been_seen(coarse_denser, tmp_path):

@@ -57,7 +57,9 @@ class GraphSettings:
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', f'scheme of the physics-based model: {PRESET_WORDS}')
     photo_interval_s: float = _option(USUAL_PHOTO_INTERVAL_S, 'time between photographs [s]')
-    horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
+    horizon_s: float = _option(
+        1800.0, 'how far plans look ahead if rig.yaml names no end of the experiment [s]'
+    )
     evaluations: int = _option(60, 'most predictions of one optimisation')
     siblings: bool = _option(False, 'forecast with bands, and answer what-if')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')

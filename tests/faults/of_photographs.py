@@ -10,7 +10,8 @@ from faults.fault import LogLine, Remark, Status, fault
 from faults.stage import Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
-NEXT_GOOD = 'nothing: the next good photograph counts'
+NEXT_GOOD_COUNTS = 'the next good photograph counts'
+NEXT_GOOD = f'nothing: {NEXT_GOOD_COUNTS}'
 LEFT_OUT = 'Leaves out the photograph. No state and no setpoint follow.'
 
 
@@ -63,7 +64,7 @@ def no_photograph(stage: Stage) -> None:
     'A photograph is black: the lens cap is on, or the light is off.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=NEXT_GOOD,
+    mends=f'take off the lens cap, switch on the light; {NEXT_GOOD_COUNTS}',
 )
 def black(stage: Stage) -> None:
     put_spoiled(stage, 'black')
@@ -73,7 +74,7 @@ def black(stage: Stage) -> None:
     'A photograph is white: the exposure is far too long.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=NEXT_GOOD,
+    mends=f'shorten the exposure; {NEXT_GOOD_COUNTS}',
 )
 def white(stage: Stage) -> None:
     put_spoiled(stage, 'overexposed')
@@ -83,7 +84,7 @@ def white(stage: Stage) -> None:
     'A photograph has half the size.',
     Status('imaging', 'ERROR', 'keep the camera as it is or take a new baseline'),
     does=LEFT_OUT,
-    mends=NEXT_GOOD,
+    mends=f'set the old size, or take a new baseline; {NEXT_GOOD_COUNTS}',
 )
 def half_size(stage: Stage) -> None:
     put_spoiled(stage, 'half_size')
@@ -93,7 +94,7 @@ def half_size(stage: Stage) -> None:
     'A photograph is upside down.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=NEXT_GOOD,
+    mends=f'turn the camera back; {NEXT_GOOD_COUNTS}',
 )
 def upside_down(stage: Stage) -> None:
     put_spoiled(stage, 'upside_down')
@@ -147,8 +148,8 @@ def impossible_file_times(stage: Stage) -> None:
 @fault(
     "The camera's clock is an hour ahead.",
     LogLine('camera', 'is not believed'),
-    does='Believes the time of the file, which another clock wrote, and at last the arrival. '
-    'Control goes on.',
+    does='Uses the time of the file, which another clock wrote. If that is not believable either, '
+    'uses the time of arrival. Control goes on.',
     mends="set the camera's clock",
 )
 def camera_clock_ahead(stage: Stage) -> None:

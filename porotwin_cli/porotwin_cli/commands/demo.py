@@ -17,8 +17,9 @@ def command(
     minutes: Annotated[
         float | None,
         typer.Option(
-            help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
-            'for 20 min or more before the twin takes over. Default: 30; with a hidden effect 40.',
+            help='Time under control [min]; the paper has 80. From 60 on the twin controls from '
+            'the start. Below 60 the tracer first spreads without control, for the larger of 20 '
+            'min and 36 min minus this time. Default: 30; with a hidden effect 40.',
             min=1.0,
             max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),

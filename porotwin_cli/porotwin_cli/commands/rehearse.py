@@ -45,13 +45,13 @@ def command(
     duration_min: Annotated[
         float | None,
         typer.Option(
-            help='Length of the experiment. Default: until the last row of rates.csv.',
+            help='Length of the experiment [min]. Default: until the last row of rates.csv.',
             min=0.1,
             max=LONGEST_MIN,
         ),
     ] = None,
     photo_interval_s: Annotated[
-        float, typer.Option(help='Time between two maps.', min=1.0, max=86400.0)
+        float, typer.Option(help='Time between two maps [s].', min=1.0, max=86400.0)
     ] = SHORTEST_STEP_S,
     grid: Annotated[
         str, typer.Option(help='Columns x rows of the maps; default: cells of 5 mm.')
@@ -67,7 +67,7 @@ def command(
     not name the effects given here. `./porotwin diagnose` tells whether it finds them, and so
     whether these rates would show them.
 
-    Example: ./porotwin rehearse experiment --output planned --effect leak:x=0.6,z=0.3,rate=-50
+    Example: ./porotwin rehearse planned --output rehearsed --effect leak:x=0.6,z=0.3,rate=-50
     """
     from porotwin_cli.grids import grid_of
     from porotwin_core.whole_folder import whole_folder

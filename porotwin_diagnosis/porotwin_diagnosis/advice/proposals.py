@@ -37,8 +37,8 @@ TELLING_KINDS: dict[str, tuple[str | None, ...]] = {
     'one well at a time': ('source', 'transport', None),
 }
 """Experiments that show whether an unknown cause is of the described kind (None: no description):
-at rest only the camera, storage and flows from outside go on; a wrong pump shows in its turn alone,
-the sand in every turn."""
+at rest the camera, storage, flows from outside, diffusion and buoyancy go on, dispersion and wrong
+rates stop; a wrong pump shows in its turn alone, the sand in every turn."""
 
 WATER_LEVEL = (
     'mark the water level at every open side and look at it again at the end: a level that rises, '

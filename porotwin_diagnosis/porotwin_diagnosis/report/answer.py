@@ -78,7 +78,7 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
                 'There is a gap at fronts or in single places. In the whole held-out part the '
                 f'error is {before}, and noise and blur of the maps may make {floor}'
             )
-        return f'<b>Unexplained.</b> {gap}. {_nothing_explains(result, summary)} ({sure}).'
+        return f'<b>Unexplained</b> ({sure}). {gap}. {_nothing_explains(result, summary)}.'
     return (
         f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}{_described(result)}'
     )
@@ -174,8 +174,8 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
         said = ', and '.join(term.words for term in form.terms)
         looks = 'It looks as if' if form.fits_well else f'{NO_GOOD_FORM}. The best one is that'
         return (
-            f'{looks} {html.escape(said)}, which closes {100 * form.closed:.0f} % of it '
-            'and is no effect of the library'
+            f'{looks} {html.escape(said)}. This closes {100 * form.closed:.0f} % of it. It was '
+            'found by regression, so it is only a hint'
         )
     if beside:
         return (

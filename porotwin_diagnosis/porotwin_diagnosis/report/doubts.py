@@ -71,7 +71,7 @@ def _remainder(name: str, lack: float) -> str:
             'it would be the answer'
         )
     return (
-        'whether a cause outside the library imitates the effect. Even a true effect leaves some '
-        f'error. Here the error is {100 * lack:.0f} % of the largest one that a true effect may '
-        'leave; less is better'
+        'whether another cause, which the library does not have, looks like this effect. The error '
+        f'that remains is {100 * lack:.0f} % of what a true effect may leave. The lower this '
+        'number, the surer the effect'
     )

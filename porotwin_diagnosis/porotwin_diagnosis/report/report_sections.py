@@ -175,9 +175,9 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
     if result.verdict.stands_alone:
         return (
             '<p>Every other effect of the library has a probability below '
-            f'{100 * LEAST_RIVAL:g} %, so that no experiment must separate them. A recording with '
-            'other wells or rates is the best test of the named effect: its error must fall too.'
-            '</p>'
+            f'{100 * LEAST_RIVAL:g} %, so no experiment is needed to tell them apart. The best '
+            'test of the named effect is a recording with other wells or rates: its error must '
+            'fall too.</p>'
         )
     if not result.proposals:
         return '<p>No other experiment shows more than a repetition of this recording.</p>'
@@ -186,8 +186,9 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
         rows = [[proposal['name'], proposal['what']] for proposal in proposals]
         note = (
             '<p>Checks in the laboratory, and experiments that show the kind of the missing '
-            'cause: at rest, only the camera, the storage of tracer and flows from outside go '
-            'on; a wrong pump shows in its own turn alone.</p>'
+            'cause. An error that goes on while all pumps rest comes from the camera, the storage '
+            'of tracer, a flow from outside, diffusion or a density difference. An error in the '
+            'turn of one well only comes from its pump.</p>'
         )
         return note + table(['experiment', 'instructions'], rows)
     one, other = result.proposals[0].separates
