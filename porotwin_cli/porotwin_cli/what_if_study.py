@@ -17,7 +17,6 @@ from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
-from porotwin_core.safe_rates import safe_rates
 from porotwin_core.state_filter import Seen
 from porotwin_core.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -372,10 +371,7 @@ def _learn(
         periods: list[RatePeriod] = (
             []
             if before is None
-            else [
-                RatePeriod(low, high, rates or safe_rates(recording.rig))
-                for low, high, rates in delivered.intervals(before, now)
-            ]
+            else [RatePeriod(*period) for period in delivered.intervals(before, now)]
         )
         family.observe(_photograph(maps, number), periods)
         before = now

@@ -41,7 +41,10 @@ FINGER_M = 0.01
 PLUME_DEVIATIONS = 4.0
 """The inside of the plume exceeds the deviation of clean sand by this factor: noise hardly does."""
 LEAST_INSIDE = 0.02
-"""Least concentration of the plume's inside [-], for maps of unknown or tiny deviation."""
+"""Least concentration of the plume's inside [-], for maps of unknown or tiny deviation. In maps
+without noise, as a model makes them, it counts relative to the peak: a pale plume is one too."""
+NOISE_FREE = 2e-3
+"""Noise over the peak of a map below which it has none [-]; photographs have ten times as much."""
 MARGIN_M = 0.03
 """The pale rim of the plume reaches this far beyond its inside [m]: a few widths of dispersion."""
 SMALLEST_PART = 4
@@ -202,28 +205,38 @@ def plume_cells(
         edge: factors of the level of the inside and of the width of the margin [-].
     """
     shown = np.nan_to_num(values)
-    level = LEAST_INSIDE
+    noisy = deviation is not None and bool(np.nanmax(deviation, initial=0.0) > 0.0)
+    level = least = LEAST_INSIDE if noisy else _least_inside(shown, np.isfinite(values))
     if deviation is not None:
         clean = np.asarray(deviation)[(shown < LEVEL) & np.isfinite(deviation)]
         if clean.size:
             level = min(max(level, PLUME_DEVIATIONS * float(np.median(clean))), LEVEL)
-    inside = _without_noise(shown > edge[0] * level, shown, np.isfinite(values), grid)
+    inside = _without_noise(shown > edge[0] * level, shown, np.isfinite(values), grid, least)
     if not inside.any():
         return inside
     away = distance_transform_edt(~inside, (grid.dz, grid.dx))
     return np.asarray(away <= edge[1] * MARGIN_M)
 
 
-def _without_noise(inside: Array, shown: Array, seen: Array, grid: Grid) -> Array:
+def _least_inside(shown: Array, seen: Array) -> float:
+    """Return the least concentration of the plume's inside [-] in a map; see `LEAST_INSIDE`."""
+    peak = float(shown.max(initial=0.0))
+    clean = shown[seen & (shown < LEVEL * peak)]
+    if not clean.size or np.quantile(np.abs(clean), NOISE_SHARE) > NOISE_FREE * peak:
+        return LEAST_INSIDE
+    return LEAST_INSIDE * min(peak, 1.0)
+
+
+def _without_noise(inside: Array, shown: Array, seen: Array, grid: Grid, least: float) -> Array:
     """Return the cells `inside` without the parts that are noise, see `plume_cells`."""
     parts, count = label(inside, np.ones((3, 3)))
     if not count:
         return inside
     numbers = np.arange(1, count + 1)
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
-    clean = shown[seen & (shown < LEAST_INSIDE)]
+    clean = shown[seen & (shown < least)]
     noise = float(np.quantile(clean, NOISE_SHARE)) if clean.size else 0.0
-    core = min(max(LEAST_INSIDE, CORE_NOISES * noise), LEVEL)
+    core = min(max(least, CORE_NOISES * noise), LEVEL)
     kept = (maximum(shown, parts, numbers) > core) | (sizes * grid.cell_area > PALE_M2)
     large = kept & (sizes >= SMALLEST_PART)
     return np.asarray(np.concatenate([[False], large if large.any() else kept])[parts])

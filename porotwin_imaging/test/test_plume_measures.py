@@ -105,6 +105,19 @@ def test_a_pale_plume_of_a_clean_map_is_a_plume(peak: float) -> None:
     assert found.x_deviation_m < 1e-3
 
 
+@pytest.mark.parametrize('strength', [1.0, 0.1, 0.019, 0.001])
+def test_a_plume_of_a_model_has_its_mass_however_pale(strength: float) -> None:
+    full = blob(0.4, 0.3)
+    found = plume_measures(strength * full, GRID, PORES)
+    assert found.tracer_ml == pytest.approx(strength * (full * PORES).sum() * 1e6, rel=0.01)
+
+
+def test_a_pale_spot_of_a_photograph_is_noise() -> None:
+    spot = 0.01 * blob(0.4, 0.3, radius=0.02, rim=0.003)
+    deviation = np.full(GRID.shape, 0.003)
+    assert plume_measures(spot, GRID, PORES, deviation=deviation).tracer_ml == 0.0
+
+
 def test_a_leaning_plume_has_a_correlation() -> None:
     leaning = np.exp(-(((X - 0.5) - (Z - 0.3)) ** 2) / 0.002 - ((X - 0.5) ** 2) / 0.02)
     assert plume_measures(leaning, GRID, PORES).spread_xz > 0.5

@@ -170,7 +170,7 @@ def _rows(
             values, maps.grid, pores,
             level=level, side=side, deviation=deviation, systematic=systematic,
         )  # fmt: skip
-        if _plume_median(read, level) > MOST_STOCK:
+        if _is_far_above_stock(read, level, maps.grid):
             doubted.append(float(time))
         row = {'time_s': float(time), **dataclasses.asdict(measures)}
         alone = plume_alone(values, maps.grid, deviation)
@@ -209,12 +209,19 @@ def _uncalibrated(rows: list[dict[str, Any]]) -> str:
     )
 
 
-def _plume_median(values: Any, level: float) -> float:
-    """Return the median of the values above `level`, infinite ones among them; 0 without any."""
+def _is_far_above_stock(values: Any, level: float, grid: 'Grid') -> bool:
+    """Return whether the plume of a map has values far above tracer stock, as in percent.
+
+    Its median tells it for a small plume. In noisy maps clean sand lies above the `level` too, and
+    then the area of such values tells it.
+    """
     import numpy as np
 
+    from porotwin_imaging.plume_measures import PALE_M2
+
     plume = values[values >= level]
-    return float(np.median(plume)) if plume.size else 0.0
+    area_m2 = grid.cell_area * np.count_nonzero(values > MOST_STOCK)
+    return plume.size > 0 and (float(np.median(plume)) > MOST_STOCK or area_m2 > PALE_M2)
 
 
 def _tell_odd(rows: list[dict[str, Any]], doubted: list[float]) -> None:
