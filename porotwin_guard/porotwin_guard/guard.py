@@ -110,12 +110,12 @@ class Guard:
     def _check_settings(self, rates: WellRates, now: float) -> None:
         """Check that the pumps can change to `rates` from the rates in force at `now` [s].
 
-        All control wells may always be switched off.
+        After a setpoint has expired these are the safe rates, where control wells rest. A guard
+        that has just started does not know them. All control wells may always be switched off.
 
         Raises:
             InputError: a rate is off the steps of the pump, too small, or too far from the last.
         """
-        before = self._last.rates if self._last is not None and self._in_force(now) else None
         wanted = {name: to_ml_h(rates[name].rate) for name in self._control_wells}
         for name, rate_ml_h in wanted.items():
             told = f"well '{name}': {rate_ml_h:g} ml/h"
@@ -123,9 +123,10 @@ class Guard:
                 raise InputError(f'{told}; rig.yaml allows multiples of {self._step_ml_h:g} ml/h')
             if ROUND_OFF_ML_H < rate_ml_h < self._least_ml_h - ROUND_OFF_ML_H:
                 raise InputError(f'{told}; rig.yaml allows none below {self._least_ml_h:g} ml/h')
-            if before is None or not any(wanted.values()):
+            if self._last is None or not any(wanted.values()):
                 continue
-            change = abs(rate_ml_h - to_ml_h(before[name].rate))
+            before_ml_h = to_ml_h(self._last.rates[name].rate) if self._in_force(now) else 0.0
+            change = abs(rate_ml_h - before_ml_h)
             if change > self._change_ml_h + ROUND_OFF_ML_H:
                 raise InputError(
                     f'{told} changes by {change:g} ml/h; rig.yaml allows {self._change_ml_h:g} ml/h'

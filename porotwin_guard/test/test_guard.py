@@ -89,6 +89,16 @@ def test_changes_count_from_the_setpoint_that_the_pumps_took() -> None:
     passes(subject, request(3, NOW - 0.5, rates=rates(control1=50.0)), now=NOW)
 
 
+def test_changes_count_from_the_safe_rates_after_an_expiry() -> None:
+    subject = hand_set_guard()
+    passes(subject, request(), now=NOW)
+    later = NOW + 200.0
+    assert 'changes by 200 ml/h' in refusal(
+        subject, request(2, later - 1.0, rates=rates(control1=200.0)), later
+    )
+    passes(subject, request(3, later - 1.0, rates=rates(control1=100.0)), now=later)
+
+
 def test_wells_may_be_switched_off_at_once() -> None:
     subject = hand_set_guard()
     passes(subject, request(rates=rates(control1=400.0)), now=NOW)

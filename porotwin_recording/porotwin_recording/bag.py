@@ -1,5 +1,6 @@
 """The experiment in a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
+import logging
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +23,7 @@ from porotwin_recording.concentration import (
     MapOrigin,
     Maps,
     MapSeries,
+    without_impossible,
 )
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.recorded_data import RecordedData
@@ -46,6 +48,8 @@ HEAD_BYTES = 4096
 
 _LARGE = (topic_names.NEW_STATE, topic_names.IMAGE, topic_names.BASELINE)
 """Topics whose messages are read later, one by one."""
+
+LOG = logging.getLogger('porotwin')
 
 _SIZE_TOLERANCE = 1e-6
 """Relative difference of sizes that only round-off explains."""
@@ -337,9 +341,15 @@ def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> Concentrati
             maps = np.full((last - first, *grid.shape), np.nan, dtype=np.float32)
             numbers = {location: number for number, location in enumerate(locations[first:last])}
             for location, message in _between(bag, locations[first:last]):
-                if (number := numbers.get(location)) is not None:
+                if (number := numbers.get(location)) is None:
+                    continue
+                time = times[first + number]
+                try:
                     values = np.asarray(values_of(bag.decode(message)))
-                    maps[number] = _map_values(bag, values, grid, times[first + number])
+                except InputError as error:  # one wrong message costs that message
+                    LOG.warning('%s; the map at %g s is left unknown', error, time)
+                    continue
+                maps[number] = _map_values(bag, values, grid, time)
             return maps
 
         return read
@@ -350,7 +360,11 @@ def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> Concentrati
         for name in DEVIATIONS
         if len(getattr(state, name, ()))
     }
-    read = reader(lambda message: message.tracer.concentration)
+    recorded = reader(lambda message: message.tracer.concentration)
+
+    def read(first: int, last: int) -> Maps:
+        return without_impossible(recorded(first, last), bag.path)
+
     return ConcentrationMaps(times, cells, read, **deviations, origin=origin)
 
 
@@ -371,10 +385,12 @@ def _first_state(bag: BagReader, segment: Segment) -> tuple[Any, MapOrigin, Grid
             del segment.maps[stamp]
             continue
         if faults:
-            bag.remark(f'{bag.path}: {len(faults)} states left out: {faults[0]}')
+            bag.remark(f'{faults[0]}; {len(faults)} states are left out')
         grid = state.tracer.grid
         cells = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
         return state, _origin(state, bag.topics[wanted.topic].program), cells
+    if faults:
+        bag.remark(f'{faults[0]}; none of {len(faults)} states can be read')
     return None
 
 

@@ -130,4 +130,5 @@ class BagReader:
         try:
             return self._deserializers[message.topic].from_cdr(message.data)
         except InputError as error:
-            raise InputError(f"{self.path}: topic '{message.topic}': {error}") from None
+            why = str(error).rstrip('.')
+            raise InputError(f"{self.path}: topic '{message.topic}': {why}") from None

@@ -214,19 +214,23 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
         with _damage_named(path), _dataset(path) as opened:
             values = opened.variables[name][start:stop]
             maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
-        impossible = (maps > LARGEST_CONCENTRATION) | (maps <= LEAST_CONCENTRATION)
-        if name == 'concentration' and impossible.any():
-            LOG.warning(
-                '%s: concentrations of %g or less, or above %g, are read as unknown; write NaN '
-                'there',
-                path,
-                LEAST_CONCENTRATION,
-                LARGEST_CONCENTRATION,
-            )
-            maps[impossible] = np.nan
-        return maps
+        return without_impossible(maps, path) if name == 'concentration' else maps
 
     return read
+
+
+def without_impossible(maps: Maps, path: Path) -> Maps:
+    """Return the `maps` of the recording `path` with NaN in place of impossible concentrations."""
+    impossible = (maps > LARGEST_CONCENTRATION) | (maps <= LEAST_CONCENTRATION)
+    if not impossible.any():
+        return maps
+    LOG.warning(
+        '%s: concentrations of %g or less, or above %g, are read as unknown; write NaN there',
+        path,
+        LEAST_CONCENTRATION,
+        LARGEST_CONCENTRATION,
+    )
+    return np.where(impossible, np.float32(np.nan), maps)
 
 
 def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:

@@ -1,8 +1,11 @@
 """Tests of the experiment in a bag: a live bag is read, and its faults are named."""
 
+import itertools
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recording_examples import controlled_rig, write_live_bag
 from sensor_msgs.msg import CompressedImage
@@ -138,18 +141,60 @@ def test_a_new_baseline_begins_another_experiment(tmp_path: Path) -> None:
         ]
 
 
-def test_a_message_that_cannot_be_read_costs_itself(tmp_path: Path) -> None:
-    path = write_states(tmp_path / 'run.mcap', [(1, 0.1), (2, 0.2)])
-    with BagWriter(tmp_path / 'damaged') as writer:
+def rewritten(path: Path, change: Callable[[int, str, bytes], bytes]) -> Path:
+    """Return a copy of a bag whose messages (number, topic, bytes) went through `change`."""
+    with BagWriter(path.with_name('changed')) as writer:
         bag = BagReader(path)
         for name, topic in bag.topics.items():
             writer.add_topic(name, topic.type_name, definition=topic.definition)
         for number, message in enumerate(bag.messages()):
-            writer.write(message.topic, message.data, log_time=number)
-        writer.write('/lab/asset/clean_state', b'\x00\x01\x00\x00\x07', log_time=9)
-    recording = open_recording(tmp_path / 'damaged')
-    assert recording.times.tolist() == [0.0, 1.0]
+            data = change(number, message.topic, message.data)
+            writer.write(message.topic, data, log_time=number)
+    return path.with_name('changed')
+
+
+def test_a_message_that_cannot_be_read_costs_itself(tmp_path: Path) -> None:
+    path = write_states(tmp_path / 'run.mcap', [(1, 0.1), (2, 0.2)], [(3, 0.3)])
+    first_clean = 1
+
+    def change(number: int, topic: str, data: bytes) -> bytes:
+        return b'\x00\x01\x00\x00\x07' if number == first_clean else data
+
+    recording = open_recording(rewritten(path, change))
+    assert recording.times.tolist() == [0.0, 1.0, 2.0]
     assert "1 messages of '/lab/asset/clean_state' left out" in recording.remarks[0]
+
+
+@pytest.mark.parametrize('kept', [(), (2,), (0, 1, 3)])
+def test_states_that_cannot_be_read_cost_themselves_with_a_line(
+    tmp_path: Path, kept: tuple[int, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_states(tmp_path / 'run.mcap', [(1, 0.1), (2, 0.2), (3, 0.3), (4, 0.4)])
+    states = itertools.count()
+
+    def change(_: int, topic: str, data: bytes) -> bytes:
+        cut = topic.endswith('new_state') and next(states) not in kept
+        return data[: len(data) // 2] if cut else data
+
+    recording = open_recording(rewritten(path, change))
+    if not kept:
+        assert recording.maps is None
+        assert 'none of 4 states can be read' in recording.remarks[0]
+        return
+    seen = np.isfinite(recording.concentration).all(axis=(1, 2))
+    assert list(seen).count(True) == len(kept)
+    told = [*recording.remarks, *caplog.messages]
+    assert any('left out' in line or 'left unknown' in line for line in told)
+
+
+def test_impossible_concentrations_of_a_bag_are_unknown(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_states(tmp_path / 'run.mcap', [(1, 0.1), (2, -1.5)])
+    maps = open_recording(path).concentration
+    assert np.isfinite(maps[0]).all()
+    assert np.isnan(maps[1]).all()
+    assert 'are read as unknown' in caplog.text
 
 
 def test_a_bag_without_a_rig_asks_for_one(rig_file: Path, tmp_path: Path) -> None:

@@ -106,8 +106,9 @@ class Unknowns:
         # sinking speed [m/s] of 1 kg/m3
         sinking = permeability * GRAVITY / (rig.viscosity_pa_s * porosity)
         drift = DRIFT_M_H / HOUR_S * porosity
+        wells = sorted(rig.wells)  # so that their order in rig.yaml changes no draw
         listed = [
-            *(Unknown(f'rate {well}', 0.0, RATE_DEVIATION) for well in rig.wells),
+            *(Unknown(f'rate {well}', 0.0, RATE_DEVIATION) for well in wells),
             Unknown('dispersivity', float(np.log(DISPERSIVITY_M)), DISPERSIVITY_DEVIATION),
             Unknown('density', 0.0, SINKING_M_H / HOUR_S / sinking),
             Unknown('porosity', 0.0, POROSITY_DEVIATION),
@@ -122,7 +123,7 @@ class Unknowns:
                 for name, value, deviation in effect.numbers
             ),
         ]
-        return cls(tuple(rig.wells), tuple(listed), tuple(diagnosed))
+        return cls(tuple(wells), tuple(listed), tuple(diagnosed))
 
     @property
     def mean(self) -> FloatArray:

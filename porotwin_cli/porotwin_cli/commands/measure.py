@@ -221,7 +221,8 @@ def _is_far_above_stock(values: Any, level: float, grid: 'Grid') -> bool:
 
     plume = values[values >= level]
     area_m2 = grid.cell_area * np.count_nonzero(values > MOST_STOCK)
-    return plume.size > 0 and (float(np.median(plume)) > MOST_STOCK or area_m2 > PALE_M2)
+    median = float(np.median(plume)) if plume.size else 0.0
+    return median > MOST_STOCK or bool(area_m2 > PALE_M2)
 
 
 def _tell_odd(rows: list[dict[str, Any]], doubted: list[float]) -> None:

@@ -134,6 +134,8 @@ class Rig(Section):
     @pydantic.model_validator(mode='after')
     def _is_consistent(self) -> Self:
         for name, well in self.wells.items():
+            if not (name.isprintable() and name.strip()):
+                raise ValueError(f'well {name!r}: its name cannot be printed in a line; rename it')
             if not (0 < well.x_m < self.width_m and 0 < well.z_m < self.height_m):
                 where = 'on the edge of' if self._is_on_edge(well) else 'outside'
                 raise ValueError(
