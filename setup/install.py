@@ -17,7 +17,7 @@ import sysconfig
 import time
 import venv
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -247,6 +247,12 @@ BESIDE = (
 )
 """Chains of steps that run beside each other."""
 
+STILL_S = 30.0
+"""Time between two lines about the steps that take long [s]."""
+
+AT_WORK: set[str] = set()
+"""Titles of the steps that run now; several run beside each other."""
+
 STEPS = (*FIRST, *itertools.chain(*BESIDE))
 
 
@@ -281,6 +287,8 @@ def set_up() -> int:
             do_all(FIRST)
             with ThreadPoolExecutor() as pool:
                 chains = [pool.submit(do_all, chain) for chain in BESIDE]
+                while wait(chains, timeout=STILL_S).not_done:
+                    say(f'setup: at work on {" and ".join(sorted(AT_WORK))} ...')
             for chain in chains:
                 chain.result()
         except SetupError as error:
@@ -305,7 +313,11 @@ def do_all(steps: Iterable[Step]) -> None:
             say(f'{where}: {step.title} ...')
             begin = time.monotonic()
             wanted = step.wanted
-            step.action()
+            AT_WORK.add(step.name)
+            try:
+                step.action()
+            finally:
+                AT_WORK.discard(step.name)
             (STAMPS / step.name).write_text(wanted)
             say(f'{where}: done in {time.monotonic() - begin:.0f} s')
 

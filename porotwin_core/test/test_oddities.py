@@ -227,3 +227,20 @@ def test_fixed_wells_may_outdo_the_control() -> None:
     data = described({'wells.producer2': place, 'control.fixed': fixed})
     (remark,) = remarks_about(parse_rig(data, Path('rig.yaml')))
     assert 'inject 800 ml/h, more than the control wells may' in str(remark)
+
+
+@pytest.mark.parametrize(
+    ('conductivities', 'count'), [((1e-3, 1e-8), 0), ((1e-8, 1e-8), 2), ((1e-3, 1e-4), 0)]
+)
+def test_a_barrier_beside_sand_is_no_mistake(conductivities: tuple[float, ...], count: int) -> None:
+    data = {
+        key: value for key, value in SMALL.items() if key not in ('porosity', 'permeability_m2')
+    }
+    data['sands'] = {
+        f'sand{number}': {'porosity': 0.4, 'hydraulic_conductivity_m_s': value}
+        for number, value in enumerate(conductivities)
+    }
+    data['sand_layers'] = [{'sand': 'sand1', 'top_m': 0.1}, {'sand': 'sand0'}]
+    remarks = remarks_about(parse_rig(data, Path('rig.yaml')))
+    found = [one for one in remarks if 'hydraulic_conductivity' in str(one)]
+    assert len(found) == count

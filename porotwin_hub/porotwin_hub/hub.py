@@ -13,6 +13,9 @@ from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Twin
 
+NO_SETPOINT = 'no setpoint: '
+"""Begin of the remark that tells why no setpoint follows from a photograph."""
+
 ActuateFn = Callable[[SetpointDecision, ReadyState[Any]], None]
 """Commands the setpoint of a state; raises ModelUnavailable if the asset does not take it."""
 
@@ -74,7 +77,7 @@ class Hub:
         cycle.durations['cycle'] = time.perf_counter() - begin
         cycle.remarks += ready.doubts
         if objection and self._twin.controls:
-            cycle.remarks.append(f'no setpoint: {objection}')
+            cycle.remarks.append(f'{NO_SETPOINT}{objection}')
         if cycle.setpoint is not None:
             self._actuate(cycle, ready, actuate)
         self._twin.look_ahead(cycle)

@@ -17,9 +17,10 @@ from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
 from porotwin_hub.announcement import Announcement
+from porotwin_hub.hub import NO_SETPOINT
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.voice import Voice
-from porotwin_msgs.msg import MendOffer, Setpoint, WellRates
+from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
 EXPIRY_PERIOD_S = 1.0
@@ -50,9 +51,11 @@ class OperatorNode(Node):
             declare(self, 'speak', False, 'speak with espeak-ng', on_change=self._let_speak)
         )
         self._photographs_ahead = 0.0
+        self._waits_for_setpoints = False
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         self.create_subscription(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
         self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
@@ -100,6 +103,13 @@ class OperatorNode(Node):
             valid_until=until,
             validity=validity - age if 0.0 < age < validity else validity,
         )
+
+    def _on_cycle(self, message: CycleReport) -> None:
+        """Say why no setpoint follows from a photograph, once until one follows again."""
+        reason = next((one for one in message.remarks if one.startswith(NO_SETPOINT)), '')
+        if reason and not self._waits_for_setpoints:
+            self._say(Announcement(reason, reason, changed=()))
+        self._waits_for_setpoints = bool(reason)
 
     def _on_offer(self, message: MendOffer) -> None:
         """Say what a diagnosis offers to the model, and what became of it."""

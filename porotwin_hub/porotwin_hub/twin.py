@@ -6,6 +6,7 @@ with the correction; the twin emits the result. In the optimising mode (section 
 the rates first.
 """
 
+from collections import deque
 from collections.abc import Sequence
 
 from porotwin_core.correction import CorrectionFn
@@ -26,6 +27,7 @@ from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
+from porotwin_hub.photo_pace import FEWEST, odd_pace
 from porotwin_hub.plant_knowledge import PlantKnowledge
 from porotwin_hub.rate_learning import (
     DeliveringModel,
@@ -89,6 +91,7 @@ class Twin:
             data_driven = correcting_delivered(data_driven, learner)
         self._forecaster = Forecaster(self._physics, data_driven)
         self._photo_interval = photo_interval
+        self._times: deque[float] = deque(maxlen=2 * FEWEST)
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._choice = SetpointChoice(controller, photo_interval)
         self._known_start = began
@@ -103,6 +106,7 @@ class Twin:
         """Forget state and forecast: the next state does not follow from the last."""
         self._state = None
         self._forecast = None
+        self._times.clear()
         self._estimation.interrupt()
         if self._learner is not None:
             self._learner.interrupt()
@@ -227,6 +231,9 @@ class Twin:
             )
             pumped = periods[-1].rates
         cycle = Cycle(observation, observation.concentration, periods, pumped)
+        self._times.append(now)
+        if odd := odd_pace(self._times, self._photo_interval):
+            cycle.remarks.append(odd)
         if gap > self._longest_gap:
             cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
         if self._state is not None:

@@ -9,6 +9,7 @@ import rclpy
 from hub_examples import SMALL_RIG
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 
 from porotwin_core import conversions, qos
 from porotwin_core.rig import Rig
@@ -16,7 +17,7 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_hub.operator_node import OperatorNode
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_msgs.msg import Setpoint, WellRates
+from porotwin_msgs.msg import CycleReport, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control
 
 pytestmark = pytest.mark.graph
@@ -129,6 +130,22 @@ def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)
     assert conversions.time_from_msg(desk.measured[0].start) == pytest.approx(taken + 32.0, abs=5.0)
+
+
+def test_why_no_setpoint_follows_is_said_once(
+    desk: Desk, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cycles = desk.peer.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
+    desk.spin_until(lambda: cycles.get_subscription_count() > 0)
+    heard: list[String] = []
+    desk.peer.create_subscription(String, 'operator/announcement', heard.append, qos.FIELD)
+    desk.spin_until(lambda: desk.peer.count_subscribers('operator/announcement') > 0)
+    for age, expected in (('1:00:00', 1), ('1:00:30', 1), ('', 1), ('0:10:00', 2)):
+        remarks = [f'no setpoint: the photograph was taken {age} ago'] if age else []
+        cycles.publish(CycleReport(remarks=['another remark', *remarks]))
+        desk.spin_for(0.3)
+        assert len(heard) == expected
+    assert 'no setpoint: the photograph was taken 1:00:00 ago' in capsys.readouterr().out
 
 
 def test_a_setpoint_that_is_not_valid_is_neither_announced_nor_accepted(

@@ -179,7 +179,7 @@ def _sands(axes: Any, fit: CalibrationFit) -> None:
         axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=words)
     axes.figure.legend(
         loc='outside lower center',
-        ncols=2,
+        ncols=1,
         frameon=False,
         fontsize=9,
         title='sand: factor on its signal, relative to the sand that is known best',

@@ -39,6 +39,10 @@ SAME_PLACE_M = 1e-6
 NEAR = 0.05
 """Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
 
+BARRIER = 1e-2
+"""A sand that conducts less than this share of another one is a barrier, such as clay: that its
+number is below those of sands is no mistake."""
+
 STEEP = 0.3
 """Gradient of the head [-] between opposite sides that no laboratory flow has."""
 
@@ -154,11 +158,18 @@ def _sands(rig: Rig) -> Iterator[Remark]:
     for name, sand in rig.sands.items():
         where = f'sands.{name}'
         yield from _in_range(POROSITY, f'{where}.porosity', sand.porosity)
-        if sand.permeability_m2 is not None:
-            yield from _in_range(PERMEABILITY, f'{where}.permeability_m2', sand.permeability_m2)
-        if sand.hydraulic_conductivity_m_s is not None:
-            key = f'{where}.hydraulic_conductivity_m_s'
-            yield from _in_range(CONDUCTIVITY, key, sand.hydraulic_conductivity_m_s)
+        for plausible, key in (
+            (PERMEABILITY, 'permeability_m2'),
+            (CONDUCTIVITY, 'hydraulic_conductivity_m_s'),
+        ):
+            value = getattr(sand, key)
+            if value is None:
+                continue
+            others = [getattr(other, key) or 0.0 for other in rig.sands.values()]
+            is_barrier = value < BARRIER * max(others)
+            for remark in _in_range(plausible, f'{where}.{key}', value):
+                if remark.refused or not is_barrier:
+                    yield remark
     for number, layer in enumerate(rig.sand_layers[:-1], start=1):
         heights = [z for _, z in layer.top_m] if isinstance(layer.top_m, tuple) else [layer.top_m]
         if max(z for z in heights if z is not None) > rig.height_m:
