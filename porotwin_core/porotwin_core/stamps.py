@@ -23,3 +23,13 @@ def steady_time() -> Callable[[], float]:
     """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
     epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
     return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def believed_age(taken: float, now: float, validity: float) -> float:
+    """Return the age [s] of the photograph of a setpoint that has come at `now` [s].
+
+    The guard has passed it, so an age that is negative or beyond the `validity` [s] tells of a
+    camera with another clock than this machine: the photograph then counts as new.
+    """
+    age = now - taken
+    return age if 0.0 < age < validity else 0.0

@@ -39,6 +39,10 @@ CANCEL = 'solver/cancel'
 LEAST_PATIENCE_S = 0.5
 """Shortest wait for the cost of a plan [s]: a simulation on the grid of plans takes less."""
 
+GUARD_PATIENCE_S = 15.0
+"""Shortest wait for the guard [s]: it waits up to 12 s for the pumps, and what they took must not
+count as refused."""
+
 CANCEL_WAIT_S = 1.0
 """Longest wait for the answer of a cancel service [s]: a time step of the solver is shorter."""
 
@@ -60,16 +64,18 @@ class Caller:
         *,
         cancel: str = '',
         patience: float = math.inf,
+        least: float = 0.0,
     ) -> Any:
         """Return the response to `request` from the service called `name`.
 
-        The call has failed after its time limit, or after `patience` [s] if that is shorter. It is
-        then ended by the service called `cancel`, so that the model is free for the next one.
+        The call has failed after its time limit, which is at least `least` [s], or after `patience`
+        [s] if that is shorter. It is then ended by the service called `cancel`, so that the model
+        is free for the next one.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
         """
-        timeout = min(self.timeout, patience)
+        timeout = min(max(self.timeout, least), patience)
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
@@ -255,4 +261,5 @@ def send_control(call: Caller, setpoint: Setpoint) -> None:
     Raises:
         ModelUnavailable: guard or pumps are absent, silent, or refuse the setpoint.
     """
-    call(Control, 'guard/control', Control.Request(setpoint=setpoint))
+    request = Control.Request(setpoint=setpoint)
+    call(Control, 'guard/control', request, least=GUARD_PATIENCE_S)

@@ -100,6 +100,9 @@ class Hub:
         except ModelUnavailable as error:
             self._twin.reject_setpoint(cycle)
             cycle.remarks.append(str(error))
+        except Exception:
+            self._twin.reject_setpoint(cycle)
+            raise
 
     def _lateness(self, ready: ReadyState[Any]) -> str:
         """Return that a photograph is too late to act on, in words, or an empty string."""

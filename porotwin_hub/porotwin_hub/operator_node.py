@@ -16,6 +16,7 @@ from std_msgs.msg import String
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
+from porotwin_core.stamps import believed_age
 from porotwin_hub.announcement import Announcement
 from porotwin_hub.hub import NO_SETPOINT
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
@@ -93,15 +94,13 @@ class OperatorNode(Node):
         """
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        age = float(self.get_clock().now().nanoseconds) * 1e-9 - taken
-        # an impossible age tells of a camera with another clock; the guard has judged it
-        validity = until - taken
+        now, validity = float(self.get_clock().now().nanoseconds) * 1e-9, until - taken
         return ShownSetpoint(
             sequence=message.sequence,
             rates=conversions.rates_from_msg(message.wells),
             stamp=taken,
             valid_until=until,
-            validity=validity - age if 0.0 < age < validity else validity,
+            validity=validity - believed_age(taken, now, validity),
         )
 
     def _on_cycle(self, message: CycleReport) -> None:

@@ -117,6 +117,7 @@ class Twin:
         self._began = self._known_start
         self._choice.forget()
         self._pumped = None
+        self._learnt = NO_LEARNT_PHYSICS
         if self._learner is not None:
             self._learner.begin_anew()
 

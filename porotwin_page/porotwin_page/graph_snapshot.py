@@ -85,7 +85,8 @@ class Setpoint:
         valid_until: end of its validity, on the camera's clock [s].
         rates: commanded rates [m^3/s].
         reason: one line for people.
-        arrival: when it arrived, on the graph's clock [s]; None if that clock had not started.
+        arrival: when it arrived, on the graph's clock [s], less the age of its photograph where the
+            camera has that clock; None if that clock had not started.
         clock: when it arrived, on this machine's clock [s since 1970].
         doubt: reason not to pump its rates, in one line; empty without doubt.
     """
@@ -100,7 +101,7 @@ class Setpoint:
     doubt: str = ''
 
     def remaining(self, now: float | None) -> float | None:
-        """Return the remaining validity [s], counted from the arrival; negative after its end.
+        """Return the remaining validity [s], counted from the photograph; negative after its end.
 
         Args:
             now: present time on the graph's clock [s]; None if it has not started.

@@ -16,6 +16,7 @@ from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import load_rig
+from porotwin_core.stamps import believed_age
 from porotwin_core.wells import RateStep
 from porotwin_core.wells import WellRates as RatesByWell
 from porotwin_msgs.msg import (
@@ -240,13 +241,16 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_corrected, self._map(message))
 
     def _on_setpoint(self, message: Setpoint) -> None:
+        taken = conversions.time_from_msg(message.header.stamp)
+        until = conversions.time_from_msg(message.valid_until)
+        now = self._graph_time()
         setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
-            time=conversions.time_from_msg(message.header.stamp),
-            valid_until=conversions.time_from_msg(message.valid_until),
+            time=taken,
+            valid_until=until,
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
-            arrival=self._graph_time(),
+            arrival=None if now is None else now - believed_age(taken, now, until - taken),
             clock=time.time(),
             doubt=self._doubt_on_publishers(),
         )

@@ -13,6 +13,7 @@ from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
 from porotwin_core.single_instance import only_one
+from porotwin_core.stamps import believed_age
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge
@@ -91,11 +92,10 @@ class PumpsNode(Node):
         validity = until - taken
         if not validity > 0.0:
             raise InputError('it ends before its photograph')
-        age = self._now() - taken
-        # an impossible age tells of a camera with another clock; the guard has judged it
-        possible = 0.0 < age < validity
-        self._ahead = 0.0 if possible else -age
-        return validity - age if possible else validity
+        now = self._now()
+        age = believed_age(taken, now, validity)
+        self._ahead = age - (now - taken)
+        return validity - age
 
     def _tick(self) -> None:
         line = self._bridge.tick(time.monotonic())

@@ -1,6 +1,7 @@
 """Records the running graph into an MCAP bag, every message byte for byte."""
 
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,6 +37,9 @@ another. Between, they are read of topics whose number of publishers has changed
 
 DIAGNOSTICS_PERIOD = 10.0
 """Period of this node's reports on /diagnostics [s]."""
+
+MOST_BEFORE_CLOCK = 2000
+"""Messages that wait for the first simulated time: the start of a graph takes seconds."""
 
 MEGABYTE = 1e6
 """Bytes."""
@@ -93,7 +97,7 @@ class RecorderNode(Node):
         self._refused: set[str] = set()
         self._publisher_counts: dict[str, int] = {}
         self._searches = 0
-        self._before_clock: list[_Message] = []
+        self._before_clock: deque[_Message] = deque(maxlen=MOST_BEFORE_CLOCK)
         self._is_simulated = bool(self.get_parameter('use_sim_time').value)
         self._simulated_time: int | None = None
         if self._is_simulated:
@@ -180,9 +184,16 @@ class RecorderNode(Node):
         now = self._simulated_time if self._is_simulated else self.get_clock().now().nanoseconds
         if now is None:
             # messages from before the first simulated time are logged at that time
+            if len(self._before_clock) == MOST_BEFORE_CLOCK:
+                self.get_logger().warning(
+                    f'no node publishes /clock: only the newest {MOST_BEFORE_CLOCK} messages are '
+                    'kept until one does; end the recording, or leave out use_sim_time',
+                    once=True,
+                )
             self._before_clock.append(message)
             return
-        earlier, self._before_clock = self._before_clock, []
+        earlier = [*self._before_clock]
+        self._before_clock.clear()
         for each in (*earlier, message):
             self._recorder.record(
                 each.topic,
