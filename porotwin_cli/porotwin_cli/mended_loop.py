@@ -27,7 +27,7 @@ from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_f
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.parallel import crew
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import ML
+from porotwin_core.units import MINUTE_S, ML
 from porotwin_core.wells import Schedule
 from porotwin_hub.graph import NAMESPACE
 from porotwin_recording.bag_reader import BagReader
@@ -41,8 +41,6 @@ FORECAST_S = 900.0
 
 ACCEPTED = 1
 """State of an accepted offer, as in `MendOffer`."""
-
-MINUTE_S = 60.0
 
 Effects = tuple[EffectDescription, ...]
 

@@ -19,7 +19,7 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import Grid, conservative_resample
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription, Rig, load_rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import HOUR_S, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import LearntStep, corrective_source
@@ -35,8 +35,6 @@ from porotwin_solver.learnt_coefficients import LearntModels
 from porotwin_validation.blind_cases import large_rig
 
 SEED = 7
-
-HOUR_S = 3600.0
 
 PULSES_H = (0.0, 1.1, 2.6, 4.0, 5.2, 8.0, 10.0, 24.5)
 """Starts of the pulses of 30 min in the large rig [h]: close ones first, then a long pause."""

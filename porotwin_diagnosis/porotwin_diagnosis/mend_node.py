@@ -30,6 +30,7 @@ from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S, MINUTE_S
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.live_run import is_other_clock
 from porotwin_diagnosis.data.rate_table import RateTable
@@ -62,8 +63,6 @@ LOOK_S = 0.2
 SOLVER_S = 30.0
 """Longest wait for the solver to change its model [s]; the factorisation of a large grid takes
 ten."""
-
-MINUTE_S = 60.0
 
 
 class _Asked(NamedTuple):
@@ -102,7 +101,7 @@ class MendNode(Node):
             900.0,
             'longest time of a diagnosis; it is then cancelled [s]',
             at_least=1.0,
-            at_most=86400.0,
+            at_most=DAY_S,
         )
         self._lockstep = declare(
             self,

@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from porotwin_core.node import DIAGNOSTICS, HARDWARE_ID, HEARTBEAT_S, Diagnostics, declare, run
 from porotwin_core.parent import PARENT, launcher_is_gone
+from porotwin_core.units import DAY_S
 from porotwin_hub.liveness import (
     RESTART_AFTER_S,
     STALE_AFTER_S,
@@ -53,7 +54,7 @@ class SupervisorNode(Node):
                 RESTART_AFTER_S,
                 'a node that is silent for longer is killed and started again [s]; 0: never',
                 at_least=0.0,
-                at_most=86400.0,
+                at_most=DAY_S,
             ),
             start_patience_s=declare(
                 self,
@@ -61,7 +62,7 @@ class SupervisorNode(Node):
                 START_PATIENCE_S,
                 'longest time from the start of a node to its first report [s]',
                 at_least=10.0,
-                at_most=86400.0,
+                at_most=DAY_S,
             ),
         )
         self._silent: tuple[str, ...] = ()

@@ -21,13 +21,14 @@ from porotwin_core.qos import BASELINE, CONFIG, FIELD, PHOTO
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import only_one
 from porotwin_core.stamps import time_in_words
+from porotwin_core.units import DAY_S
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.experiment_start import ExperimentStart
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
-LONGEST_GAP_S = 7 * 86400.0
+LONGEST_GAP_S = 7 * DAY_S
 """No experiment has pauses longer than a week [s]."""
 LONGEST_WORK_S = 300.0
 """One photograph takes a second, and a minute with kernels to compile on a busy computer [s]."""

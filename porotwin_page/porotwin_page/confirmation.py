@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
-from porotwin_core.plausibility import plausible_rate_ml_h
+from porotwin_core.plausible_rates import greatest_rate_ml_h
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
 
-PLAUSIBLE_FACTOR = 10.0
-"""A rate above all that rig.yaml pumps together, times this, is a mistake of typing."""
+UNKNOWN_RIG_FACTOR = 10.0
+"""A rate above all that a setpoint pumps together, times this, is a mistake of typing."""
 
 LEAST_BOUND_ML_H = 1000.0
-"""Bound of plausible rates for a rig whose wells are all off [ml/h]."""
+"""Bound of plausible rates where the wells are all off and the rig is not known [ml/h]."""
 
 ROUND_OFF_ML_H = 1e-3
 """A browser receives rates with six digits; smaller differences are none [ml/h]."""
@@ -185,15 +185,13 @@ def _is_finite(value: float) -> bool:
 def plausible_bound_ml_h(rates: WellRates, rig: Rig | None) -> float:
     """Return the largest plausible size of a rate [ml/h].
 
-    The bound is ten times the sum over all wells, from the limits in `rig` or else from `rates`
-    [m^3/s]. It is at most the plausible rate for the sand of the rig.
+    The operator node has the same bound. While the page knows no `rig`, it is ten times the sum of
+    the `rates` [m^3/s] over all wells.
     """
+    if rig is not None:
+        return greatest_rate_ml_h(rig)
     together = math.fsum(abs(to_ml_h(rate.rate)) for rate in rates.values()) / 2
-    if rig is not None and rig.control is not None:
-        fixed = math.fsum(abs(well.rate_ml_h) for well in rig.control.fixed.values())
-        together = fixed + rig.control.max_total_rate_ml_h
-    bound = max(PLAUSIBLE_FACTOR * together, LEAST_BOUND_ML_H)
-    return bound if rig is None else min(bound, plausible_rate_ml_h(rig.pore_volume)[1])
+    return max(UNKNOWN_RIG_FACTOR * together, LEAST_BOUND_ML_H)
 
 
 def _doubts(rates: Mapping[str, WellRate], rig: Rig | None) -> list[str]:

@@ -18,7 +18,7 @@ from porotwin_core.rates_in_force import (
     same_rates,
 )
 from porotwin_core.rig import Rig
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import DAY_S, to_ml_h
 from porotwin_core.wells import (
     RateStep,
     WellRate,
@@ -35,7 +35,7 @@ KEPT = 4096
 SAME_STAMP_S = 1e-6
 """Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
 
-LONGEST_HORIZON_S = 86400.0
+LONGEST_HORIZON_S = DAY_S
 """Longest horizon of a forecast [s]: experiments last hours."""
 
 UNBALANCED_SHARE = 0.01

@@ -19,7 +19,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import DAY_S, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import Calibration, save_calibration
@@ -110,10 +110,6 @@ class RenderedRoom:
             self._rig, camera=self._camera, conditions=conditions, seed=self._seed
         )
         return _Rendered(photographer, start=experiment * DAY_S)
-
-
-DAY_S = 86400.0
-"""Another experiment is photographed a day later: its lamps and its noise are others."""
 
 
 @dataclass(frozen=True)
