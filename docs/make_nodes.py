@@ -29,6 +29,9 @@ from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+from rclpy.subscription import Subscription
 
 from porotwin_core.node import ensure_diagnostics, rules_of
 from porotwin_core.parameter_rule import ParameterRule
@@ -54,6 +57,10 @@ This page is a reference for ROS developers: all topics, services, actions and p
 nodes. `docs/make_nodes.py` writes it from the running nodes. Names are relative to the namespace
 `/porotwin`. `/clock` and `/diagnostics` are global. Units are SI. Every node also has the parameter
 `use_sim_time`.
+
+The quality of service of a topic names its reliability, the depth of its queue and its durability.
+*Transient local* means that a late subscriber gets the last messages; otherwise it gets none.
+`porotwin_core/porotwin_core/qos.py` gives the reasons.
 
 `./porotwin up` starts all nodes. To start one node alone:
 
@@ -124,24 +131,36 @@ def short(name: str) -> str:
     return name.removeprefix(NAMESPACE + '/')
 
 
+def quality(end: Publisher | Subscription) -> str:
+    """Return the reliability, depth and durability of a publisher or subscriber, in words."""
+    profile = end.qos_profile
+    late = ', transient local' if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else ''
+    return f'{profile.reliability.name.lower().replace("_", " ")}, depth {profile.depth}{late}'
+
+
 def interfaces(node: Node) -> list[tuple[str, ...]]:
-    """Return kind, name and type of everything that `node` publishes, subscribes to and offers.
+    """Return kind, name, type and quality of all that `node` publishes, subscribes to and offers.
 
     Raw subscriptions follow the topics that are there, such as those of the recorder.
     """
     subscriptions = (item for item in node.subscriptions if not item.raw)
     topics = [
-        *(('publishes', item.topic_name, item.msg_type) for item in node.publishers),
-        *(('subscribes to', item.topic_name, item.msg_type) for item in subscriptions),
+        *(('publishes', item.topic_name, item.msg_type, quality(item)) for item in node.publishers),
+        *(
+            ('subscribes to', item.topic_name, item.msg_type, quality(item))
+            for item in subscriptions
+        ),
     ]
-    services = [('service', item.service_name, item.srv_type) for item in node.services]
+    services = [('service', item.service_name, item.srv_type, '') for item in node.services]
     rows = [
-        (kind, short(name), message.__module__.split('.')[0] + '/' + message.__name__)
-        for kind, name, message in (*topics, *services)
+        (kind, short(name), message.__module__.split('.')[0] + '/' + message.__name__, quality)
+        for kind, name, message, quality in (*topics, *services)
         if name not in HIDDEN_TOPICS and not message.__module__.startswith(HIDDEN_TYPES)
     ]
     actions = get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
-    rows += [('action', short(name), types[0].replace('/action/', '/')) for name, types in actions]
+    rows += [
+        ('action', short(name), types[0].replace('/action/', '/'), '') for name, types in actions
+    ]
     order = ('subscribes to', 'publishes', 'service', 'action')
     return sorted(set(rows), key=lambda row: (order.index(row[0]), row))
 
@@ -179,7 +198,7 @@ def section(executable: str, node: Node) -> str:
     package, module = executable.split('/')
     parts = [
         f'## {node.get_name()}\n\n{summary}\n\nPackage `{package}`, executable `{module}`.\n',
-        table(('kind', 'name', 'type'), interfaces(node)),
+        table(('kind', 'name', 'type', 'quality of service'), interfaces(node)),
         table(('parameter', 'type', 'default', 'allowed', 'meaning'), parameters(node)),
     ]
     return '\n'.join(filter(None, parts))

@@ -77,7 +77,7 @@ def _nodes(page: str) -> Iterable[tuple[str, tuple[Rights, Path]]]:
         name = section.splitlines()[0].strip()
         package, executable = re.findall(r'Package `(\w+)`, executable `(\w+)`', section)[0]
         rights: Rights = {}
-        for kind, interface in re.findall(r'^\| ([a-z ]+) \| (\S+) \| \S+ \|$', section, re.M):
+        for kind, interface in re.findall(r'^\| ([a-z ]+) \| (\S+) \| \S+/\S+ \|', section, re.M):
             if kind in KINDS:
                 rights.setdefault(KINDS[kind], set()).add(interface)
         yield name, (rights, ROOT / package / package / f'{executable}.py')
