@@ -4,9 +4,17 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+from porotwin_core.units import DAY_S
+
 SINCE_1970 = 1e9
 """Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
 or the times count from the start of an experiment."""
+
+LONGEST_EXPERIMENT_S = 30 * DAY_S
+"""No experiment takes longer [s]: an earlier start comes from a wrong stamp."""
+
+SAME_STAMP_S = 1e-6
+"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
 
 
 def time_in_words(stamp: float) -> str:
@@ -33,3 +41,21 @@ def believed_age(taken: float, now: float, validity: float) -> float:
     """
     age = now - taken
     return age if 0.0 < age < validity else 0.0
+
+
+def believed_start(told: float | None, began: float | None, stamp: float) -> float:
+    """Return the start of the experiment [s], for the use of a state whose `stamp` [s] is believed.
+
+    The start that imaging has `told` counts if it is this state, or if the node was started in
+    the middle of an experiment. A start from a photograph with a wrong stamp counts for nothing.
+
+    Args:
+        told: time of the first photograph, as imaging told it last [s]; None: it told none.
+        began: the start that the node has believed so far [s]; None: it has used no state yet.
+        stamp: of the state [s].
+    """
+    if told is not None:
+        joined = began is None and 0.0 <= stamp - told <= LONGEST_EXPERIMENT_S
+        if joined or abs(stamp - told) < SAME_STAMP_S:
+            return told
+    return stamp if began is None else min(began, stamp)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.stamps import time_in_words
+from porotwin_core.stamps import believed_start, time_in_words
 
 
 @pytest.mark.parametrize(
@@ -16,3 +16,23 @@ from porotwin_core.stamps import time_in_words
 )
 def test_a_stamp_is_a_date_or_a_duration(stamp: float, words: str) -> None:
     assert time_in_words(stamp) == words
+
+
+@pytest.mark.parametrize(
+    ('told', 'began', 'stamp', 'expected'),
+    [
+        (None, None, 2e9, 2e9),
+        (None, 1.9e9, 2e9, 1.9e9),
+        (2e9, None, 2e9, 2e9),  # the first photograph
+        (2e9 - 3000.0, None, 2e9, 2e9 - 3000.0),  # a node that was started again
+        (0.0, None, 2e9, 2e9),  # the clock of the camera was never set
+        (3e9, None, 2e9, 2e9),
+        (0.0, 1.9e9, 2e9, 1.9e9),
+        (2e9, 1.9e9, 2e9, 2e9),  # another experiment begins
+        (2e9, 1.9e9, 2e9 + 30.0, 1.9e9),  # its first photograph was not believed
+    ],
+)
+def test_the_start_of_an_experiment_is_believed_where_its_photograph_is(
+    told: float | None, began: float | None, stamp: float, expected: float
+) -> None:
+    assert believed_start(told, began, stamp) == expected

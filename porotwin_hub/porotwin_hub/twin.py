@@ -22,6 +22,7 @@ from porotwin_core.rates_in_force import (
     rates_in_force,
     same_rates,
 )
+from porotwin_core.stamps import believed_start
 from porotwin_core.state_filter import StateFilter
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
@@ -95,6 +96,7 @@ class Twin:
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._choice = SetpointChoice(controller, photo_interval)
         self._known_start = began
+        self._told_start: float | None = None
         self._began = began
         self._assumed = assumed or {}
         self._pumped: WellRates | None = None
@@ -122,8 +124,8 @@ class Twin:
             self._learner.begin_anew()
 
     def set_start(self, time: float) -> None:
-        """Count pauses and the end of the experiment from its start at `time` [s]."""
-        self._known_start = self._began = time
+        """Count pauses and the end from the start that was told [s], if `believed_start` does."""
+        self._told_start = time
 
     def forget_rate_factors(self) -> None:
         """Learn the rate factors anew: those learnt with another model may stand for its error."""
@@ -209,7 +211,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
-        self._began = now if self._began is None else min(self._began, now)
+        self._began = believed_start(self._told_start, self._began, now)
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()

@@ -18,6 +18,7 @@ from porotwin_core.rates_in_force import (
     same_rates,
 )
 from porotwin_core.rig import Rig
+from porotwin_core.stamps import SAME_STAMP_S
 from porotwin_core.units import DAY_S, to_ml_h
 from porotwin_core.wells import (
     RateStep,
@@ -31,9 +32,6 @@ from porotwin_core.wells import (
 
 KEPT = 4096
 """Rates that are kept: a flow meter at 10 Hz, photographs every 100 s, some of them late."""
-
-SAME_STAMP_S = 1e-6
-"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
 
 LONGEST_HORIZON_S = DAY_S
 """Longest horizon of a forecast [s]: experiments last hours."""

@@ -40,7 +40,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import steady_time
+from porotwin_core.stamps import believed_start, steady_time
 from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
@@ -176,6 +176,7 @@ class SiblingsNode(Node):
         self._arrived: _Arrived | None = None
         self._interrupted = False
         self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._told_start: float | None = None
         # simulated time counts from the start of the experiment
         self._began = 0.0 if self._simulated else None
         self._forecast: Outlook | None = None
@@ -260,8 +261,7 @@ class SiblingsNode(Node):
             self._interrupted = True
 
     def _on_experiment(self, message: Header) -> None:
-        with self._changed:
-            self._began = conversions.time_from_msg(message.stamp)
+        self._told_start = conversions.time_from_msg(message.stamp)
 
     def _on_effects(self, told: ToldEffects) -> None:
         with self._changed:
@@ -304,8 +304,7 @@ class SiblingsNode(Node):
 
     def _learn(self, photograph: Photograph) -> None:
         siblings = self.siblings
-        if self._began is None or photograph.time < self._began:
-            self._began = photograph.time
+        self._began = believed_start(self._told_start, self._began, photograph.time)
         with self._changed:
             self._rates.pauses = FixedPauses.of(self._rig).since(self._began)
         if self._follow_effects(photograph):
