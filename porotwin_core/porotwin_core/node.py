@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -17,9 +18,15 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -47,6 +54,9 @@ takes milliseconds; a thread that is still in the middleware when the process en
 
 HEARTBEAT_S = 1.0
 """Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask a node to stop."""
 
 OnChangeFn = Callable[[Any], None]
 """Takes a value of a parameter; raises InputError if it is wrong."""
@@ -268,22 +278,46 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         check_environment(os.environ)
     except InputError as error:
         _refuse(error)
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = (
         SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads + 1)
     )
     node = None
+    with signals_as_interrupts():
+        try:
+            with until_shutdown(executor.context):
+                node = make_node()
+                ensure_diagnostics(node)
+                executor.add_node(node)
+                executor.spin()
+        except InputError as error:
+            _refuse(error)
+        except KeyboardInterrupt:
+            pass  # asked to stop, perhaps during the start
+        finally:
+            for one in STOP_SIGNALS:
+                signal.signal(one, signal.SIG_IGN)  # the end is not interrupted
+            _end(executor, node)
+
+
+@contextmanager
+def signals_as_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt at SIGINT and SIGTERM, at most a heartbeat later.
+
+    rclpy's own handlers end the context at once, while threads still wait for its messages; it may
+    then wait forever.
+    """
+    before = {one: signal.signal(one, signal.default_int_handler) for one in STOP_SIGNALS}
     try:
-        with until_shutdown(executor.context):
-            node = make_node()
-            ensure_diagnostics(node)
-            executor.add_node(node)
-            executor.spin()
-    except InputError as error:
-        _refuse(error)
-    except KeyboardInterrupt:
-        pass  # asked to stop, perhaps during the start
+        yield
     finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        for one, handler in before.items():
+            signal.signal(one, handler)
+
+
+def _end(executor: Executor, node: Node | None) -> None:
+    """End the threads of `executor`, then the `node`, then the context."""
+    executor.shutdown(END_S)
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()
