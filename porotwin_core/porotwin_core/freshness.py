@@ -14,11 +14,11 @@ from typing import NamedTuple
 from porotwin_core.stamps import SINCE_1970
 
 AGREEMENT = 0.5
-"""Part of the photo interval by which the camera's clock may be ahead of this machine's clock and
-still agree with it. Setpoints follow from photographs that are fresh even then."""
+"""A camera's clock agrees with this machine's if it is ahead by at most this part of the photo
+interval. Setpoints follow from photographs that are fresh even then."""
 
 JITTER = 0.25
-"""Part of the photo interval by which the lateness of a live camera varies: transfer and imaging
+"""Variation of the lateness of a live camera, as a part of the photo interval: transfer and imaging
 take a few seconds more or less."""
 
 LEARNING_PHOTOGRAPHS = 4

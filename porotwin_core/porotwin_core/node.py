@@ -169,7 +169,7 @@ def declare_photo_interval(
 
     Args:
         node: the node.
-        also: what else follows from it in this node, one clause for people.
+        also: another consequence in this node, one clause for people.
         on_change: as in `declare`.
 
     Raises:

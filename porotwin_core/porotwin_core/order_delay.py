@@ -25,7 +25,7 @@ MOST_DELAY_S = 600.0
 
 
 HALF_WAY = 0.5
-"""Share of an ordered change from which on a measured rate shows that it was set."""
+"""A measured rate shows that an order was set if it has gone this share of the ordered change."""
 
 
 class OrdersAhead(NamedTuple):
@@ -142,7 +142,7 @@ class OrderDelay:
         return before if self._waiting and self._delays else commanded
 
     def ahead(self, now: float, pumped: WellRates) -> OrdersAhead:
-        """Return what holds until an order that is given `now` [s] will be set.
+        """Return the rates until an order that is given `now` [s] will be set.
 
         Args:
             now: the time [s].

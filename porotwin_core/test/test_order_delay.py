@@ -1,4 +1,4 @@
-"""Tests of the delay of orders: how it is learnt, and what holds until an order is set."""
+"""Tests of the delay of orders: how it is learnt, and the rates until an order is set."""
 
 import pytest
 
@@ -27,7 +27,7 @@ def confirmed(time: float, told: WellRates) -> list[KnownRates]:
 
 
 def late_person(delay: float, orders: int) -> OrderDelay:
-    """Return what was learnt from `orders` that were each set `delay` [s] later."""
+    """Return the knowledge from `orders` that were each set `delay` [s] later."""
     learnt, before = OrderDelay(), SAFE
     for number in range(orders):
         order, time = rates(100.0 + 10.0 * number), 1000.0 * number
