@@ -310,17 +310,27 @@ def _concentrations(
         return found
     inject = {well for well, rate in zip(wells, rates, strict=True) if rate > 0}
     if answers.concentration is None and len(inject) > 1:
+        first, *others = sorted(inject)
+        example = ','.join([f'{first}=1', *(f'{well}=0' for well in others)])
         raise InputError(
             f'{table.path}: no column concentration, and {quoted(sorted(inject))} inject; '
-            'add the column, 1 for tracer stock and 0 for water, or give --concentration for all'
+            'add the column, 1 for tracer stock and 0 for water, or give --concentration 1 for '
+            f'all, or such as {example}'
         )
     if answers.concentration is None:
         told.append(
             f'{table.path}: no column concentration: every injection is taken as tracer stock; '
             '--concentration says otherwise'
         )
-    share = 1.0 if answers.concentration is None else answers.concentration
-    return [share] * table.length
+    given = 1.0 if answers.concentration is None else answers.concentration
+    if isinstance(given, float):
+        return [given] * table.length
+    if inject - given.keys():
+        raise InputError(
+            f'{table.path}: --concentration names no concentration of '
+            f'{quoted(sorted(inject - given.keys()))}; add {sorted(inject - given.keys())[0]}=1'
+        )
+    return [given.get(well, 0.0) for well in wells]
 
 
 def since(begin: datetime, rows: list[PumpedRate], told: list[str]) -> list[PumpedRate]:

@@ -10,7 +10,7 @@ from recording_examples import bench_rig
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import to_ml_h
-from porotwin_recording.protocol_answers import ProtocolAnswers
+from porotwin_recording.protocol_answers import ProtocolAnswers, concentration_in
 from porotwin_recording.protocol_import import import_protocols
 from porotwin_recording.recording import open_recording
 
@@ -73,6 +73,22 @@ def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None
         imported(folder)
     recording, _ = imported(folder, replace(PLAIN, concentration=1.0))
     assert recording.schedule.at(70.0)['out'].concentration == 1.0
+
+
+def test_every_well_may_have_a_concentration_of_its_own(folder: Path) -> None:
+    protocol = folder / 'injection_protocol.csv'
+    protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
+    with pytest.raises(InputError, match="names no concentration of 'out'; add out=1"):
+        imported(folder, replace(PLAIN, concentration={'in': 1.0}))
+    recording, _ = imported(folder, replace(PLAIN, concentration=concentration_in('in=1, out=0')))
+    rates = recording.schedule.at(70.0)
+    assert (rates['in'].concentration, rates['out'].concentration) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize('text', ['2', 'dye', 'in=1,out', 'in=-1', 'in=1;out=0'])
+def test_a_concentration_that_is_none_is_refused_with_an_example(text: str) -> None:
+    with pytest.raises(InputError, match=r'or one for each: dye=1,water=0'):
+        concentration_in(text)
 
 
 def test_other_names_of_columns_are_known(folder: Path) -> None:

@@ -56,9 +56,12 @@ def command(
     ] = None,
     rate_unit: Annotated[str, typer.Option(help='Unit of rates, such as ml/min.')] = '',
     concentration: Annotated[
-        float | None,
-        typer.Option(help='Concentration of injected fluids without a column.', min=0.0, max=1.0),
-    ] = None,
+        str,
+        typer.Option(
+            help='Concentration of injected fluids without a column, from 0 (water) to 1: one for '
+            'all wells, or dye=1,water=0.'
+        ),
+    ] = '',
     camera_ahead: Annotated[
         float, typer.Option(help="Lead of the camera's clock over the clock of the pumps [s].")
     ] = 0.0,
@@ -95,7 +98,7 @@ def command(
     from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
     from porotwin_recording.one_writer import one_writer
     from porotwin_recording.photos import IMAGING_FILE
-    from porotwin_recording.protocol_answers import ProtocolAnswers
+    from porotwin_recording.protocol_answers import ProtocolAnswers, concentration_in
     from porotwin_recording.protocol_import import import_protocols, is_lab_folder
 
     given = {
@@ -136,7 +139,13 @@ def command(
             told = import_maps(source, target, _rig(source.parent, rig), maps)
         else:
             answers = ProtocolAnswers(
-                date_order, time_zone, decimal, rate_unit, concentration, camera_ahead, time_zero
+                date_order,
+                time_zone,
+                decimal,
+                rate_unit,
+                concentration_in(concentration),
+                camera_ahead,
+                time_zero,
             )
             told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
         for line in told:
