@@ -54,6 +54,10 @@ class Planner(Protocol):
         """
         ...
 
+    def take_back(self) -> None:
+        """Forget the last decision, because the asset did not take it."""
+        ...
+
 
 @dataclass(frozen=True)
 class Controller:
@@ -76,6 +80,9 @@ class Controller:
     evaluations: int
     patience: float = math.inf
     search: Search = cobyla.search
+
+    def take_back(self) -> None:
+        """Do nothing: no decision depends on the one before."""
 
     def decide(
         self,
@@ -147,3 +154,8 @@ class WithSubstitute:
         except ModelUnavailable as error:
             found = self.substitute.decide(physics, state, previous, now=now, plant=plant)
             return replace(found, remark=f'constant rates instead of a plan: {error}')
+
+    def take_back(self) -> None:
+        """Forget the last decision of both planners, because the asset did not take it."""
+        self.planner.take_back()
+        self.substitute.take_back()

@@ -97,6 +97,8 @@ class LastPlan:
     turn: int = 0
     orders: tuple[float, ...] = ()
     """Times of the last orders [s]."""
+    before: 'LastPlan | None' = None
+    """The plan of the decision before, should the asset not take this one."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ class PlanController:
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
         """
+        self.last.before = None
         begins = now + plant.ahead.lead
         if self.end is not None and begins >= self.end:
             return self._kept(state, previous)
@@ -166,6 +169,7 @@ class PlanController:
         recent = tuple(time for time in self.last.orders if 0.0 <= now - time < BUSY_S)
         task.recent_orders = len(recent)
         chosen = task.search(begin, turn=self.last.turn, first=first)
+        self.last.before = replace(self.last, before=None)
         self.last.orders = (*recent, now) if task.is_new(chosen) else recent
         self.last.asked, self.last.begins, self.last.plan = now, begins, chosen
         self.last.turn += LATER_SEQUENCES
@@ -176,6 +180,11 @@ class PlanController:
             evaluations=task.evaluations,
             plan=task.steps(chosen),
         )
+
+    def take_back(self) -> None:
+        """Go on from the decision before: an order that the asset refused was not given."""
+        if self.last.before is not None:
+            vars(self.last).update(vars(self.last.before))
 
     def _expected(self, plant: PlantKnowledge) -> PlantKnowledge:
         """Return the plant as it is planned with.

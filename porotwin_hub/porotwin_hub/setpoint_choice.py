@@ -34,6 +34,8 @@ class SetpointChoice:
         """Go on without the setpoint of `cycle`, because the asset did not take it."""
         cycle.accepted = False
         self.delay.take_back(cycle.observation.time)
+        if self.planner is not None:
+            self.planner.take_back()
         self._command = cycle.previous_command
 
     def commanded(self, planner: Planner, now: float) -> WellRates:

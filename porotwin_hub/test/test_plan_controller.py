@@ -202,6 +202,16 @@ def test_an_order_soon_after_another_costs_more() -> None:
     )
 
 
+def test_an_order_that_the_asset_refused_leaves_no_trace() -> None:
+    planner = controller(TwoStages())
+    planner.decide(ToyModel(), STATE, LIMITS.safe(), now=0.0)
+    known = dataclasses.replace(planner.last, before=None)
+    planner.decide(ToyModel(), STATE, LIMITS.safe(), now=30.0)
+    assert planner.last.asked == 30.0
+    planner.take_back()
+    assert dataclasses.replace(planner.last, before=None) == known
+
+
 def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
     model = TwoStages()
     safe = LIMITS.safe()
