@@ -232,7 +232,7 @@ class MendNode(Node):
         if last is None or is_other_clock(last, stamp):
             return ()
         with self._lock:
-            schedule = Schedule.from_rates(self._rates.rows())
+            schedule = Schedule.from_rates(self._rates.rows(stamp))
         if not schedule.rows:
             return ()
         return [RatePeriod(*period) for period in schedule.intervals(last, stamp)]

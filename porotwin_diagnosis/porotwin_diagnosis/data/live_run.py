@@ -39,7 +39,7 @@ class LiveRun:
     one, and when the evaluation of photographs starts again on a rig without tracer. Missed
     photographs do not end a run, because the model needs the rates only. Rates in force at the
     beginning of a run stay in force. As in the hub, a setpoint counts as pumped until rates are
-    measured.
+    measured, or until a person tells it (`RateTable`).
     """
 
     def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
@@ -148,7 +148,7 @@ class LiveRun:
                 'diagnosis: no rates have arrived, neither setpoints nor measured ones; '
                 'confirm the rates (service operator/confirm), or name a recording'
             )
-        rows = list(self._rates.rows())
+        rows = list(self._rates.rows(self.times[-1]))
         begin = min(self.times[0], *(start for start, _ in rows))
         schedule = Schedule.from_rates((start - begin, rates) for start, rates in rows)
         maps = self._series(np.array(self.times) - begin)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
+from porotwin_core.order_delay import MOST_DELAY_S
 from porotwin_core.wells import WellRate, WellRates, mean_rates
 
 MOST_ROWS = 4096
@@ -15,7 +16,11 @@ is replaced by mean rates over pairs of rows, which keep the volumes of water an
 
 
 class RateTable:
-    """Rates of all wells from a time on, either commanded or measured."""
+    """Rates of all wells from a time on, either commanded or measured.
+
+    As in the hub, a person who has told when an order was set is expected to tell it again: until
+    then the rates before it hold, for `MOST_DELAY_S` at most.
+    """
 
     def __init__(self, wells: Sequence[str], most: int = MOST_ROWS) -> None:
         """Make an empty table of `most` rows for `wells`."""
@@ -26,6 +31,8 @@ class RateTable:
         self._commanded = np.full(most, True)
         self._values = np.full((most, len(self._wells), 2), np.nan)
         self._count = 0
+        self._told: float | None = None
+        """Time at which a person last told that rates were set [s]."""
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -46,14 +53,20 @@ class RateTable:
     def add_measured(self, start: float, end: float, rates: WellRates) -> None:
         """Add `rates` [m^3/s] that were measured from `start` to `end` [s].
 
-        They replace the commanded rates of that interval and stay in force after it.
+        They replace the commanded rates of that interval and stay in force after it. If both times
+        are equal, a person has told that the rates were set then.
 
         Raises:
             InputError: a well is unknown; the commanded rates stay.
         """
         self._check(rates)
         times = self._start[: self._count]
-        inside = self._commanded[: self._count] & (start <= times) & (times <= end)
+        replaced = start <= times
+        if start == end:
+            if self._told is not None:
+                replaced |= times > max(self._told, start - MOST_DELAY_S)
+            self._told = start
+        inside = self._commanded[: self._count] & replaced & (times <= end)
         self._keep(np.flatnonzero(~inside))
         self.add(start, rates, commanded=False)
 
@@ -67,11 +80,18 @@ class RateTable:
         """Drop all rows except the last one, which now holds from `start` [s] on."""
         self._keep(np.arange(max(self._count - 1, 0), self._count))
         self._start[: self._count] = start
+        self._told = None
 
-    def rows(self) -> Iterator[tuple[float, dict[str, WellRate]]]:
-        """Yield the time [s] and the rates of every row, in order of arrival."""
+    def rows(self, now: float) -> Iterator[tuple[float, dict[str, WellRate]]]:
+        """Yield the time [s] and the rates of every row, in order of arrival.
+
+        Orders that a person will still tell at the time `now` [s] are left out.
+        """
         for row in range(self._count):
-            yield float(self._start[row]), self._rates(row)
+            time = float(self._start[row])
+            told = self._told is not None and time > self._told
+            if not (told and self._commanded[row] and now - time <= MOST_DELAY_S):
+                yield time, self._rates(row)
 
     def _rates(self, row: int) -> dict[str, WellRate]:
         return {
