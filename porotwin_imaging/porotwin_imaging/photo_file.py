@@ -268,18 +268,38 @@ def decode(
     A JPEG is decoded at the reduced scale directly, at a fraction of the cost of a full decode.
 
     Raises:
-        InputError: the file is truncated or broken, or the photograph is black or over-exposed.
+        InputError: the file is truncated or broken, it has a palette of few colours, or the
+            photograph is black or over-exposed.
     """
     width, height = photo_size(data)
     if not is_complete(data):
         raise InputError(
             f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
         )
+    if _has_palette(data):
+        raise InputError(
+            'photograph has a palette of at most 256 colours, too few for concentrations; save it '
+            'with 24 bits, without a palette'
+        )
     pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
     _refuse_without_picture(pixels, settings, deep=_bits(data) > _BITS)
     return DecodedPhoto(pixels, width, height, reduction)
+
+
+def _has_palette(data: bytes) -> bool:
+    """Return whether a PNG or TIFF holds numbers of colours instead of colours."""
+    if not data.startswith((PNG_START, *TIFF_STARTS)):
+        return False
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            return image.mode in ('P', 'PA', '1')
+    except Exception:  # a damaged header; the decoder reports it
+        return False
 
 
 def _bits(data: bytes) -> int:

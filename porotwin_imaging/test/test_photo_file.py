@@ -22,6 +22,15 @@ def encoded(kind: str, picture: np.ndarray) -> bytes:
     return cv2.imencode(kind, picture)[1].tobytes()
 
 
+@pytest.mark.parametrize('kind', ['PNG', 'TIFF'])
+@pytest.mark.parametrize('mode', ['P', '1'])
+def test_a_palette_of_few_colours_is_refused(kind: str, mode: str) -> None:
+    file = io.BytesIO()
+    Image.fromarray(pixels()).convert(mode).save(file, kind)
+    with pytest.raises(InputError, match='palette of at most 256 colours'):
+        photo_file.decode(file.getvalue())
+
+
 @pytest.mark.parametrize('kind', ['.jpg', '.png', '.tif'])
 def test_size_and_completeness_by_format(kind: str) -> None:
     data = encoded(kind, pixels())
