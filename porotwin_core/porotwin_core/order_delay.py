@@ -91,6 +91,7 @@ class OrderDelay:
         """Forget everything."""
         self._delays: deque[float] = deque(maxlen=REMEMBERED_DELAYS)
         self._waiting: list[_Order] = []
+        self._a_person_tells = False
 
     @property
     def expected(self) -> float:
@@ -122,6 +123,7 @@ class OrderDelay:
             order = self._newest_set(item)
             if order is not None:
                 self._delays.append(min(item.start - order.time, MOST_DELAY_S))
+                self._a_person_tells |= item.is_open
                 self._waiting = [one for one in self._waiting if one.time > order.time]
         self._waiting = [order for order in self._waiting if now - order.time <= MOST_DELAY_S]
 
@@ -137,9 +139,10 @@ class OrderDelay:
         """Return the rates in force [m^3/s] where nothing is known since the rates `before`.
 
         A person who has told before when an order was set is expected to tell it again. Until the
-        first answer the `commanded` rates count as pumped.
+        first answer, and where pumps set themselves, the `commanded` rates count as pumped: the
+        reports of their meters come later.
         """
-        return before if self._waiting and self._delays else commanded
+        return before if self._waiting and self._a_person_tells else commanded
 
     def ahead(self, now: float, pumped: WellRates) -> OrdersAhead:
         """Return the rates until an order that is given `now` [s] will be set.

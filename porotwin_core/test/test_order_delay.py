@@ -141,3 +141,11 @@ def test_an_order_that_the_asset_did_not_take_is_not_waited_for() -> None:
     delay.ordered(0.0, rates(300.0), SAFE)
     delay.take_back(0.0)
     assert not delay.ahead(0.0, SAFE).waits
+
+
+def test_pumps_that_set_themselves_are_not_waited_for() -> None:
+    delay, order = OrderDelay(), rates(300.0)
+    delay.ordered(0.0, order, SAFE)
+    delay.learn([KnownRates(2.0, 30.0, order)], 30.0)
+    delay.ordered(60.0, SAFE, order)
+    assert delay.believed(SAFE, order) == SAFE

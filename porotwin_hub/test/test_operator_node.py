@@ -144,6 +144,7 @@ def test_why_no_setpoint_follows_is_said_once(
         remarks = [f'no setpoint: the photograph was taken {age} ago'] if age else []
         cycles.publish(CycleReport(remarks=['another remark', *remarks]))
         desk.spin_for(0.3)
+        desk.spin_until(lambda expected=expected: len(heard) >= expected)
         assert len(heard) == expected
     assert 'no setpoint: the photograph was taken 1:00:00 ago' in capsys.readouterr().out
 

@@ -129,17 +129,24 @@ class RateLog:
         self._known = deque([item for item in self._known if item.end <= time], KEPT)
         self._delay.begin_anew()
 
-    def present(self, time: float) -> WellRates:
-        """Return the rates that hold at `time` [s] and, as far as is known, from then on.
-
-        Rates that the operator confirmed count, until a newer setpoint replaces them.
-        """
-        confirmed = [item for item in self._not_superseded(time) if item.is_open]
-        return latest_known(confirmed, float('inf')) or self._believed(time)
-
     def present_plan(self, time: float, horizon: float) -> tuple[RateStep, ...]:
-        """Return the `present` rates from `time` [s] over `horizon` [s], with announced pauses."""
-        return self.pauses.in_plan([RateStep(0.0, self.present(time))], time, horizon)
+        """Return the rates from `time` [s] over `horizon` [s], as far as they are known.
+
+        Rates that the operator confirmed hold until a newer setpoint replaces them. A setpoint
+        holds at once, or after the time that a person is expected to need for it. Announced pauses
+        are in the plan.
+        """
+        known = list(self._known)
+        self._delay.learn(known, time)
+        confirmed = [item for item in self._not_superseded(time) if item.is_open]
+        pumped = latest_known(confirmed, math.inf) or self._believed(time)
+        ahead = self._delay.ahead(time, pumped)
+        steps = [RateStep(0.0, pumped)]
+        if ahead.waits:
+            steps = [*ahead.steps]
+            if not steps or not same_rates(steps[-1].rates, self.commanded_at(time)):
+                steps.append(RateStep(ahead.lead, self.commanded_at(time)))
+        return self.pauses.in_plan(steps, time, horizon)
 
 
 def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tuple[RatePeriod, ...]:

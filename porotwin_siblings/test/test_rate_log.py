@@ -10,7 +10,7 @@ from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import load_rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_siblings.rate_log import (
     MOST_STEPS,
     RateLog,
@@ -27,6 +27,13 @@ RIG = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yam
 REST = {'a': WellRate(), 'out': WellRate()}
 FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
 SECOND = {'a': WellRate(2e-7), 'out': WellRate(-2e-7)}
+
+
+def first_of(log: RateLog, time: float) -> WellRates:
+    """Return the rates that hold at `time` [s] and from then on."""
+    (step,) = log.present_plan(time, 300.0)
+    assert step.start == 0.0
+    return step.rates
 
 
 def test_setpoints_hold_from_their_photograph_on() -> None:
@@ -52,9 +59,9 @@ def test_confirmed_rates_are_present_until_a_newer_setpoint() -> None:
     log = RateLog(REST)
     log.add_commanded(0.0, FIRST)
     log.add_known(KnownRates(10.0, 10.0, SECOND))
-    assert log.present(20.0) == SECOND
+    assert first_of(log, 20.0) == SECOND
     log.add_commanded(30.0, FIRST)
-    assert log.present(30.0) == FIRST
+    assert first_of(log, 30.0) == FIRST
     assert log.is_commanded(30.0)
     assert not log.is_commanded(60.0)
 
@@ -66,7 +73,7 @@ def test_a_setpoint_that_follows_its_photograph_replaces_the_last_one() -> None:
     assert not log.is_commanded(30.0)
     log.add_commanded(30.0, SECOND)
     assert log.is_commanded(30.0)
-    assert log.present(30.0) == SECOND
+    assert first_of(log, 30.0) == SECOND
     assert log.take(30.0, 60.0) == (RatePeriod(30.0, 60.0, SECOND),)
     log.add_commanded(60.0, SECOND)
     log.add_commanded(60.0, FIRST)  # sent again
@@ -85,16 +92,30 @@ def test_confirmed_rates_hold_until_the_next_setpoint_only() -> None:
 def test_a_person_who_told_when_orders_were_set_is_waited_for() -> None:
     log = RateLog(REST, wells=('a',))
     log.add_commanded(0.0, FIRST)
-    log.add_known(KnownRates(40.0, 40.0, FIRST))
-    log.take(0.0, 60.0)
-    log.add_commanded(60.0, SECOND)
-    assert log.take(60.0, 90.0) == (RatePeriod(60.0, 90.0, FIRST),)
-    assert log.present(90.0) == FIRST
-    log.add_known(KnownRates(100.0, 100.0, SECOND))
-    assert log.take(90.0, 120.0) == (
-        RatePeriod(90.0, 100.0, FIRST),
-        RatePeriod(100.0, 120.0, SECOND),
+    log.add_known(KnownRates(100.0, 100.0, FIRST))
+    log.take(0.0, 120.0)
+    log.add_commanded(120.0, SECOND)
+    # half of the delay so far, as the hub expects it
+    assert log.present_plan(120.0, 300.0) == (RateStep(0.0, FIRST), RateStep(50.0, SECOND))
+    assert log.take(120.0, 150.0) == (RatePeriod(120.0, 150.0, FIRST),)
+    assert log.present_plan(150.0, 300.0) == (RateStep(0.0, FIRST), RateStep(20.0, SECOND))
+    log.add_known(KnownRates(160.0, 160.0, SECOND))
+    assert first_of(log, 160.0) == SECOND
+    assert log.take(150.0, 180.0) == (
+        RatePeriod(150.0, 160.0, FIRST),
+        RatePeriod(160.0, 180.0, SECOND),
     )
+
+
+def test_the_setpoints_of_pumps_that_follow_at_once_are_present_at_once() -> None:
+    log = RateLog(REST, wells=('a',))
+    log.add_commanded(0.0, FIRST)
+    log.add_known(KnownRates(2.0, 30.0, FIRST))  # the pumps tell what they deliver
+    log.take(0.0, 30.0)
+    log.add_commanded(30.0, SECOND)
+    assert first_of(log, 30.0) == SECOND
+    log.add_known(KnownRates(32.0, 60.0, SECOND))
+    assert log.take(30.0, 60.0)[-1] == RatePeriod(30.0, 60.0, SECOND)
 
 
 def test_a_clock_that_goes_back_leaves_no_later_rates() -> None:
