@@ -4,7 +4,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, NoReturn
@@ -279,9 +279,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     except InputError as error:
         _refuse(error)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    executor = (
-        SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads + 1)
-    )
+    executor = executor_of(1 if threads == 1 else threads + 1)
     node = None
     with signals_as_interrupts():
         try:
@@ -297,15 +295,14 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         finally:
             for one in STOP_SIGNALS:
                 signal.signal(one, signal.SIG_IGN)  # the end is not interrupted
-            _end(executor, node)
+            end_in_order(executor, [] if node is None else [node])
 
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
     """Raise KeyboardInterrupt at SIGINT and SIGTERM, at most a heartbeat later.
 
-    rclpy's own handlers end the context at once, while threads still wait for its messages; it may
-    then wait forever.
+    rclpy's own handlers end the context at once, which `end_in_order` avoids.
     """
     before = {one: signal.signal(one, signal.default_int_handler) for one in STOP_SIGNALS}
     try:
@@ -315,9 +312,20 @@ def signals_as_interrupts() -> Iterator[None]:
             signal.signal(one, handler)
 
 
-def _end(executor: Executor, node: Node | None) -> None:
-    """End the threads of `executor`, then the `node`, then the context."""
+def executor_of(threads: int, context: Context | None = None) -> Executor:
+    """Return an executor that runs callbacks in `threads` threads; None: the default context."""
+    if threads == 1:
+        return SingleThreadedExecutor(context=context)
+    return MultiThreadedExecutor(num_threads=threads, context=context)
+
+
+def end_in_order(executor: Executor, nodes: Iterable[Node], context: Context | None = None) -> None:
+    """End the threads of `executor`, then the `nodes`, then their context; None: the default one.
+
+    rclpy may wait forever if a context ends while another thread waits for its messages, or before
+    its nodes.
+    """
     executor.shutdown(END_S)
-    if node is not None:
+    for node in nodes:
         node.destroy_node()
-    rclpy.try_shutdown()
+    rclpy.try_shutdown(context=context)

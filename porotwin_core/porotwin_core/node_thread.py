@@ -2,12 +2,10 @@
 
 import threading
 
-import rclpy
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from porotwin_core.node import END_S, until_shutdown
+from porotwin_core.node import END_S, end_in_order, executor_of, until_shutdown
 
 
 class NodeThread:
@@ -20,12 +18,7 @@ class NodeThread:
             nodes: at least one node; `executor.add_node` takes more of the same context.
             threads: number of threads that run callbacks.
         """
-        context = nodes[0].context
-        self.executor: Executor = (
-            SingleThreadedExecutor(context=context)
-            if threads == 1
-            else MultiThreadedExecutor(num_threads=threads, context=context)
-        )
+        self.executor = executor_of(threads, nodes[0].context)
         for node in nodes:
             self.executor.add_node(node)
         self._ended: Future = Future()
@@ -37,15 +30,7 @@ class NodeThread:
             self.executor.spin_until_future_complete(self._ended)
 
     def end(self) -> None:
-        """End the thread, then the nodes, then their context.
-
-        rclpy may wait forever if a context ends while another thread waits for its messages, or
-        before its nodes.
-        """
+        """End the thread, then the nodes, then their context."""
         self._ended.set_result(None)
         self._thread.join(END_S)
-        nodes = self.executor.get_nodes()
-        self.executor.shutdown()
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown(context=self.executor.context)
+        end_in_order(self.executor, self.executor.get_nodes(), self.executor.context)

@@ -10,8 +10,9 @@ SINCE_1970 = 1e9
 """Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
 or the times count from the start of an experiment."""
 
-LONGEST_EXPERIMENT_S = 30 * DAY_S
-"""No experiment takes longer [s]: an earlier start comes from a wrong stamp."""
+EARLIEST_START_S = 30 * DAY_S
+"""A node that joins an experiment believes a start up to this time ago [s]: an earlier one comes
+from a wrong stamp."""
 
 SAME_STAMP_S = 1e-6
 """Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
@@ -55,7 +56,7 @@ def believed_start(told: float | None, began: float | None, stamp: float) -> flo
         stamp: of the state [s].
     """
     if told is not None:
-        joined = began is None and 0.0 <= stamp - told <= LONGEST_EXPERIMENT_S
+        joined = began is None and 0.0 <= stamp - told <= EARLIEST_START_S
         if joined or abs(stamp - told) < SAME_STAMP_S:
             return told
     return stamp if began is None else min(began, stamp)

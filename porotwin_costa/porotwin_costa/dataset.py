@@ -228,8 +228,8 @@ def newest_pairs(folder: Path, most: int) -> Dataset:
     for part in reversed(dataset_parts(folder)):
         newest.insert(0, load_dataset(part))
         if sum(map(len, newest)) >= most:
-            return join_datasets(newest, renumber=False)
-    return load_dataset(folder)
+            break
+    return join_datasets(newest, renumber=False) if newest else load_dataset(folder)
 
 
 def load_dataset(path: Path) -> Dataset:

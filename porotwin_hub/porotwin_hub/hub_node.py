@@ -130,8 +130,6 @@ class HubNode(Node):
         self._setpoints = 0
         self._effects: tuple[EffectDescription, ...] = ()
         self._model_changed = threading.Event()
-        self._told_start: float | None = None
-        """Start of the experiment that imaging has told since the last state [s]."""
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
         if planner is None:
@@ -262,7 +260,7 @@ class HubNode(Node):
             self._model_changed.set()
 
     def _on_experiment(self, message: Header) -> None:
-        self._told_start = conversions.time_from_msg(message.stamp)
+        self._twin.set_start(conversions.time_from_msg(message.stamp))
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
@@ -282,9 +280,6 @@ class HubNode(Node):
                 if self._model_changed.is_set():
                     self._model_changed.clear()
                     self._twin.forget_rate_factors()
-                told, self._told_start = self._told_start, None
-                if told is not None:
-                    self._twin.set_start(told)
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)

@@ -13,11 +13,10 @@ from itertools import pairwise
 from typing import Literal
 
 from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.stamps import SAME_STAMP_S
 
 REMEMBERED = 16
 """Number of states whose times and digests are remembered."""
-_SAME_TIME_S = 1e-6
-"""Stamps closer than this belong to the same exposure [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ def place(
     if not state.times:
         return Placement('start', reason='first photograph'), state
     last = state.times[-1]
-    if abs(time - last) < _SAME_TIME_S:
+    if abs(time - last) < SAME_STAMP_S:
         return Placement('ignore', reason=f'second photograph stamped {time:.3f} s'), state
     if time < last:
         return _place_earlier(time, state)
@@ -89,7 +88,7 @@ def _place_earlier(time: float, state: SequenceState) -> tuple[Placement, Sequen
     """Return the place of a photograph before the last state."""
     last = state.times[-1]
     repeated = state.earlier_time is not None and state.earlier_time < time
-    if time < state.times[0] - _SAME_TIME_S or repeated:
+    if time < state.times[0] - SAME_STAMP_S or repeated:
         reason = f'the clock went back from {last:.3f} s to {time:.3f} s'
         return Placement('start', reason=reason), state
     reason = f'photograph at {time:.3f} s is out of order: {last:.3f} s was read'

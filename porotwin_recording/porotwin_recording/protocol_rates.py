@@ -325,10 +325,10 @@ def _concentrations(
     given = 1.0 if answers.concentration is None else answers.concentration
     if isinstance(given, float):
         return [given] * table.length
-    if inject - given.keys():
+    if missing := sorted(inject - given.keys()):
         raise InputError(
-            f'{table.path}: --concentration names no concentration of '
-            f'{quoted(sorted(inject - given.keys()))}; add {sorted(inject - given.keys())[0]}=1'
+            f'{table.path}: --concentration names no concentration of {quoted(missing)}; '
+            f'add {missing[0]}=1'
         )
     return [given.get(well, 0.0) for well in wells]
 

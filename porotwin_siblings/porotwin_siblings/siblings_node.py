@@ -273,14 +273,18 @@ class SiblingsNode(Node):
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
-        # in simulated time all stamps are believed, as in the hub
-        judgement = self._photographs.judge(photograph.time, self._steady_time())
-        if judgement.doubt and not self._simulated:
-            self.get_logger().warning(f'state {message.sequence} ignored: {judgement.doubt}')
+        if doubt := self._doubt(photograph.time):
+            self.get_logger().warning(f'state {message.sequence} ignored: {doubt}')
             return
         with self._changed:
             self._arrived = _Arrived(message.sequence, photograph)
             self._changed.notify_all()
+
+    def _doubt(self, stamp: float) -> str:
+        """Return why `stamp` [s] is not believed; in simulated time all are, as in the hub."""
+        if self._simulated:
+            return ''
+        return self._photographs.judge(stamp, self._steady_time()).doubt
 
     # --- work ---------------------------------------------------------------------------------
 

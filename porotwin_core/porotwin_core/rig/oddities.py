@@ -156,20 +156,9 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
 
 def _sands(rig: Rig) -> Iterator[Remark]:
     for name, sand in rig.sands.items():
-        where = f'sands.{name}'
-        yield from _in_range(POROSITY, f'{where}.porosity', sand.porosity)
-        for plausible, key in (
-            (PERMEABILITY, 'permeability_m2'),
-            (CONDUCTIVITY, 'hydraulic_conductivity_m_s'),
-        ):
-            value = getattr(sand, key)
-            if value is None:
-                continue
-            others = [getattr(other, key) or 0.0 for other in rig.sands.values()]
-            is_barrier = value < BARRIER * max(others)
-            for remark in _in_range(plausible, f'{where}.{key}', value):
-                if remark.refused or not is_barrier:
-                    yield remark
+        yield from _in_range(POROSITY, f'sands.{name}.porosity', sand.porosity)
+    yield from _conducting(rig, PERMEABILITY, 'permeability_m2')
+    yield from _conducting(rig, CONDUCTIVITY, 'hydraulic_conductivity_m_s')
     for number, layer in enumerate(rig.sand_layers[:-1], start=1):
         heights = [z for _, z in layer.top_m] if isinstance(layer.top_m, tuple) else [layer.top_m]
         if max(z for z in heights if z is not None) > rig.height_m:
@@ -182,6 +171,17 @@ def _sands(rig: Rig) -> Iterator[Remark]:
     for number, polygon in enumerate(rig.sand_polygons, start=1):
         yield from _outline(rig, f'sand_polygons.{number}.corners_m', polygon.corners_m)
     yield from _unused_sands(rig)
+
+
+def _conducting(rig: Rig, plausible: PlausibleRange, key: str) -> Iterator[Remark]:
+    """Yield remarks about the `key` of sands: a barrier beside other sand is refused or right."""
+    values = {name: getattr(sand, key) for name, sand in rig.sands.items()}
+    given = {name: value for name, value in values.items() if value is not None}
+    for name, value in given.items():
+        is_barrier = value < BARRIER * max(given.values())
+        for remark in _in_range(plausible, f'sands.{name}.{key}', value):
+            if remark.refused or not is_barrier:
+                yield remark
 
 
 def _unused_sands(rig: Rig) -> Iterator[Remark]:

@@ -17,7 +17,6 @@ from porotwin_solver.adjoint.step_adjoint import (
     step_adjoint,
 )
 from porotwin_solver.engine import Engine, State
-from porotwin_solver.free_run_step import longest_free_step
 from porotwin_solver.model import Model
 from porotwin_solver.physics import Physics, in_and_out
 
@@ -59,9 +58,7 @@ def sweep_backward(
             for observed in interval.observed:
                 time, map_bar = float(times[observed]), forward.map_bars[observed]
                 by_parameter += _map_adjoint(model, bar, last, time, map_bar, varied)
-        _, length = engine.splitting(
-            interval.end - interval.start, longest_free_step(engine.physics, rates)
-        )
+        _, length = engine.splitting(interval.end - interval.start, interval.longest_step)
         while interval.states:
             first = interval.states.pop()
             step = step_adjoint(engine, first, rates, length, bar, varied)

@@ -18,6 +18,7 @@ Cost = Callable[[int, FloatArray], tuple[float, FloatArray]]
 class Interval:
     """A part of the simulation, from `start` to `end` [s], with constant rates.
 
+    longest_step: bound of its splitting steps [s].
     observed: indices of the times whose map shows its last state.
     states: the state before every splitting step, and the last one if it is observed.
     """
@@ -25,6 +26,7 @@ class Interval:
     start: float
     end: float
     rates: WellRates
+    longest_step: float
     observed: list[int] = field(default_factory=list)
     states: list[State] = field(default_factory=list)
 
@@ -65,8 +67,8 @@ def sweep_forward(
     observe(observed_before)
     for interval in intervals:
         duration = interval.end - interval.start
-        step = longest_free_step(engine.physics, interval.rates)
-        for coefficients in engine.interval(state, interval.rates, duration, step):
+        longest_step = interval.longest_step
+        for coefficients in engine.interval(state, interval.rates, duration, longest_step):
             interval.states.append(state.copy())
             engine.step(state, coefficients)
         if interval.observed:
@@ -85,7 +87,8 @@ def _intervals(
     for index, time in enumerate(times):
         target = time + model.observation_operator.clock_offset
         for low, high, rates in schedule.intervals(now, target):
-            intervals.append(Interval(low, high, rates))
+            longest_step = longest_free_step(model.engine.physics, rates)
+            intervals.append(Interval(low, high, rates, longest_step))
         now = max(now, target)
         observed = intervals[-1].observed if intervals else observed_before
         observed.append(index)
