@@ -45,8 +45,6 @@ from porotwin_core.ros_environment import check_environment
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
 
-HARDWARE_ID = 'porotwin'
-"""Name of this system in the reports of health."""
 
 END_S = 5.0
 """Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
@@ -230,13 +228,21 @@ class Diagnostics:
         status = DiagnosticStatus(
             level=bytes([health.level]),
             name=self._node.get_name(),
-            hardware_id=HARDWARE_ID,
+            hardware_id=hardware_id(self._node),
             message=health.message,
             values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+
+
+def hardware_id(node: Node) -> str:
+    """Return the name of the rig in the reports of health: the namespace of its nodes.
+
+    Other devices report on the same topic, perhaps under the name of one of our nodes.
+    """
+    return str(node.get_namespace()).strip('/') or 'porotwin'
 
 
 def ensure_diagnostics(node: Node) -> None:

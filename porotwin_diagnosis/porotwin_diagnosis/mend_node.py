@@ -29,6 +29,7 @@ from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declar
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
+from porotwin_core.service_answer import answer_within
 from porotwin_core.single_instance import only_one
 from porotwin_core.units import DAY_S, MINUTE_S
 from porotwin_core.wells import Schedule
@@ -390,13 +391,10 @@ class MendNode(Node):
         if not self._solver.wait_for_service(timeout_sec=2.0):
             raise TimeoutError('the solver does not run; answer again when it does')
         request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
-        answered = threading.Event()
-        future = self._solver.call_async(request)
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(SOLVER_S):
-            self._solver.remove_pending_request(future)
+        response = answer_within(self._solver, request, SOLVER_S)
+        if response is None:
             raise TimeoutError(f'the solver did not answer within {SOLVER_S:g} s; answer again')
-        outcome = future.result().outcome
+        outcome = response.outcome
         if outcome.code == Outcome.NOT_READY:
             raise TimeoutError(f'the solver: {outcome.message}')
         if outcome.code != Outcome.OK:

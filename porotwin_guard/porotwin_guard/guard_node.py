@@ -1,6 +1,5 @@
 """The node of the guard: takes setpoints of the hub, checks them, and sends them to the pumps."""
 
-import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -12,6 +11,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
+from porotwin_core.service_answer import answer_within
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
@@ -112,14 +112,11 @@ class GuardNode(Node):
         """Return the answer of the pumps to a setpoint that has passed."""
         if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
             return Outcome(code=Outcome.NOT_READY, message='no node answers asset/control')
-        answered = threading.Event()
-        future = self._pumps.call_async(request)
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(self._patience):
-            self._pumps.remove_pending_request(future)
+        response = answer_within(self._pumps, request, self._patience)
+        if response is None:
             text = f'asset/control did not answer within {self._patience:g} s'
             return Outcome(code=Outcome.FAILED, message=text)
-        return future.result().outcome
+        return response.outcome
 
     def _watch(self) -> None:
         """Report a foreign sender, or the end of the last setpoint, once."""

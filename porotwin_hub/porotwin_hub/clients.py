@@ -5,8 +5,6 @@ executor spins in another. A blocking call in a callback would deadlock.
 """
 
 import math
-import threading
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,6 +20,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.senders import servers
+from porotwin_core.service_answer import answer_within
 from porotwin_core.wells import RateStep, WellRates
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
@@ -29,9 +28,6 @@ from porotwin_msgs.srv import Control, Correct, CorrectiveSource, CostGradient, 
 
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
-
-RESTART_PERIOD_S = 0.5
-"""Time between two looks whether a service was started again [s]."""
 
 CANCEL = 'solver/cancel'
 """The service that ends the predictions of the solver."""
@@ -79,13 +75,12 @@ class Caller:
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
-        future = self._answered(client, name, request, timeout)
-        if future is None:
+        response = self._answered(client, name, request, timeout)
+        if response is None:
             if cancel:
                 canceller = self._client(Trigger, cancel)
                 self._answered(canceller, cancel, Trigger.Request(), CANCEL_WAIT_S)
             raise ModelUnavailable(f"service '{name}' did not answer within {timeout:g} s")
-        response = future.result()
         outcome = getattr(response, 'outcome', None)
         if outcome is not None and outcome.code != Outcome.OK:
             raise ModelUnavailable(f"service '{name}' refuses: {outcome.message}")
@@ -97,24 +92,18 @@ class Caller:
         return self._clients[name]
 
     def _answered(self, client: Any, name: str, request: Any, timeout: float) -> Any:
-        """Return the future of a call when it is answered, None after `timeout` [s].
+        """Return the response to a call, None after `timeout` [s].
 
         Raises:
             ModelUnavailable: the service was started again, so that the request is lost.
         """
         asked = servers(self._node, name)
-        received = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: received.set())
-        deadline = time.monotonic() + timeout
-        while (left := deadline - time.monotonic()) > 0.0:
-            if received.wait(min(left, RESTART_PERIOD_S)):
-                return future
+
+        def look() -> None:
             if servers(self._node, name) - asked:
-                client.remove_pending_request(future)
                 raise ModelUnavailable(f"service '{name}' was started again while it worked")
-        client.remove_pending_request(future)
-        return None
+
+        return answer_within(client, request, timeout, look=look)
 
 
 class PhysicsModelClient:

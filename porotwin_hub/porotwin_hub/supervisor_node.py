@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from porotwin_core.node import DIAGNOSTICS, HARDWARE_ID, HEARTBEAT_S, Diagnostics, declare, run
+from porotwin_core.node import DIAGNOSTICS, HEARTBEAT_S, Diagnostics, declare, hardware_id, run
 from porotwin_core.parent import PARENT, launcher_is_gone
 from porotwin_core.units import DAY_S
 from porotwin_hub.liveness import (
@@ -77,7 +77,8 @@ class SupervisorNode(Node):
         for status in message.status:
             if status.level == DiagnosticStatus.STALE:
                 continue
-            self._liveness.heard(status.name)
+            if status.hardware_id == hardware_id(self):
+                self._liveness.heard(status.name)
             self._tell_error(status)
 
     def _tell_error(self, status: DiagnosticStatus) -> None:
@@ -95,7 +96,7 @@ class SupervisorNode(Node):
                 DiagnosticStatus(
                     level=DiagnosticStatus.STALE,
                     name=one.name,
-                    hardware_id=HARDWARE_ID,
+                    hardware_id=hardware_id(self),
                     message=one.message,
                 )
                 for one in silent

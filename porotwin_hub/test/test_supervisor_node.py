@@ -102,6 +102,7 @@ def test_a_stopped_node_is_stale_then_killed_and_started_again(
         until(lambda: 'lamp: the light is off' in lines, lines)
         stopped = graph.process('operator')
         stopped.send_signal(signal.SIGSTOP)
+        ear.say_error('operator', 'another device has this name')
         ear.wait_for('operator', DiagnosticStatus.STALE, 'its process is stopped')
         ear.wait_for('supervisor', DiagnosticStatus.ERROR, 'killed, to be started again')
         until(lambda: graph.process('operator') is not stopped, lines)

@@ -1,6 +1,5 @@
 """The page as a node: stores messages, serves them, and passes confirmations on."""
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,8 +13,9 @@ from rclpy.node import Node
 
 from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.node import Diagnostics, declare, hardware_id, run
 from porotwin_core.rig import load_rig
+from porotwin_core.service_answer import answer_within
 from porotwin_core.stamps import believed_age
 from porotwin_core.wells import RateStep
 from porotwin_core.wells import WellRates as RatesByWell
@@ -325,7 +325,10 @@ class PageNode(Node):
         for status in message.status:
             level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
             report = graph_snapshot.Health(level, status.message, now)
-            self._store.update(graph_snapshot.with_health, status.name.rpartition('/')[2], report)
+            name = status.name.rpartition('/')[2]
+            if status.hardware_id != hardware_id(self):
+                name = f'{status.hardware_id or "another device"}: {name}'
+            self._store.update(graph_snapshot.with_health, name, report)
 
     def _update_nodes(self) -> None:
         names = [
@@ -356,7 +359,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
-        response = _answered(client, request, ANSWER_TIMEOUT)
+        response = answer_within(client, request, ANSWER_TIMEOUT)
         if response is None:
             raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
         if response.outcome.code != Outcome.OK:
@@ -374,7 +377,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        response = _answered(client, request, MEND_TIMEOUT)
+        response = answer_within(client, request, MEND_TIMEOUT)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
@@ -394,7 +397,7 @@ class PageNode(Node):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
-        response = _answered(client, request, timeout)
+        response = answer_within(client, request, timeout)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'
@@ -410,17 +413,6 @@ class PageNode(Node):
         self._server.close()
         self._past.close()
         super().destroy_node()
-
-
-def _answered(client: Any, request: Any, timeout: float) -> Any:
-    """Return the response of a service, None after `timeout` [s]; for a thread of its own."""
-    answered = threading.Event()
-    future = client.call_async(request)
-    future.add_done_callback(lambda _: answered.set())
-    if not answered.wait(timeout):
-        client.remove_pending_request(future)
-        return None
-    return future.result()
 
 
 def main() -> None:

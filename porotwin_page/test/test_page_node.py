@@ -188,8 +188,14 @@ class Hub(Node):
                 correction_status='no model loaded',
             ),
         )
-        status = DiagnosticStatus(level=DiagnosticStatus.WARN, name='hub', message='state 7 done')
-        self.send('/diagnostics', DiagnosticArray(status=[status]))
+        own = DiagnosticStatus(
+            level=DiagnosticStatus.WARN,
+            name='hub',
+            hardware_id='porotwin',
+            message='state 7 done',
+        )
+        foreign = DiagnosticStatus(level=DiagnosticStatus.ERROR, name='hub', message='no cable')
+        self.send('/diagnostics', DiagnosticArray(status=[own, foreign]))
 
 
 @pytest.fixture
@@ -230,11 +236,11 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
                 {
                     line['name']: line['level']
                     for line in newest_event(address)['panels']['node_health']
-                    if line['name'] in ('hub', 'page')
+                    if line['name'] in ('hub', 'page', 'another device: hub')
                 }
-                == {'hub': 'warn', 'page': 'ok'}
+                == {'hub': 'warn', 'page': 'ok', 'another device: hub': 'error'}
             ),
-            'health of both nodes',
+            'health of both nodes, and of another device with the name of one',
         )
         assert health
 

@@ -118,6 +118,8 @@ class PumpBridge:
         self._tried = now
         self._whole = True
         """Whether no pump failed, and none was set, since the measurement began."""
+        self._answered: set[str] = set()
+        """Wells of failed pumps because of which the others run at the safe rates."""
         self._go_safe()
 
     @property
@@ -144,14 +146,12 @@ class PumpBridge:
                 )
         wanted = {well: rates.get(well, WellRate()) for well in self._channels}
         self._apply({well: wanted[well] for well in self.faults})
+        if not self.faults:
+            self._until = until
+            self._apply(wanted)
+            self._begin_measurement(now)
         if self.faults:
-            raise PumpError(self._fault_line())
-        self._until = until
-        self._apply(wanted)
-        self._begin_measurement(now)
-        if self.faults:
-            self._until = None
-            self._go_safe()
+            self._answer_faults()
             raise PumpError(self._fault_line())
 
     def tick(self, now: float) -> str | None:
@@ -160,13 +160,11 @@ class PumpBridge:
             self._until = None
             self._go_safe()
             return 'the setpoint has ended and none followed; the pumps run at the safe rates'
-        failed = set(self.faults)
         for item in self._channels.values():
             item.check()
-        if set(self.faults) - failed:
-            self._until = None
-            self._go_safe()
+        if self._answer_faults():
             return self._fault_line()
+        failed = set(self.faults)
         if failed and now - self._tried >= RETRY_PERIOD_S:
             self._tried = now
             self._apply({well: self._safe[well] for well in failed})
@@ -211,6 +209,18 @@ class PumpBridge:
         for item in self._channels.values():
             item.begin_measurement()
 
+    def _answer_faults(self) -> bool:
+        """Set the safe rates if a pump failed since they were set; return whether one did.
+
+        Whoever talks to a pump may find its fault first: a look, a setpoint or a measurement.
+        """
+        if not set(self.faults) - self._answered:
+            return False
+        self._until = None
+        self._go_safe()
+        self._answered = set(self.faults)
+        return True
+
     def _fault_line(self) -> str:
         lines = [f"the pump of '{well}': {fault}" for well, fault in self.faults.items()]
         return f'{"; ".join(lines)}; the other pumps run at the safe rates'
@@ -230,3 +240,4 @@ class PumpBridge:
         for well in sorted(rates, key=lambda name: rates[name].rate):
             self._channels[well].set_rate(to_ml_h(rates[well].rate))
         self._rates |= rates
+        self._answered &= set(self.faults)

@@ -142,6 +142,25 @@ def test_a_pump_that_fails_sends_the_others_to_their_safe_rates(bench: Bench) ->
     assert bench.ml_h() == SAFE_ML_H
 
 
+@pytest.mark.parametrize('next_is_a_setpoint', [True, False])
+def test_a_fault_that_a_measurement_finds_sends_the_others_to_their_safe_rates(
+    bench: Bench, next_is_a_setpoint: bool
+) -> None:
+    for _ in range(2):  # also when the pump fails again
+        bench.command(100.0)
+        bench.pass_time(5.0)
+        bench.pumps['control2'].broken = True
+        bench.bridge.measure(bench.now)
+        if next_is_a_setpoint:
+            with pytest.raises(PumpError, match="the pump of 'control2'"):
+                bench.command(200.0)
+        else:
+            assert "the pump of 'control2'" in str(bench.bridge.tick(bench.now))
+        assert bench.ml_h() == SAFE_ML_H
+        assert bench.bridge.tick(bench.now) is None
+        bench.pumps['control2'].broken = False
+
+
 def test_nothing_is_put_in_while_the_producer_fails(bench: Bench) -> None:
     bench.command(100.0)
     bench.pumps['producer'].broken = True

@@ -1,0 +1,40 @@
+"""The answer of a service, waited for in a worker thread.
+
+The executor of the node has to spin in another thread meanwhile. A wait in a callback would
+deadlock.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.client import Client
+
+LOOK_EACH_S = 0.5
+"""Time between two looks whether the answer can still come [s]."""
+
+
+def answer_within(
+    client: Client, request: Any, longest_s: float, *, look: Callable[[], None] = lambda: None
+) -> Any:
+    """Return the response to `request`; None if none came within `longest_s` [s].
+
+    Args:
+        client: client of a service that is there.
+        request: the request.
+        longest_s: longest wait [s].
+        look: called every half second; whatever it raises ends the wait.
+    """
+    answered = threading.Event()
+    future = client.call_async(request)
+    future.add_done_callback(lambda _: answered.set())
+    deadline = time.monotonic() + longest_s
+    try:
+        while (left := deadline - time.monotonic()) > 0.0:
+            if answered.wait(min(left, LOOK_EACH_S)):
+                return future.result()
+            look()
+        return None
+    finally:
+        client.remove_pending_request(future)
