@@ -209,7 +209,8 @@ class Inbox(Generic[Envelope]):
             (event for event in timeline.interruptions if event[0] > stamp),
             maxlen=REMEMBERED_INTERRUPTIONS,
         )
-        self._keep_rates(lambda item: max(item.start, item.end) > stamp)
+        # rates confirmed at this very stamp begin the next interval; simulated time makes many
+        self._keep_rates(lambda item: item.start >= stamp or item.end > stamp)
         timeline.last_stamp = stamp
         return replace(
             ready, known=known, interruptions=interruptions, time_went_back=time_went_back

@@ -218,6 +218,20 @@ def test_a_confirmation_that_comes_while_a_state_is_worked_on_belongs_to_the_nex
     assert taken(inbox).known == ()
 
 
+def test_a_confirmation_at_the_very_time_of_a_photograph_is_not_lost(inbox: Inbox[str]) -> None:
+    add(inbox, 1)
+    taken(inbox)
+    confirmed, measured = KnownRates(60.0, 60.0, OTHER), KnownRates(30.0, 60.0, RATES)
+    inbox.add_rates(confirmed)  # simulated time stands at the photograph of 60 s
+    inbox.add_rates(measured)
+    add(inbox, 2)
+    assert taken(inbox).known == (measured,)
+    add(inbox, 3)
+    assert taken(inbox).known == (confirmed,)
+    add(inbox, 4)
+    assert taken(inbox).known == ()
+
+
 @pytest.mark.parametrize('stamp', [1.8e9, 60.0 + 91.0, 30.0 - 91.0])
 def test_rates_by_a_clock_of_their_own_count_from_the_last_state_on(
     clock: Clock, stamp: float

@@ -113,7 +113,7 @@ class RateLog:
     def _not_superseded(self, time: float) -> list[KnownRates]:
         """Return the known rates that no setpoint until `time` [s] replaces."""
         stamp = self._newest_stamp(time)
-        return [item for item in self._known if not item.is_open or item.start > stamp]
+        return [item for item in self._known if not item.is_open or item.start >= stamp]
 
     def _forget(self, time: float) -> None:
         newest = self._newest_stamp(time), self.commanded_at(time)

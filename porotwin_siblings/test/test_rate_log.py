@@ -89,6 +89,14 @@ def test_confirmed_rates_hold_until_the_next_setpoint_only() -> None:
     assert log.take(30.0, 60.0) == (RatePeriod(30.0, 60.0, SECOND),)
 
 
+def test_rates_confirmed_at_the_very_time_of_a_setpoint_hold() -> None:
+    log = RateLog(REST)
+    log.add_commanded(30.0, FIRST)
+    log.add_known(KnownRates(30.0, 30.0, SECOND))
+    assert first_of(log, 30.0) == SECOND
+    assert log.take(30.0, 60.0) == (RatePeriod(30.0, 60.0, SECOND),)
+
+
 def test_a_person_who_told_when_orders_were_set_is_waited_for() -> None:
     log = RateLog(REST, wells=('a',))
     log.add_commanded(0.0, FIRST)
