@@ -9,19 +9,17 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.client import Client
-
 LOOK_EACH_S = 0.5
 """Time between two looks whether the answer can still come [s]."""
 
 
 def answer_within(
-    client: Client, request: Any, longest_s: float, *, look: Callable[[], None] = lambda: None
+    client: Any, request: Any, longest_s: float, *, look: Callable[[], None] = lambda: None
 ) -> Any:
     """Return the response to `request`; None if none came within `longest_s` [s].
 
     Args:
-        client: client of a service that is there.
+        client: client of rclpy for a service that is there.
         request: the request.
         longest_s: longest wait [s].
         look: called every half second; whatever it raises ends the wait.
