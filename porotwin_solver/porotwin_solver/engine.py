@@ -303,8 +303,11 @@ class Engine:
         kept = self._kept_step
         if kept is not None and kept[:2] == (length, rates):
             return kept[2]
-        self._kept_step = None  # frees memory before the new ones need it
-        found = self.coefficients(state, rates, length)
+        sources, water = None, None
+        if kept is not None and kept[1] == rates:  # only the length is another one
+            sources, water = kept[2].sources, kept[2].flux
+        self._kept_step = kept = None  # frees memory before the new ones need it
+        found = self.coefficients(state, rates, length, sources=sources, water=water)
         self._kept_step = (length, dict(rates), found)
         return found
 

@@ -54,7 +54,10 @@ class FaceField(NamedTuple):
 
     def divergence(self) -> FloatArray:
         """Return the net outflow of every cell, (nz, nx)."""
-        return np.diff(self.x, axis=1) + np.diff(self.z, axis=0)
+        # slices: np.diff takes three times as long on a small grid
+        outflow: FloatArray = self.x[:, 1:] - self.x[:, :-1]
+        outflow += self.z[1:] - self.z[:-1]
+        return outflow
 
 
 def _interpolated(rows: FloatArray, factor: int) -> FloatArray:

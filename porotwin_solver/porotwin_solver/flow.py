@@ -75,8 +75,8 @@ def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
     """Return -T grad p [m^3/s] on every face, for `pressure` (nz, nx) [Pa], zero on open sides."""
     nz, nx = pressure.shape
     drop = FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx)))
-    drop.x[:, 1:-1] = -np.diff(pressure, axis=1)
-    drop.z[1:-1] = -np.diff(pressure, axis=0)
+    np.subtract(pressure[:, :-1], pressure[:, 1:], out=drop.x[:, 1:-1])
+    np.subtract(pressure[:-1], pressure[1:], out=drop.z[1:-1])
     drop.x[:, 0], drop.x[:, -1] = -pressure[:, 0], pressure[:, -1]
     drop.z[0], drop.z[-1] = -pressure[0], pressure[-1]
     return drop * trans
@@ -184,6 +184,7 @@ class FlowCache:
         """Keep flows that have at most `max_cells` cells together."""
         self._max_cells = max_cells
         self._flows: OrderedDict[tuple[object, ...], Flow] = OrderedDict()
+        self._cells = 0
         self._lock = Lock()
 
     def flow(self, grid: Grid, mobility_thickness: FloatArray, boundaries: Boundaries) -> Flow:
@@ -195,11 +196,12 @@ class FlowCache:
                 return self._flows[key]
         flow = Flow(grid, mobility_thickness, boundaries)
         with self._lock:
+            if key not in self._flows:  # another thread may have been faster
+                self._cells += grid.nx * grid.nz
             self._flows[key] = flow
-            cells = sum(kept.grid.nx * kept.grid.nz for kept in self._flows.values())
-            while cells > self._max_cells:
+            while self._cells > self._max_cells:
                 _, oldest = self._flows.popitem(last=False)
-                cells -= oldest.grid.nx * oldest.grid.nz
+                self._cells -= oldest.grid.nx * oldest.grid.nz
         return flow
 
 
