@@ -113,6 +113,7 @@ class PumpBridge:
         self._limits_ml_h = dict(max_rates_ml_h)
         self._channels = {well: _Channel(open_pump) for well, open_pump in openers.items()}
         self._rates: dict[str, WellRate] = {}
+        """The rates that the pumps took last, with the fluid that a silent pump goes on with."""
         self._until: float | None = None
         self._since = now
         self._tried = now
@@ -248,5 +249,6 @@ class PumpBridge:
         """Set all pumps: first those that take water out, then those that put it in."""
         for well in sorted(rates, key=lambda name: rates[name].rate):
             self._channels[well].set_rate(to_ml_h(rates[well].rate))
-        self._rates |= rates
-        self._answered &= set(self.faults)
+        faults = self.faults
+        self._rates |= {well: rate for well, rate in rates.items() if well not in faults}
+        self._answered &= set(faults)

@@ -260,6 +260,19 @@ def test_while_a_pump_fails_the_others_are_measured(
         assert ml_h == pytest.approx(SAFE_ML_H | believed)
 
 
+def test_pumps_on_a_line_that_is_gone_go_on_with_their_fluid(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.pass_time(10.0)
+    for pump in bench.pumps.values():
+        pump.broken = True
+    bench.bridge.tick(bench.now)
+    bench.bridge.measure(bench.now)
+    bench.pass_time(10.0)
+    measured = bench.bridge.measure(bench.now)
+    assert measured is not None
+    assert measured.rates == setpoint(100.0)
+
+
 def test_a_producer_that_stays_silent_never_lets_an_injector_run(bench: Bench) -> None:
     bench.pumps['producer'].broken = True
     bench.bridge.tick(bench.now)
