@@ -19,6 +19,7 @@ from porotwin_core.rates_in_force import (
     RatePeriod,
     describe_difference,
     latest_known,
+    rates_at_end,
     rates_in_force,
     same_rates,
 )
@@ -232,7 +233,7 @@ class Twin:
                 before=before,
                 pauses=self._pauses_now,
             )
-            pumped = periods[-1].rates
+            pumped = rates_at_end(known, periods)
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):

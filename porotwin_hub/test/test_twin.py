@@ -214,6 +214,20 @@ def test_without_control_the_assumed_rates_count_until_others_are_known(
     assert twin.cycle(empty(60.0)).pumped == known
 
 
+@pytest.mark.parametrize('time', [29.4, 29.7, 29.999])
+def test_a_confirmation_just_before_a_photograph_holds_from_then_on(
+    toy_model: ToyModel, toy_limits: Limits, time: float
+) -> None:
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe())
+    twin.cycle(empty(0.0))
+    confirmed = {'push': WellRate(from_ml_h(10.0))}
+    cycle = twin.cycle(empty(30.0), [KnownRates(time, time, confirmed)])
+    assert cycle.pumped == confirmed
+    assert cycle.forecast is not None
+    assert cycle.forecast.rates == confirmed
+    assert twin.cycle(empty(60.0)).periods[0].rates == confirmed
+
+
 def test_an_announced_pause_holds_where_no_rates_are_known(
     toy_model: ToyModel, toy_limits: Limits
 ) -> None:
