@@ -112,9 +112,12 @@ class SetpointChoice:
         return cycle.pumped if other else commanded
 
     def _without_model(self, planner: Planner, now: float, reason: str) -> SetpointDecision:
-        """Return the setpoint in force while it is valid, afterwards the safe rates."""
+        """Return the setpoint in force while it is valid, afterwards the safe rates.
+
+        One that ends at this very moment is not held: the guard passes none without a duration.
+        """
         held = self._command
-        if held is not None and not held.expired(now):
+        if held is not None and now < held.valid_until:
             return SetpointDecision(held.rates, held.valid_until, f'held: {reason}')
         safe = planner.limits.safe()
         return SetpointDecision(safe, now + self.validity, f'safe rates: {reason}')

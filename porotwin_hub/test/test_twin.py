@@ -141,6 +141,19 @@ def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe(
     assert again.setpoint.rates == good.rates
 
 
+def test_a_setpoint_that_ends_at_the_photograph_is_not_held(
+    make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    good = twin.cycle(empty(0.0)).setpoint
+    assert good is not None
+    toy_model.available = False
+    setpoint = twin.cycle(empty(good.valid_until)).setpoint
+    assert setpoint is not None
+    assert setpoint.rates == toy_limits.safe()
+    assert setpoint.valid_until > good.valid_until
+
+
 def test_after_time_went_back_no_setpoint_is_held(
     make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
 ) -> None:
