@@ -44,6 +44,23 @@ class SetpointChoice:
             return planner.limits.safe()
         return self._command.rates
 
+    def left_over(self, now: float, safe: WellRates) -> WellRates | None:
+        """Return the rates that the last setpoint leaves at `now` [s] where no other one follows.
+
+        They are its own while it is valid, and once, when it has ended, the `safe` ones; None: none
+        was chosen, or it has ended before.
+        """
+        last = self._command
+        if last is None or not last.expired(now):
+            return None if last is None else last.rates
+        self._command = None
+        return safe
+
+    def leave(self, pumped: WellRates) -> None:
+        """Take that the wells are left at the `pumped` rates until the last setpoint ends."""
+        if self._command is not None:
+            self._command = replace(self._command, rates=dict(pumped))
+
     def choose(
         self,
         cycle: Cycle,

@@ -234,6 +234,8 @@ class Twin:
                 pauses=self._pauses_now,
             )
             pumped = rates_at_end(known, periods)
+        if not self.controls:
+            self._choice.leave(pumped)
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):
@@ -278,10 +280,16 @@ class Twin:
             cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
     def _commanded_rates(self, now: float) -> WellRates:
-        """Return the rates that the wells should pump at `now` [s]."""
-        if self._choice.planner is None:
-            return self._pumped if self._pumped is not None else self._assumed
-        return self._choice.commanded(self._choice.planner, now)
+        """Return the rates that the wells should pump at `now` [s].
+
+        Without a planner they are as they were, but a setpoint from before ends as any other does.
+        """
+        if self._choice.planner is not None:
+            return self._choice.commanded(self._choice.planner, now)
+        left = self._choice.left_over(now, self._assumed)
+        if left is not None:
+            return left
+        return self._pumped if self._pumped is not None else self._assumed
 
     def _learn_rates(self, cycle: Cycle) -> None:
         """Learn the rate factors; a model that does not answer is a remark of the cycle."""

@@ -241,6 +241,23 @@ def test_a_confirmation_just_before_a_photograph_holds_from_then_on(
     assert twin.cycle(empty(60.0)).periods[0].rates == confirmed
 
 
+def test_after_control_is_switched_off_the_last_setpoint_holds_until_it_ends(
+    toy_model: ToyModel, toy_controller: Controller, toy_limits: Limits
+) -> None:
+    safe = toy_limits.safe()
+    twin = Twin(
+        toy_model, no_correction, photo_interval=30.0, controller=toy_controller, assumed=safe
+    )
+    last = twin.cycle(empty(0.0)).setpoint
+    assert last is not None
+    twin.change_controller(None)
+    known = {'push': WellRate(from_ml_h(10.0))}
+    told = {60.0: [KnownRates(40.0, 40.0, known)], 180.0: [KnownRates(170.0, 170.0, known)]}
+    times = 30.0 * np.arange(1, 8)
+    pumped = [twin.cycle(empty(time), told.get(time, ())).pumped for time in times]
+    assert pumped == [last.rates, known, known, safe, safe, known, known]
+
+
 def test_an_announced_pause_holds_where_no_rates_are_known(
     toy_model: ToyModel, toy_limits: Limits
 ) -> None:
