@@ -219,12 +219,12 @@ class Twin:
         commanded = self._commanded_rates(now)
         known = self._as_told(known, commanded)
         self._choice.delay.learn(known, now)
+        before = self._pumped if self._pumped is not None else commanded
+        believed = self._choice.delay.believed(commanded, before)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
-            pumped = latest_known(known, now) or self._pauses_now.at(now, commanded)
+            pumped = latest_known(known, now) or self._pauses_now.at(now, believed)
         else:
-            before = self._pumped if self._pumped is not None else commanded
-            believed = self._choice.delay.believed(commanded, before)
             periods = rates_in_force(
                 known,
                 self._state.time,

@@ -193,6 +193,32 @@ def test_an_order_counts_as_set_until_somebody_tells_when_it_was(make_twin: Make
     assert [period.rates for period in told.periods] == [first.rates]
 
 
+@pytest.mark.parametrize('interrupted', [False, True])
+def test_an_order_that_nobody_has_set_yet_is_none_after_an_interruption_either(
+    make_twin: MakeTwin, toy_controller: Controller, interrupted: bool
+) -> None:
+    class Ordering:
+        limits, objective = toy_controller.limits, toy_controller.objective
+
+        def decide(self, *_: Any, **__: Any) -> Decision:
+            rates = self.limits.setpoint(np.array([from_ml_h(100.0)]))
+            return Decision(rates, cost=0.0, cost_unchanged=0.0, evaluations=0)
+
+    twin = make_twin()
+    first = twin.cycle(empty(0.0)).setpoint
+    assert first is not None
+    twin.cycle(empty(30.0), [KnownRates(20.0, 20.0, first.rates)])  # a person tells it
+    twin.change_controller(Ordering())
+    order = twin.cycle(empty(60.0)).setpoint
+    assert order is not None
+    assert order.rates != first.rates
+    if interrupted:
+        twin.interrupt()
+    assert twin.cycle(empty(90.0)).pumped == first.rates
+    told = twin.cycle(empty(120.0), [KnownRates(110.0, 110.0, order.rates)])
+    assert [period.rates for period in told.periods] == [first.rates, order.rates]
+
+
 def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint(
     make_twin: MakeTwin, toy_limits: Limits
 ) -> None:
