@@ -44,6 +44,11 @@ class SetpointChoice:
             return planner.limits.safe()
         return self._command.rates
 
+    def ended_within(self, start: float, end: float) -> SetpointDecision | None:
+        """Return the last setpoint if it ended between `start` and `end` [s], both left out."""
+        last = self._command
+        return last if last is not None and start < last.valid_until < end else None
+
     def left_over(self, now: float, safe: WellRates) -> WellRates | None:
         """Return the rates that the last setpoint leaves at `now` [s] where no other one follows.
 

@@ -36,6 +36,7 @@ from porotwin_hub.rate_learning import (
     PumpFactor,
     RateLearner,
     correcting_delivered,
+    joined,
 )
 from porotwin_hub.setpoint_choice import SetpointChoice
 from porotwin_hub.state_estimation import StateEstimation
@@ -220,19 +221,12 @@ class Twin:
         known = self._as_told(known, commanded)
         self._choice.delay.learn(known, now)
         before = self._pumped if self._pumped is not None else commanded
-        believed = self._choice.delay.believed(commanded, before)
         if self._state is None:
+            believed = self._choice.delay.believed(commanded, before)
             periods: tuple[RatePeriod, ...] = ()
             pumped = latest_known(known, now) or self._pauses_now.at(now, believed)
         else:
-            periods = rates_in_force(
-                known,
-                self._state.time,
-                now,
-                commanded=believed,
-                before=before,
-                pauses=self._pauses_now,
-            )
+            periods = self._rates_since(self._state.time, now, known, commanded, before)
             pumped = rates_at_end(known, periods)
         if not self.controls:
             self._choice.leave(pumped)
@@ -246,6 +240,35 @@ class Twin:
             self._forecast_elapsed(cycle, self._state)
         self._estimation.estimate_state(cycle)
         return cycle
+
+    def _rates_since(
+        self,
+        start: float,
+        end: float,
+        known: Sequence[KnownRates],
+        commanded: WellRates,
+        before: WellRates,
+    ) -> tuple[RatePeriod, ...]:
+        """Return the rates in force from `start` to `end` [s].
+
+        A setpoint that ends in between holds until then. The `commanded` rates are those at `end`.
+        """
+        told = [(end, commanded)]
+        ended = self._choice.ended_within(start, end)
+        if ended is not None:
+            told = [(ended.valid_until, ended.rates), *told]
+        periods: list[RatePeriod] = []
+        for until, rates in told:
+            periods += rates_in_force(
+                known,
+                start,
+                until,
+                commanded=self._choice.delay.believed(rates, before),
+                before=before,
+                pauses=self._pauses_now,
+            )
+            start, before = until, rates_at_end(known, periods)
+        return tuple(joined(periods))
 
     @property
     def _pauses_now(self) -> FixedPauses:

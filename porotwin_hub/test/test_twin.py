@@ -11,7 +11,7 @@ from hub_examples import TOY, ToyModel
 from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.controller import Controller
@@ -139,6 +139,20 @@ def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe(
     again = twin.cycle(empty(150.0))
     assert again.setpoint is not None
     assert again.setpoint.rates == good.rates
+
+
+def test_a_setpoint_that_ended_since_the_last_photograph_was_pumped_until_then(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    setpoint = twin.cycle(empty(0.0)).setpoint
+    assert setpoint is not None
+    cycle = twin.cycle(empty(100.0))  # photographs were lost
+    assert cycle.periods == (
+        RatePeriod(0.0, 90.0, setpoint.rates),
+        RatePeriod(90.0, 100.0, toy_limits.safe()),
+    )
+    assert cycle.pumped == toy_limits.safe()
 
 
 def test_a_setpoint_that_ends_at_the_photograph_is_not_held(
