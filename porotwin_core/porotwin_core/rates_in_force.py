@@ -96,6 +96,16 @@ def rates_in_force(
     return tuple(periods)
 
 
+def rates_at_end(known: Sequence[KnownRates], periods: Sequence[RatePeriod]) -> WellRates:
+    """Return the rates in force at the end of the `periods`, from `rates_in_force` with `known`.
+
+    A confirmation that coincides with the end is in no period, but its rates hold from then on.
+    """
+    end = periods[-1].end
+    told = [item for item in known if item.is_open and abs(item.start - end) <= SHORTEST_PERIOD_S]
+    return max(told, key=lambda item: item.start).rates if told else periods[-1].rates
+
+
 def known_within(known: Sequence[KnownRates], start: float, end: float) -> list[KnownRates]:
     """Return the known rates that hold at some time from `start` to `end` [s], sorted by start.
 

@@ -236,12 +236,15 @@ def _map_of(service: str, message: TracerField) -> FloatArray:
     """Return the map (nz, nx) [-] that `service` answered.
 
     Raises:
-        ModelUnavailable: the answer is no map of concentrations.
+        ModelUnavailable: the answer is no map of concentrations, or has cells without one.
     """
     try:
-        return conversions.tracer_from_msg(message)[0]
+        found = conversions.tracer_from_msg(message)[0]
     except InputError as error:
         raise ModelUnavailable(f"service '{service}' answers wrongly: {error}") from None
+    if not np.isfinite(found).all():
+        raise ModelUnavailable(f"service '{service}' answers wrongly: not finite")
+    return found
 
 
 def send_control(call: Caller, setpoint: Setpoint) -> None:

@@ -132,9 +132,13 @@ class Inbox(Generic[Envelope]):
             self._match()
 
     def add_refreshed(self, sequence: int) -> None:
-        """Add the message that the state `sequence` is complete."""
+        """Add the message that the state `sequence` is complete.
+
+        It may wait already: of a state with the same number that was refused, or sent twice.
+        """
         with self._lock:
-            self._refreshed.append(sequence)
+            if sequence not in self._refreshed:
+                self._refreshed.append(sequence)
             self._match()
 
     def add_interruption(self, stamp: float, reason: str) -> None:

@@ -287,7 +287,8 @@ class RateLearner:
         """Return the new beliefs about pumps without a meter that deliver far less."""
         elapsed = min(time - self._watched, time - self._past[0].time)
         self._watched = time
-        begin = next(moment for moment in self._past if time - moment.time <= WATCH_WINDOW_S)
+        within = (moment for moment in self._past if time - moment.time <= WATCH_WINDOW_S)
+        begin = next(within, self._past[-1])  # photographs may be further apart
         course = self._course(physics, begin.time, estimate)
         last = course.periods[-1].rates
         pumping = [

@@ -44,7 +44,8 @@ class SetpointBook:
         self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
         self._announced: dict[int, dict[str, WellRate]] = {}
         self._at_pumps: dict[str, WellRate] = {}
-        """Rates that the operator was told to set: a well keeps its rate until a change is told."""
+        """Rates that the operator was told to set, or told to have set otherwise: a well keeps its
+        rate until a change is told."""
         self._in_force: ShownSetpoint | None = None
         self._since = -math.inf
         """Arrival of the setpoint in force [s]."""
@@ -145,4 +146,5 @@ class SetpointBook:
             self._asked = (sequence, rates)
             raise InputError(question)
         self._asked = None
+        self._at_pumps = {**self._at_pumps, **changed}
         return rates

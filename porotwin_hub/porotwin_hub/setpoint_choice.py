@@ -44,6 +44,28 @@ class SetpointChoice:
             return planner.limits.safe()
         return self._command.rates
 
+    def ended_within(self, start: float, end: float) -> SetpointDecision | None:
+        """Return the last setpoint if it ended between `start` and `end` [s], both left out."""
+        last = self._command
+        return last if last is not None and start < last.valid_until < end else None
+
+    def left_over(self, now: float, safe: WellRates) -> WellRates | None:
+        """Return the rates that the last setpoint leaves at `now` [s] where no other one follows.
+
+        They are its own while it is valid, and once, when it has ended, the `safe` ones; None: none
+        was chosen, or it has ended before.
+        """
+        last = self._command
+        if last is None or not last.expired(now):
+            return None if last is None else last.rates
+        self._command = None
+        return safe
+
+    def leave(self, pumped: WellRates) -> None:
+        """Take that the wells are left at the `pumped` rates until the last setpoint ends."""
+        if self._command is not None:
+            self._command = replace(self._command, rates=dict(pumped))
+
     def choose(
         self,
         cycle: Cycle,
@@ -112,9 +134,12 @@ class SetpointChoice:
         return cycle.pumped if other else commanded
 
     def _without_model(self, planner: Planner, now: float, reason: str) -> SetpointDecision:
-        """Return the setpoint in force while it is valid, afterwards the safe rates."""
+        """Return the setpoint in force while it is valid, afterwards the safe rates.
+
+        One that ends at this very moment is not held: the guard passes none without a duration.
+        """
         held = self._command
-        if held is not None and not held.expired(now):
+        if held is not None and now < held.valid_until:
             return SetpointDecision(held.rates, held.valid_until, f'held: {reason}')
         safe = planner.limits.safe()
         return SetpointDecision(safe, now + self.validity, f'safe rates: {reason}')

@@ -66,7 +66,8 @@ class SupervisorNode(Node):
             ),
         )
         self._silent: tuple[str, ...] = ()
-        self._errors: dict[str, str] = {}
+        self._errors: dict[tuple[str, str], str] = {}
+        """The errors that were told, by the device and name of the sender."""
         self._publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._diagnostics = Diagnostics(self)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 100)
@@ -83,10 +84,11 @@ class SupervisorNode(Node):
 
     def _tell_error(self, status: DiagnosticStatus) -> None:
         """Print the error of a node once, for the person who started the graph."""
+        sender = (status.hardware_id, status.name)
         if status.level != DiagnosticStatus.ERROR:
-            self._errors.pop(status.name, None)
-        elif status.name != self.get_name() and self._errors.get(status.name) != status.message:
-            self._errors[status.name] = status.message
+            self._errors.pop(sender, None)
+        elif status.name != self.get_name() and self._errors.get(sender) != status.message:
+            self._errors[sender] = status.message
             print(f'{status.name}: {status.message}', flush=True)
 
     def _look(self) -> None:

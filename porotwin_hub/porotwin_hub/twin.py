@@ -19,6 +19,7 @@ from porotwin_core.rates_in_force import (
     RatePeriod,
     describe_difference,
     latest_known,
+    rates_at_end,
     rates_in_force,
     same_rates,
 )
@@ -35,6 +36,7 @@ from porotwin_hub.rate_learning import (
     PumpFactor,
     RateLearner,
     correcting_delivered,
+    joined,
 )
 from porotwin_hub.setpoint_choice import SetpointChoice
 from porotwin_hub.state_estimation import StateEstimation
@@ -218,21 +220,16 @@ class Twin:
         commanded = self._commanded_rates(now)
         known = self._as_told(known, commanded)
         self._choice.delay.learn(known, now)
+        before = self._pumped if self._pumped is not None else commanded
         if self._state is None:
-            periods: tuple[RatePeriod, ...] = ()
-            pumped = latest_known(known, now) or self._pauses_now.at(now, commanded)
-        else:
-            before = self._pumped if self._pumped is not None else commanded
             believed = self._choice.delay.believed(commanded, before)
-            periods = rates_in_force(
-                known,
-                self._state.time,
-                now,
-                commanded=believed,
-                before=before,
-                pauses=self._pauses_now,
-            )
-            pumped = periods[-1].rates
+            periods: tuple[RatePeriod, ...] = ()
+            pumped = latest_known(known, now) or self._pauses_now.at(now, believed)
+        else:
+            periods = self._rates_since(self._state.time, now, known, commanded, before)
+            pumped = rates_at_end(known, periods)
+        if not self.controls:
+            self._choice.leave(pumped)
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):
@@ -243,6 +240,35 @@ class Twin:
             self._forecast_elapsed(cycle, self._state)
         self._estimation.estimate_state(cycle)
         return cycle
+
+    def _rates_since(
+        self,
+        start: float,
+        end: float,
+        known: Sequence[KnownRates],
+        commanded: WellRates,
+        before: WellRates,
+    ) -> tuple[RatePeriod, ...]:
+        """Return the rates in force from `start` to `end` [s].
+
+        A setpoint that ends in between holds until then. The `commanded` rates are those at `end`.
+        """
+        told = [(end, commanded)]
+        ended = self._choice.ended_within(start, end)
+        if ended is not None:
+            told = [(ended.valid_until, ended.rates), *told]
+        periods: list[RatePeriod] = []
+        for until, rates in told:
+            periods += rates_in_force(
+                known,
+                start,
+                until,
+                commanded=self._choice.delay.believed(rates, before),
+                before=before,
+                pauses=self._pauses_now,
+            )
+            start, before = until, rates_at_end(known, periods)
+        return tuple(joined(periods))
 
     @property
     def _pauses_now(self) -> FixedPauses:
@@ -277,10 +303,16 @@ class Twin:
             cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
     def _commanded_rates(self, now: float) -> WellRates:
-        """Return the rates that the wells should pump at `now` [s]."""
-        if self._choice.planner is None:
-            return self._pumped if self._pumped is not None else self._assumed
-        return self._choice.commanded(self._choice.planner, now)
+        """Return the rates that the wells should pump at `now` [s].
+
+        Without a planner they are as they were, but a setpoint from before ends as any other does.
+        """
+        if self._choice.planner is not None:
+            return self._choice.commanded(self._choice.planner, now)
+        left = self._choice.left_over(now, self._assumed)
+        if left is not None:
+            return left
+        return self._pumped if self._pumped is not None else self._assumed
 
     def _learn_rates(self, cycle: Cycle) -> None:
         """Learn the rate factors; a model that does not answer is a remark of the cycle."""

@@ -94,6 +94,19 @@ def test_an_answer_that_is_no_concentration_is_refused(solver: SlowSolver, small
         model.predict(np.zeros(grid.shape), {}, 30.0)
 
 
+def test_a_prediction_without_a_number_in_a_cell_is_refused(small_rig: Rig) -> None:
+    grid = small_rig.grid(4, 3)
+    field = np.zeros(grid.shape)
+    field[1, 2] = np.nan  # unseen cells are for photographs only
+
+    def service(*_: Any, **__: Any) -> Any:
+        return Predict.Response(predicted=conversions.tracer_to_msg(field, grid, 0.0))
+
+    call: Any = service
+    with pytest.raises(ModelUnavailable, match="'solver/predict' answers wrongly: not finite"):
+        PhysicsModelClient(call, grid).predict(np.zeros(grid.shape), {}, 30.0)
+
+
 class PlanService:
     """A solver whose derivatives are all `derivative`; it is called as a `Caller`."""
 

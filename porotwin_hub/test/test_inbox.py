@@ -89,6 +89,14 @@ def test_a_state_that_is_never_refreshed_is_forgotten(inbox: Inbox[str]) -> None
     assert taken(inbox).state.sequence == 1
 
 
+def test_a_refreshed_message_may_come_twice(inbox: Inbox[str]) -> None:
+    inbox.add_refreshed(1)  # its state was refused, and the numbers began anew
+    inbox.add_refreshed(1)
+    inbox.add_state(state(1))
+    assert taken(inbox).state.sequence == 1
+    assert nothing(inbox)
+
+
 def test_the_newest_state_is_taken_and_older_ones_are_counted(inbox: Inbox[str]) -> None:
     for number in (1, 2, 3):
         add(inbox, number)

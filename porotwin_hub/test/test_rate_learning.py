@@ -56,13 +56,15 @@ def seen(concentration: FloatArray) -> Seen:
     return Seen(concentration, np.full(GRID.shape, 0.01), 0.02 * concentration)
 
 
-def learnt(true: dict[str, float], seconds: int = 1200) -> tuple[RateLearner, Fronts]:
-    """Return a learner after photographs every 60 s with `true` factors."""
+def learnt(
+    true: dict[str, float], seconds: int = 1200, *, interval: int = 60
+) -> tuple[RateLearner, Fronts]:
+    """Return a learner after photographs every `interval` [s] with `true` factors."""
     learner, model = RateLearner(tuple(TOLD), GRID, closed=False), Fronts()
     speeds = [1e-4 * true.get(name, 1.0) for name in ('in', 'push')]
-    for time in range(0, seconds + 1, 60):
+    for time in range(0, seconds + 1, interval):
         shown = fronts(0.06 + speeds[0] * time, 0.05 + speeds[1] * time)
-        periods = (RatePeriod(time - 60.0, float(time), TOLD),) if time else ()
+        periods = (RatePeriod(float(time - interval), float(time), TOLD),) if time else ()
         learner.learn(model, float(time), estimate(shown), seen(shown), periods)
     return learner, model
 
@@ -73,6 +75,12 @@ def test_pumps_that_deliver_less_are_learnt() -> None:
     assert factors['in'].factor < 0.95
     assert factors['push'].factor > 1.02
     assert factors['in'].deviation < 0.05
+
+
+@pytest.mark.parametrize('interval', [700, 1000])
+def test_photographs_further_apart_than_the_windows_teach_too(interval: int) -> None:
+    factors = learnt({'in': 0.9}, seconds=3 * interval, interval=interval)[0].factors
+    assert factors['in'].factor < 0.95
 
 
 def test_a_well_at_rest_teaches_nothing() -> None:

@@ -107,6 +107,17 @@ def test_confirmed_rates_are_the_announced_ones_except_for_changes(
     assert book.confirmed(1, changed) == {**other, **changed}
 
 
+def test_a_rate_that_the_operator_did_not_set_is_told_again(
+    book: SetpointBook, other: Rates
+) -> None:
+    announced(book, 1, other)
+    less = {'control1': WellRate(from_ml_h(40.0)), 'producer': WellRate(from_ml_h(-540.0))}
+    book.confirmed(1, less)
+    assert '100.0 ml/h   <-- was 40.0' in announced(book, 2, other)
+    book.confirmed(2, {})
+    assert '<--' not in announced(book, 3, other)
+
+
 def test_an_unknown_setpoint_or_well_cannot_be_confirmed(book: SetpointBook, other: Rates) -> None:
     with pytest.raises(InputError, match='setpoint 1 is not known; there was none yet'):
         book.confirmed(1, {})

@@ -17,6 +17,7 @@ from porotwin_core.node_thread import NodeThread
 from porotwin_hub.graph import NodeDescription
 from porotwin_hub.node_processes import process_of
 from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.supervisor_node import SupervisorNode
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -109,6 +110,23 @@ def test_a_stopped_node_is_stale_then_killed_and_started_again(
         ear.heard.clear()
         ear.wait_for('operator', DiagnosticStatus.OK, 'running')
     assert any('operator ended (-9); starting it again' in line for line in lines)
+
+
+def test_an_error_of_another_device_with_the_name_of_a_node_is_told_once(
+    domain: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    supervisor = SupervisorNode(context=context)
+    error = DiagnosticStatus(level=DiagnosticStatus.ERROR, name='operator', message='no battery')
+    error.hardware_id = 'robot'
+    well = DiagnosticStatus(level=DiagnosticStatus.OK, name='operator', hardware_id='porotwin')
+    for _ in range(3):
+        for status in (error, well):
+            supervisor._on_diagnostics(DiagnosticArray(status=[status]))
+    supervisor.destroy_node()
+    context.shutdown()
+    assert capsys.readouterr().out.count('operator: no battery') == 1
 
 
 def test_a_stopped_node_does_not_outlive_a_launcher_that_is_killed(

@@ -11,7 +11,7 @@ from hub_examples import TOY, ToyModel
 from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.controller import Controller
@@ -141,6 +141,33 @@ def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe(
     assert again.setpoint.rates == good.rates
 
 
+def test_a_setpoint_that_ended_since_the_last_photograph_was_pumped_until_then(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    setpoint = twin.cycle(empty(0.0)).setpoint
+    assert setpoint is not None
+    cycle = twin.cycle(empty(100.0))  # photographs were lost
+    assert cycle.periods == (
+        RatePeriod(0.0, 90.0, setpoint.rates),
+        RatePeriod(90.0, 100.0, toy_limits.safe()),
+    )
+    assert cycle.pumped == toy_limits.safe()
+
+
+def test_a_setpoint_that_ends_at_the_photograph_is_not_held(
+    make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    good = twin.cycle(empty(0.0)).setpoint
+    assert good is not None
+    toy_model.available = False
+    setpoint = twin.cycle(empty(good.valid_until)).setpoint
+    assert setpoint is not None
+    assert setpoint.rates == toy_limits.safe()
+    assert setpoint.valid_until > good.valid_until
+
+
 def test_after_time_went_back_no_setpoint_is_held(
     make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
 ) -> None:
@@ -180,6 +207,32 @@ def test_an_order_counts_as_set_until_somebody_tells_when_it_was(make_twin: Make
     assert [period.rates for period in told.periods] == [first.rates]
 
 
+@pytest.mark.parametrize('interrupted', [False, True])
+def test_an_order_that_nobody_has_set_yet_is_none_after_an_interruption_either(
+    make_twin: MakeTwin, toy_controller: Controller, interrupted: bool
+) -> None:
+    class Ordering:
+        limits, objective = toy_controller.limits, toy_controller.objective
+
+        def decide(self, *_: Any, **__: Any) -> Decision:
+            rates = self.limits.setpoint(np.array([from_ml_h(100.0)]))
+            return Decision(rates, cost=0.0, cost_unchanged=0.0, evaluations=0)
+
+    twin = make_twin()
+    first = twin.cycle(empty(0.0)).setpoint
+    assert first is not None
+    twin.cycle(empty(30.0), [KnownRates(20.0, 20.0, first.rates)])  # a person tells it
+    twin.change_controller(Ordering())
+    order = twin.cycle(empty(60.0)).setpoint
+    assert order is not None
+    assert order.rates != first.rates
+    if interrupted:
+        twin.interrupt()
+    assert twin.cycle(empty(90.0)).pumped == first.rates
+    told = twin.cycle(empty(120.0), [KnownRates(110.0, 110.0, order.rates)])
+    assert [period.rates for period in told.periods] == [first.rates, order.rates]
+
+
 def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint(
     make_twin: MakeTwin, toy_limits: Limits
 ) -> None:
@@ -212,6 +265,37 @@ def test_without_control_the_assumed_rates_count_until_others_are_known(
     known = {'push': WellRate(from_ml_h(10.0))}
     assert twin.cycle(empty(30.0), [KnownRates(12.0, 12.0, known)]).pumped == known
     assert twin.cycle(empty(60.0)).pumped == known
+
+
+@pytest.mark.parametrize('time', [29.4, 29.7, 29.999])
+def test_a_confirmation_just_before_a_photograph_holds_from_then_on(
+    toy_model: ToyModel, toy_limits: Limits, time: float
+) -> None:
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe())
+    twin.cycle(empty(0.0))
+    confirmed = {'push': WellRate(from_ml_h(10.0))}
+    cycle = twin.cycle(empty(30.0), [KnownRates(time, time, confirmed)])
+    assert cycle.pumped == confirmed
+    assert cycle.forecast is not None
+    assert cycle.forecast.rates == confirmed
+    assert twin.cycle(empty(60.0)).periods[0].rates == confirmed
+
+
+def test_after_control_is_switched_off_the_last_setpoint_holds_until_it_ends(
+    toy_model: ToyModel, toy_controller: Controller, toy_limits: Limits
+) -> None:
+    safe = toy_limits.safe()
+    twin = Twin(
+        toy_model, no_correction, photo_interval=30.0, controller=toy_controller, assumed=safe
+    )
+    last = twin.cycle(empty(0.0)).setpoint
+    assert last is not None
+    twin.change_controller(None)
+    known = {'push': WellRate(from_ml_h(10.0))}
+    told = {60.0: [KnownRates(40.0, 40.0, known)], 180.0: [KnownRates(170.0, 170.0, known)]}
+    times = 30.0 * np.arange(1, 8)
+    pumped = [twin.cycle(empty(time), told.get(time, ())).pumped for time in times]
+    assert pumped == [last.rates, known, known, safe, safe, known, known]
 
 
 def test_an_announced_pause_holds_where_no_rates_are_known(

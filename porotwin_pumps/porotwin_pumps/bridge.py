@@ -113,6 +113,7 @@ class PumpBridge:
         self._limits_ml_h = dict(max_rates_ml_h)
         self._channels = {well: _Channel(open_pump) for well, open_pump in openers.items()}
         self._rates: dict[str, WellRate] = {}
+        """The rates that the pumps took last, with the fluid that a silent pump goes on with."""
         self._until: float | None = None
         self._since = now
         self._tried = now
@@ -145,13 +146,14 @@ class PumpBridge:
                     f'its pump runs at up to {self._limits_ml_h[well]:g} ml/h'
                 )
         wanted = {well: rates.get(well, WellRate()) for well in self._channels}
-        self._apply({well: wanted[well] for well in self.faults})
+        changed = self._try_failed()
         if not self.faults:
             self._until = until
             self._apply(wanted)
             self._begin_measurement(now)
         if self.faults:
-            self._answer_faults()
+            if not self._answer_faults() and changed:
+                self._go_safe()
             raise PumpError(self._fault_line())
 
     def tick(self, now: float) -> str | None:
@@ -164,14 +166,11 @@ class PumpBridge:
             item.check()
         if self._answer_faults():
             return self._fault_line()
-        failed = set(self.faults)
-        if failed and now - self._tried >= RETRY_PERIOD_S:
+        if self.faults and now - self._tried >= RETRY_PERIOD_S:
             self._tried = now
-            self._apply({well: self._safe[well] for well in failed})
-            if set(self.faults) != failed:
+            if self._try_failed():
                 self._go_safe()
-            if not self.faults:
-                return 'all pumps work again, at the safe rates'
+                return self._fault_line() or 'all pumps work again, at the safe rates'
         return None
 
     def measure(self, now: float) -> Measurement | None:
@@ -221,7 +220,18 @@ class PumpBridge:
         self._answered = set(self.faults)
         return True
 
+    def _try_failed(self) -> bool:
+        """Try the failed pumps again, at their safe rates; return whether one works again.
+
+        No setpoint reaches them before all pumps work.
+        """
+        failed = set(self.faults)
+        self._apply({well: self._safe[well] for well in failed})
+        return set(self.faults) != failed
+
     def _fault_line(self) -> str:
+        if not self.faults:
+            return ''
         lines = [f"the pump of '{well}': {fault}" for well, fault in self.faults.items()]
         return f'{"; ".join(lines)}; the other pumps run at the safe rates'
 
@@ -239,5 +249,6 @@ class PumpBridge:
         """Set all pumps: first those that take water out, then those that put it in."""
         for well in sorted(rates, key=lambda name: rates[name].rate):
             self._channels[well].set_rate(to_ml_h(rates[well].rate))
-        self._rates |= rates
-        self._answered &= set(self.faults)
+        faults = self.faults
+        self._rates |= {well: rate for well, rate in rates.items() if well not in faults}
+        self._answered &= set(faults)

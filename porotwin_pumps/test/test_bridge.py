@@ -161,6 +161,30 @@ def test_a_fault_that_a_measurement_finds_sends_the_others_to_their_safe_rates(
         bench.pumps['control2'].broken = False
 
 
+def test_a_pump_that_works_again_beside_another_fault_keeps_no_refused_setpoint(
+    bench: Bench,
+) -> None:
+    bench.command(100.0)
+    for well in ('control1', 'control2'):
+        bench.pumps[well].broken = True
+    bench.bridge.tick(bench.now)
+    bench.pumps['control1'].broken = False
+    with pytest.raises(PumpError, match="the pump of 'control2'"):
+        bench.command(300.0)
+    assert bench.ml_h() == SAFE_ML_H
+
+
+def test_a_pump_that_works_again_beside_another_fault_is_told(bench: Bench) -> None:
+    for well in ('control1', 'control2'):
+        bench.pumps[well].broken = True
+    bench.bridge.tick(bench.now)
+    bench.pumps['control1'].broken = False
+    bench.pass_time(RETRY_PERIOD_S)
+    line = str(bench.bridge.tick(bench.now))
+    assert line.startswith("the pump of 'control2'")
+    assert 'control1' not in line
+
+
 def test_nothing_is_put_in_while_the_producer_fails(bench: Bench) -> None:
     bench.command(100.0)
     bench.pumps['producer'].broken = True
@@ -234,6 +258,19 @@ def test_while_a_pump_fails_the_others_are_measured(
         assert measured is not None
         ml_h = {name: to_ml_h(rate.rate) for name, rate in measured.rates.items()}
         assert ml_h == pytest.approx(SAFE_ML_H | believed)
+
+
+def test_pumps_on_a_line_that_is_gone_go_on_with_their_fluid(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.pass_time(10.0)
+    for pump in bench.pumps.values():
+        pump.broken = True
+    bench.bridge.tick(bench.now)
+    bench.bridge.measure(bench.now)
+    bench.pass_time(10.0)
+    measured = bench.bridge.measure(bench.now)
+    assert measured is not None
+    assert measured.rates == setpoint(100.0)
 
 
 def test_a_producer_that_stays_silent_never_lets_an_injector_run(bench: Bench) -> None:

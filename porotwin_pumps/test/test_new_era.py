@@ -72,6 +72,24 @@ def test_a_pump_that_answers_wrongly_is_a_fault(line: PumpLine, fault: str, word
     assert line.pumps[0].running_ml_h == 100.0
 
 
+@pytest.mark.parametrize(
+    ('question', 'answer'), [('DIS', 'I1..2W0.000ML'), ('DIS', 'I.W0.000ML'), ('RAT', '1.0.0MH')]
+)
+def test_a_number_that_was_damaged_on_the_line_is_a_fault(
+    line: PumpLine, monkeypatch: pytest.MonkeyPatch, question: str, answer: str
+) -> None:
+    pump, device = connect(line), line.pumps[0]
+    whole = device._execute
+
+    def damaged(name: str, value: str) -> str:
+        return answer if (name, value) == (question, '') else whole(name, value)
+
+    monkeypatch.setattr(device, '_execute', damaged)
+    with pytest.raises(PumpError, match=r'it answers .* when asked for its'):
+        pump.set_rate(100.0)
+        pump.volume_ml()
+
+
 def test_alarms_are_named(line: PumpLine) -> None:
     pump = connect(line)
     pump.set_rate(100.0)

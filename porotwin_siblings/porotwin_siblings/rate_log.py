@@ -14,6 +14,7 @@ from porotwin_core.rates_in_force import (
     KnownRates,
     RatePeriod,
     latest_known,
+    rates_at_end,
     rates_in_force,
     same_rates,
 )
@@ -91,15 +92,16 @@ class RateLog:
         stamps = sorted({stamp for stamp, _ in self._commanded if start < stamp < end})
         periods: list[RatePeriod] = []
         for low, high in zip([start, *stamps], [*stamps, end], strict=True):
+            known = self._not_superseded(low)
             periods += rates_in_force(
-                self._not_superseded(low),
+                known,
                 low,
                 high,
                 commanded=self._believed(low),
                 before=self._before,
                 pauses=self.pauses,
             )
-            self._before = periods[-1].rates
+            self._before = rates_at_end(known, periods)
         self._forget(end)
         return tuple(periods)
 

@@ -15,8 +15,9 @@ from porotwin_pumps.serial_line import LineError, SerialLine
 STX, ETX = b'\x02', b'\x03'
 
 ANSWER = re.compile(rb'\x02(?P<address>\d\d)(?P<status>A\?[A-Z]|[IWSPTUX])(?P<data>[^\x03]*)\x03')
-RATE = re.compile(r'(?P<value>[\d.]+)(?P<unit>[UM][MH])')
-VOLUMES = re.compile(r'I(?P<infused>[\d.]+)W(?P<withdrawn>[\d.]+)(?P<unit>UL|ML)')
+NUMBER = r'(?:\d+\.?\d*|\.\d+)'
+RATE = re.compile(rf'(?P<value>{NUMBER})(?P<unit>[UM][MH])')
+VOLUMES = re.compile(rf'I(?P<infused>{NUMBER})W(?P<withdrawn>{NUMBER})(?P<unit>UL|ML)')
 
 ALARMS = {
     'R': 'it was reset; its power was interrupted',
