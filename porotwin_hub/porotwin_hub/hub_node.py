@@ -236,6 +236,7 @@ class HubNode(Node):
         self._inbox.add_interruption(stamp, message.reason)
 
     def _on_new_state(self, message: NewState) -> None:
+        doubt = self._numbers.doubt(message.sequence)  # a refused state is not a lost one
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
@@ -247,7 +248,6 @@ class HubNode(Node):
             self._refuse(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
-        doubt = self._numbers.doubt(message.sequence)
         self._inbox.add_state(
             ArrivedState(
                 message.sequence, stamp, concentration, message, doubt, deviation, systematic
