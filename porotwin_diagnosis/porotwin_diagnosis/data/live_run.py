@@ -122,7 +122,7 @@ class LiveRun:
 
     def note_experiment_end(self) -> None:
         """Note that the experiment has ended; the next map belongs to another one."""
-        self._ended = True
+        self._ended = bool(self.times)  # a node that has just started knows nothing of it
 
     def _begin_new_run(self, stamp: float) -> None:
         self._maps.clear()
