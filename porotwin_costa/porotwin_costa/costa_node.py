@@ -108,6 +108,8 @@ class CostaNode(Node):
         self._training = False
         self._feedback: tuple[ServerGoalHandle, Train.Feedback] | None = None
         model = declare(self, 'model', '', 'model to load; empty: none')
+        self._named_model = model
+        """The model that a person named last: beside it lie the pairs that every training takes."""
         trained = declare(
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
         )
@@ -275,6 +277,7 @@ class CostaNode(Node):
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'model not loaded: {error}')
             return response
+        self._named_model = request.path
         response.outcome = conversions.ok()
         self.get_logger().info(f'loaded {request.path}')
         self._tell()
@@ -386,11 +389,12 @@ class CostaNode(Node):
         return LiveTraining(self._present_rig, self._preset or DEFAULT_PRESET, self._make_solver())
 
     def _with_offline_pairs(self, live: Dataset) -> Dataset:
-        """Return the pairs that the loaded model was trained on, if it has some, and the new ones.
+        """Return the pairs that the named model was trained on, if it has some, and the new ones.
 
-        The new ones come last, so that the newest part is kept to judge.
+        The new ones come last, so that the newest part is kept to judge. A training does not change
+        the first ones, nor does a restart with its weights: the next training needs them again.
         """
-        offline = pairs_beside(Path(self._path)) if self._path else None
+        offline = pairs_beside(Path(self._named_model)) if self._named_model else None
         if offline is None or not offline.is_file():
             return live
         try:

@@ -19,6 +19,7 @@ from porotwin_core.rig import EffectDescription  # noqa: E402
 from porotwin_costa import costa_node, trainer_node  # noqa: E402
 from porotwin_costa.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.corrective_source import corrective_source  # noqa: E402
+from porotwin_costa.dataset import pairs_beside  # noqa: E402
 from porotwin_costa.frames import mean_rates  # noqa: E402
 from porotwin_costa.live_training import not_used  # noqa: E402
 from porotwin_costa.networks import architecture  # noqa: E402
@@ -189,12 +190,17 @@ def test_the_loaded_model_decides_which_network_is_trained(
         assert CorrectiveModel.load(written).architecture == architecture('paper')
     finally:
         stop(process)
-    # started again, the node uses the trained weights instead of the first model
+    # started again, the node uses the trained weights instead of the first model, and still learns
+    # from the pairs of that one
     quick.save(output)
+    dataset.save(pairs_beside(start_model))
     process = start('costa_node', rig=rig_file, model=start_model, trained_model=output)
     try:
         info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
         assert info.path == str(output)
+        handle, _ = client.action(**goal)
+        result = client.wait(handle.get_result_async()).result
+        assert result.samples == 2 * len(dataset)
     finally:
         stop(process)
 

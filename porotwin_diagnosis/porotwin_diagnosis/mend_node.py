@@ -9,7 +9,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -26,18 +26,15 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.service_answer import answer_within
 from porotwin_core.single_instance import only_one
 from porotwin_core.units import DAY_S, MINUTE_S
-from porotwin_core.wells import Schedule
-from porotwin_diagnosis.data.live_run import is_other_clock
-from porotwin_diagnosis.data.rate_table import RateTable
 from porotwin_diagnosis.mending.finding import read_finding
 from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
+from porotwin_diagnosis.mending.state_periods import StatePeriods
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import (
     CleanState,
@@ -119,9 +116,7 @@ class MendNode(Node):
             publish=self._publish,
             say=self.get_logger().info,
         )
-        self._rates = RateTable(tuple(rig.wells))
-        self._measured_from = float('-inf')
-        self._newest: float | None = None
+        self._states = StatePeriods(tuple(rig.wells))
         self._run = 0
         self._wanted = ''
         self._asked: _Asked | None = None
@@ -187,15 +182,12 @@ class MendNode(Node):
         end = conversions.time_from_msg(message.header.stamp)
         with self._lock, self._ignoring_unknown_wells():
             rates = conversions.rates_from_msg(message.wells)
-            self._rates.add_measured(start, end, rates)
-            self._measured_from = start
+            self._states.add_measured(start, end, rates)
 
     def _on_setpoint(self, message: Setpoint) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
         with self._lock, self._ignoring_unknown_wells():
-            if stamp > self._measured_from:
-                rates = conversions.rates_from_msg(message.wells)
-                self._rates.add(stamp, rates, commanded=True)
+            self._states.add_commanded(stamp, conversions.rates_from_msg(message.wells))
 
     @contextmanager
     def _ignoring_unknown_wells(self) -> Iterator[None]:
@@ -220,23 +212,12 @@ class MendNode(Node):
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
-        if self._newest is not None and is_other_clock(self._newest, stamp):
+        if self._states.is_other_clock(stamp):
             self._run += 1
             self._work.put(self._mender.begin_anew)
-        periods = self._periods(stamp)
-        self._newest = stamp
-        self._work.put(lambda: self._mender.see(concentration, periods))
-
-    def _periods(self, stamp: float) -> Sequence[RatePeriod]:
-        """Return the rates from the last state to that at `stamp` [s]; empty: none are known."""
-        last = self._newest
-        if last is None or is_other_clock(last, stamp):
-            return ()
         with self._lock:
-            schedule = Schedule.from_rates(self._rates.rows(stamp))
-        if not schedule.rows:
-            return ()
-        return [RatePeriod(*period) for period in schedule.intervals(last, stamp)]
+            periods = self._states.until(stamp)
+        self._work.put(lambda: self._mender.see(concentration, periods))
 
     def _on_cycle(self, message: CycleReport) -> None:
         self._work.put(lambda: self._after_cycle(message))
@@ -295,7 +276,8 @@ class MendNode(Node):
         if not self._diagnosis.server_is_ready():
             self._give_up('no diagnosis: its node does not run; it is asked again later')
             return
-        if self._newest is None:
+        newest = self._states.newest
+        if newest is None:
             self._give_up(
                 'no diagnosis: the hub works, but no map has been taken here; is the parameter '
                 f'grid, {self._grid}, right for the maps?'
@@ -303,7 +285,7 @@ class MendNode(Node):
             return
         self.get_logger().info(f'diagnosing the run so far: {reason}')
         self._diagnostics.report(DiagnosticStatus.OK, f'diagnosing: {reason}')
-        self._asked = _Asked(self._run, self._newest, time.monotonic(), self._mender.in_force)
+        self._asked = _Asked(self._run, newest, time.monotonic(), self._mender.in_force)
         self._overdue = False
         sent = self._diagnosis.send_goal_async(Diagnose.Goal())
         sent.add_done_callback(partial(self._on_goal, self._asked))
@@ -359,7 +341,7 @@ class MendNode(Node):
         took = time.monotonic() - asked.began
         self.get_logger().info(f'{words}, after {took:.0f} s: {result.report}')
         with self._lock:
-            now = self._newest or asked.seen
+            now = asked.seen if self._states.newest is None else self._states.newest
             self._mender.found(finding, seen=asked.seen, now=now, given=asked.given)
 
     # --- the operator -------------------------------------------------------------------------

@@ -63,6 +63,14 @@ def test_an_ended_run_is_kept_until_another_one_begins():
     assert run.times == (900.0,)
 
 
+def test_the_end_of_an_experiment_without_maps_ends_no_later_one():
+    run = LiveRun(SMALL, GRID)  # the node was started again after the last photograph
+    run.note_experiment_end()
+    for stamp in (900.0, 930.0):
+        run.add_map(stamp, EMPTY, GRID)
+    assert run.times == (900.0, 930.0)
+
+
 def test_a_run_whose_beginning_was_missed_starts_with_its_first_map(tmp_path):
     for since in (3000.0, 2970.0):  # the rates arrive with the first map, or just before it
         run = run_with_maps(3000.0, 3030.0, first=FULL)

@@ -124,6 +124,23 @@ def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
     assert not desk.mender.watches
 
 
+def test_a_solver_that_answers_late_has_taken_back(desk):
+    desk.accepted()
+    true = Model(SMALL, GRID, preset='fast')
+    state = true.predict(true.initial_condition(), RATES, 600.0)
+    desk.mender.see(state, [])
+    desk.fault = TimeoutError('the solver is silent')
+    for _ in range(6):
+        state = true.predict(state, RATES, 120.0)
+        desk.mender.see(state, PERIODS)
+    assert desk.offers[-1].state is OfferState.ACCEPTED
+    desk.mender.solver_tells((), is_new=False)
+    assert desk.offers[-1].state is OfferState.TAKEN_BACK
+    assert desk.mender.in_force == ()
+    desk.mender.found(finding(), seen=2000.0, now=2000.0, given=())
+    assert desk.offers[-1].state is OfferState.TAKEN_BACK, 'the cause is not offered again'
+
+
 def test_effects_that_the_solver_refuses_are_refused(desk):
     desk.offered()
     desk.fault = TimeoutError('silent')

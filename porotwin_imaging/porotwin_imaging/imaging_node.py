@@ -26,6 +26,7 @@ from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.experiment_start import ExperimentStart
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
+from porotwin_imaging.sent_photos import digest_of
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
 LONGEST_GAP_S = 7 * DAY_S
@@ -120,6 +121,13 @@ class ImagingNode(Node):
         return []
 
     def _take_baseline(self, time: float, data: bytes) -> list[tuple[float, bytes]]:
+        if self._start.is_over(time, digest_of(data)):
+            self._session.leave_out_baseline(data)
+            self.get_logger().info(
+                f'baseline photograph of {time_in_words(time)} belongs to an earlier experiment: '
+                'left out'
+            )
+            return []
         waited = self._session.add_baseline(data)
         assert self._session.baseline is not None
         for remark in self._session.baseline.remarks:
@@ -160,7 +168,7 @@ class ImagingNode(Node):
         elif state.number == 0:
             cause = CleanState.START
             try:
-                self._start.note(state.time)
+                self._start.note(state.time, [*map(digest_of, self._session.baseline_photos)])
             except OSError as error:
                 self.get_logger().warning(f'a restart will count as a new experiment: {error}')
             self._experiment.publish(header)

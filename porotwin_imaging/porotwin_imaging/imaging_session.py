@@ -108,6 +108,10 @@ class ImagingSession:
             self._sequence = SequenceState()
         return self._waiting.release()
 
+    def leave_out_baseline(self, data: bytes) -> None:
+        """Never take the photograph `data` (bytes of the file) as a baseline."""
+        self._baselines_taken.add(digest_of(data))
+
     def add_photo(self, time: float, data: bytes) -> ImagedState:
         """Return the state that the photograph `data`, exposed at `time` [s], shows.
 

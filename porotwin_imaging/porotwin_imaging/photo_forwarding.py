@@ -10,6 +10,7 @@ from porotwin_imaging.sources.baseline_choice import BaselineChoice
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     CameraSource,
+    OrderingSource,
     PhotoProblem,
     Polled,
     ResumableSource,
@@ -35,6 +36,7 @@ class PhotoForwarder:
         trust: the first time of a photograph that may be believed.
 
     Attributes:
+        interval_s: usual time between photographs [s].
         absent: one line while the source does not answer, else empty.
     """
 
@@ -57,13 +59,24 @@ class PhotoForwarder:
         self._roles = BaselineChoice(any_sent=sent.any_sent)
         self._memory_problem = ''
         self.interval_s = interval_s
-        self.trust: Trust = trust
+        self.trust = trust
         self.absent = ''
         self._clock = ClockMemory()
         if sent.last is not None:
             self._clock = ClockMemory(sent.last.stamp, sent.last.correction)
         if isinstance(source, ResumableSource):
             source.resume(sent)
+
+    @property
+    def trust(self) -> Trust:
+        """The first time of a photograph that may be believed; it may change at any time."""
+        return self._trust
+
+    @trust.setter
+    def trust(self, value: Trust) -> None:
+        self._trust = value
+        if isinstance(self._source, OrderingSource):
+            self._source.trust = value
 
     def send_baselines_again(self) -> None:
         """Send the baselines of an earlier start, which the topic offers to late subscribers."""

@@ -203,6 +203,15 @@ def test_a_photograph_with_an_impossible_exif_time_gets_its_file_time(folder) ->
     ]
 
 
+def test_an_exif_time_that_is_not_trusted_gives_no_order(folder) -> None:
+    folder.put('1.jpg', dated('2021:09:03 14:05:06', '+00:00'), age=1)
+    folder.put('2.jpg', dated('2021:09:02 14:05:06', '+00:00'), age=2)  # with a new battery
+    folder.forwarder.trust = 'file'
+    assert [name for name, _ in folder.poll(5)] == ['1.jpg', '2.jpg']
+    assert list(folder.times.values()) == [BEGIN + 30, BEGIN + 60]
+    assert folder.problems == []
+
+
 def test_a_photograph_that_is_removed_after_reading_is_sent(folder) -> None:
     folder.put('1.jpg', jpeg(), age=1)
     folder.put('2.jpg', jpeg(), age=2)

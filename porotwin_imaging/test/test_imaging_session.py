@@ -59,6 +59,19 @@ def test_a_further_baseline_with_tracer_is_refused_before_the_first_state(
     assert session.baseline_photos == [empty_photograph]
 
 
+def test_a_baseline_that_is_left_out_changes_nothing_whenever_it_is_offered(
+    session, laboratory, empty_photograph, no_tracer, true_map
+) -> None:
+    other = laboratory.photograph(no_tracer, seed=2)
+    session.leave_out_baseline(other)
+    assert session.add_baseline(other) == []
+    assert session.baseline is None
+    session.add_baseline(empty_photograph)
+    session.add_photo(30.0, laboratory.photograph(true_map))
+    assert session.add_baseline(other) == []
+    assert session.baseline_photos == [empty_photograph]
+
+
 def test_a_baseline_after_a_state_starts_a_new_experiment(
     session, laboratory, empty_photograph, no_tracer, true_map
 ) -> None:

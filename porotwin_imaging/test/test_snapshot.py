@@ -135,3 +135,21 @@ def test_a_wrong_url_does_not_show_a_password() -> None:
         check_url('http://me:secret@host:port/x?pwd=hidden')
     assert 'secret' not in str(found.value)
     assert 'hidden' not in str(found.value)
+
+
+def test_a_picture_that_arrived_truncated_is_fetched_again(camera, empty_photograph) -> None:
+    pictures = [empty_photograph[:-1000], empty_photograph]
+
+    def answer(request: BaseHTTPRequestHandler) -> None:
+        if request.headers.get('If-None-Match') == '"one"':
+            reply(request, 304)
+        else:
+            reply(request, 200, pictures.pop(0), ETag='"one"')
+
+    camera.answer = answer
+    source = SnapshotSource(camera.url)
+    (problem,) = source.poll().problems
+    assert 'truncated' in problem.reason
+    assert len(source.poll().photos) == 1
+    (problem,) = source.poll().problems
+    assert 'no new picture' in problem.reason

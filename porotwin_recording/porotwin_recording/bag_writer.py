@@ -192,15 +192,17 @@ class BagWriter:
         Raises:
             OSError: the disk refused the data; the message stays in memory for the next flush.
         """
-        if self._split.ends(self._mcap):
-            self._go_on_in_another_file()
-        self._mcap.write(
-            self._topics[topic][0],
-            data,
-            log_time=log_time,
-            publish_time=log_time if publish_time is None else publish_time,
-            sequence=sequence,
-        )
+        try:
+            if self._split.ends(self._mcap):
+                self._go_on_in_another_file()
+        finally:  # into the full file, if the disk refuses another one
+            self._mcap.write(
+                self._topics[topic][0],
+                data,
+                log_time=log_time,
+                publish_time=log_time if publish_time is None else publish_time,
+                sequence=sequence,
+            )
 
     def _go_on_in_another_file(self) -> None:
         """Complete the file and begin the next one, with the same topics.
@@ -213,7 +215,11 @@ class BagWriter:
         file = _next_file(self._folder)
         following = self._new_mcap(file)
         part = self._own_part()
-        self._mcap.close()
+        try:
+            self._mcap.close_if_complete()
+        except OSError:
+            following.discard(file)
+            raise
         self._parts.append(part)
         self.file, self._mcap, self._schemas = file, following, {}
         self._topics = {

@@ -91,7 +91,11 @@ class McapWriter:
         self._records = RecordBuilder()
         self._entries: dict[int, list[tuple[int, int]]] = {}
         self._chunk_indexes: list[bytes] = []
-        self._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
+        try:
+            self._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
+        except OSError:
+            self.discard(path)
+            raise
 
     @property
     def message_count(self) -> int:
@@ -233,18 +237,39 @@ class McapWriter:
         self._file.close()
         self._file = copy
 
+    def discard(self, path: Path) -> None:
+        """Close the file and remove it from `path`."""
+        self._file.close()
+        path.unlink(missing_ok=True)
+
     def close(self) -> None:
-        """Write the messages in memory, the index and the end of the file.
+        """Write the messages in memory, the index and the end of the file, and close it.
 
         Raises:
             OSError: the end could not be written; flushed messages are safe.
         """
         try:
-            self.flush()
-            self._append(self._end())
-            os.fsync(self._file.fileno())
+            self.close_if_complete()
         finally:
             self._file.close()
+
+    def close_if_complete(self) -> None:
+        """Write the messages in memory, the index and the end of the file, and close it.
+
+        Raises:
+            OSError: the end could not be written; the file stays open and may go on.
+        """
+        self.flush()
+        size = self._size
+        try:
+            self._append(self._end())
+            os.fsync(self._file.fileno())
+        except OSError:
+            self._size = size
+            with contextlib.suppress(OSError):  # a disk that is gone
+                self._file.truncate(size)
+            raise
+        self._file.close()
 
     def _end(self) -> bytes:
         """Return the bytes behind the last chunk: the index, its index, and the footer."""

@@ -25,6 +25,7 @@ from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import BagMessage, Topic
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.interfaces import message_class
+from porotwin_recording.lock_step import LockStep
 from porotwin_recording.player import (
     CLOCK,
     LATCHED_LIMIT,
@@ -150,12 +151,10 @@ class PlayerNode(Node):
         self._serializer = Serializer()
         self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
         self._publishers_by_topic = self._make_publishers(selection)
-        self._last_answer = -1
+        self._lock_step = LockStep()
         self._answer_subscription: Subscription | None = None
-        self._refused: dict[int, str] = {}
         self._unanswered = 0
         self._asked: dict[str, Any] = {}
-        self._answers = threading.Condition()
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
         self._played: Counter[str] = Counter()
@@ -345,9 +344,7 @@ class PlayerNode(Node):
         return bool(self._answer_subscription.get_publisher_count() > 0)
 
     def _on_answer(self, data: bytes) -> None:
-        with self._answers:
-            self._last_answer = max(self._last_answer, stamp_of(data))
-            self._answers.notify_all()
+        self._lock_step.answer(stamp_of(data))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Take note of a photograph that imaging refuses: nobody will answer it."""
@@ -355,10 +352,8 @@ class PlayerNode(Node):
             values = {item.key: item.value for item in status.values}
             if status.level != DiagnosticStatus.ERROR or PHOTOGRAPH_TIME not in values:
                 continue
-            with contextlib.suppress(ValueError, OverflowError), self._answers:
-                milliseconds = round(float(values[PHOTOGRAPH_TIME]) * 1000)
-                self._refused[milliseconds] = status.message
-                self._answers.notify_all()
+            with contextlib.suppress(ValueError, OverflowError):
+                self._lock_step.refuse(float(values[PHOTOGRAPH_TIME]), status.message)
 
     def _play_once(self) -> None:
         names = list(self._publishers_by_topic)
@@ -366,7 +361,7 @@ class PlayerNode(Node):
         self._publish_clock(self._start)
         for message in latched_before(self._bag, names, self._start):
             self._publish(message)
-        self._last_answer = -1
+        self._lock_step.begin_anew()
         # a photograph before the first baseline waits for it and has no answer until then
         baselines = any(name.endswith(_BASELINE) for name in names)
         answerable = not baselines or bool(self._played)
@@ -377,6 +372,7 @@ class PlayerNode(Node):
             driving = bool(self._lockstep) and message.topic.endswith(_DRIVING)
             if driving:
                 self._await_acknowledgements()  # rates and baselines come before the photograph
+                self._lock_step.ask(stamp_of(message.data))
             self._publish_clock(message.log_time)
             self._publish(message)
             answerable = answerable or message.topic.endswith(_BASELINE)
@@ -439,20 +435,15 @@ class PlayerNode(Node):
         An answer that does not come within `lockstep_timeout_s` is counted as a failure.
         """
         stamp = stamp_of(message.data)
-        milliseconds = round(stamp * 1000 / SECOND)
-        deadline = time.monotonic() + self._lockstep_timeout
-        with self._answers:
-            while self._last_answer < stamp and not self._stopping.is_set():
-                if (reason := self._refused.get(milliseconds)) is not None:
-                    self.get_logger().warning(f'refused: {reason}')
-                    break
-                if not self._answers.wait(timeout=0.1) and time.monotonic() > deadline:
-                    self.get_logger().warning(
-                        f'no message on {self._lockstep} for the one at {stamp / SECOND:.3f} s '
-                        f'within {self._lockstep_timeout:g} s; going on'
-                    )
-                    self._unanswered += 1
-                    break
+        try:
+            if reason := self._lock_step.wait(stamp, self._lockstep_timeout, self._stopping):
+                self.get_logger().warning(f'refused: {reason}')
+        except TimeoutError:
+            self.get_logger().warning(
+                f'no message on {self._lockstep} for the one at {stamp / SECOND:.3f} s '
+                f'within {self._lockstep_timeout:g} s; going on'
+            )
+            self._unanswered += 1
         # the wait is not part of the recording
         self._replay_clock.set(message.log_time)
 

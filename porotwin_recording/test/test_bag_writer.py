@@ -1,5 +1,9 @@
 """Tests of the bag writer: other libraries read its bags, and nothing is overwritten."""
 
+import errno
+import io
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -98,6 +102,54 @@ def test_a_bag_is_split_by_size_and_by_time(tmp_path: Path) -> None:
         with AnyReader([tmp_path / name]) as other:
             assert other.message_count == 12
             assert set(other.topics) == {'/words_0', '/words_1'}
+
+
+class FileOnFullDisk(io.FileIO):
+    """A file on a disk that refuses everything after some more writes, once that is a number."""
+
+    writes_left: int | None = None
+
+    def write(self, data: memoryview) -> int:
+        if FileOnFullDisk.writes_left is not None:
+            if FileOnFullDisk.writes_left == 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            FileOnFullDisk.writes_left -= 1
+        return super().write(data)
+
+
+@pytest.fixture
+def full_disk() -> Iterator[type[FileOnFullDisk]]:
+    yield FileOnFullDisk
+    FileOnFullDisk.writes_left = None
+
+
+# the messages, the begin of the next file, or the end of this one is refused
+@pytest.mark.parametrize('writes', [0, 1, 2])
+def test_a_disk_that_is_full_when_a_bag_is_split_loses_no_message(
+    tmp_path: Path, full_disk: type[FileOnFullDisk], writes: int
+) -> None:
+    bag = BagWriter(
+        tmp_path / 'run',
+        compress=False,
+        split=SplitRule(size_bytes=3000),
+        open_file=lambda path: full_disk(path, 'x'),
+    )
+    bag.add_topic('/words', STRING)
+    for number in range(12):
+        if number == 6:
+            full_disk.writes_left = writes
+        if number in (6, 7):
+            with pytest.raises(OSError, match='No space left'):
+                bag.write('/words', bytes([number]) * 1000, log_time=number)
+            continue
+        full_disk.writes_left = None
+        bag.write('/words', bytes([number]) * 1000, log_time=number)
+    bag.close()
+    reader = BagReader(tmp_path / 'run')
+    assert [message.data[0] for message in reader.messages()] == list(range(12))
+    assert reader.remarks == []
+    files = {file.name for file in (tmp_path / 'run').glob('*.mcap')}
+    assert files == {f'run_{number}.mcap' for number in range(len(files))}
 
 
 def test_one_file_is_not_split(tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
+from porotwin_siblings.continuity import periods_until
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
 from porotwin_siblings.outlook import TIMES, Outlook, answers
@@ -314,13 +315,9 @@ class SiblingsNode(Node):
         if self._follow_effects(photograph):
             return
         with self._changed:
-            if siblings.started and photograph.time <= siblings.time:
-                siblings.begin_anew()
-                self._rates.forget_later(photograph.time)
-            elif self._interrupted or self._is_late(photograph):
-                siblings.interrupt()
+            interrupted = self._interrupted or self._is_late(photograph)
             self._interrupted = False
-            periods = self._rates.take(siblings.time, photograph.time) if siblings.started else ()
+            periods = periods_until(photograph.time, siblings, self._rates, interrupted=interrupted)
         siblings.observe(photograph, periods)
 
     def _is_late(self, photograph: Photograph) -> bool:

@@ -50,7 +50,6 @@ class LiveRun:
         self._maps = MapFile((3 * grid.nz, grid.nx), MOST_MAPS, folder)
         self._deviations_known = False
         self._rates = RateTable(tuple(rig.wells))
-        self._measured_from = -np.inf
         self._ended = False
         self._evaluation_started = False
 
@@ -101,8 +100,7 @@ class LiveRun:
         Raises:
             InputError: a well is unknown.
         """
-        if stamp > self._measured_from:
-            self._rates.add(stamp, rates, commanded=True)
+        self._rates.add_commanded(stamp, rates)
 
     def add_measured_rates(self, start: float, end: float, rates: WellRates) -> None:
         """Keep the `rates` of all wells that were measured from `start` to `end` [s].
@@ -113,7 +111,6 @@ class LiveRun:
             InputError: a well is unknown.
         """
         self._rates.add_measured(start, end, rates)
-        self._measured_from = start
 
     def note_effects(self, effects: Sequence[EffectDescription]) -> None:
         """Note the `effects` of the running model beyond its rig; a diagnosis finds the rest."""
@@ -125,14 +122,13 @@ class LiveRun:
 
     def note_experiment_end(self) -> None:
         """Note that the experiment has ended; the next map belongs to another one."""
-        self._ended = True
+        self._ended = bool(self.times)  # a node that has just started knows nothing of it
 
     def _begin_new_run(self, stamp: float) -> None:
         self._maps.clear()
         self._deviations_known = False
         # topics arrive in any order: the rates in force may have arrived just before the map
         self._rates.begin_anew(stamp)
-        self._measured_from = -np.inf
         self._ended = False
 
     def write(self, folder: Path) -> None:

@@ -1,6 +1,7 @@
 """Rates of a running experiment in a table of fixed size: memory does not grow with time."""
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -33,6 +34,7 @@ class RateTable:
         self._count = 0
         self._told: float | None = None
         """Time at which a person last told that rates were set [s]."""
+        self._measured_from = -math.inf
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -49,6 +51,17 @@ class RateTable:
             self._halve_older_half()
         self._put(self._count, start, rates, commanded)
         self._count += 1
+
+    def add_commanded(self, stamp: float, rates: WellRates) -> None:
+        """Add the `rates` [m^3/s] of a setpoint, in force from `stamp` [s] on.
+
+        They change nothing if rates from that time on have been measured or told already.
+
+        Raises:
+            InputError: a well is unknown.
+        """
+        if stamp > self._measured_from:
+            self.add(stamp, rates, commanded=True)
 
     def add_measured(self, start: float, end: float, rates: WellRates) -> None:
         """Add `rates` [m^3/s] that were measured from `start` to `end` [s].
@@ -69,6 +82,7 @@ class RateTable:
         inside = self._commanded[: self._count] & replaced & (times <= end)
         self._keep(np.flatnonzero(~inside))
         self.add(start, rates, commanded=False)
+        self._measured_from = start
 
     def _check(self, rates: WellRates) -> None:
         unknown = sorted(set(rates) - set(self._wells))
@@ -80,7 +94,7 @@ class RateTable:
         """Drop all rows except the last one, which now holds from `start` [s] on."""
         self._keep(np.arange(max(self._count - 1, 0), self._count))
         self._start[: self._count] = start
-        self._told = None
+        self._told, self._measured_from = None, -math.inf
 
     def rows(self, now: float) -> Iterator[tuple[float, dict[str, WellRate]]]:
         """Yield the time [s] and the rates of every row, in order of arrival.

@@ -83,6 +83,7 @@ class Mender:
         self._lost = False
         self._is_inherited = False
         self._unanswered: Effects | None = None
+        self._takes_back = False
 
     @property
     def in_force(self) -> Effects:
@@ -202,7 +203,7 @@ class Mender:
         """Note that the effects `wanted`, with those of the open offer, act in the solver."""
         self._shadow = ShadowForecast(self._make_model(wanted), self._make_model(self._in_force))
         self._before, self._in_force, self._unanswered = self._in_force, wanted, None
-        self._is_inherited = False
+        self._is_inherited = self._takes_back = False
         self._shortest = SHORTEST_S
         self._band.begin_anew()
         return self._tell(self._book.accept())
@@ -253,10 +254,15 @@ class Mender:
         try:
             self._set_effects(self._before)
         except (InputError, TimeoutError) as error:
+            self._takes_back = isinstance(error, TimeoutError)
             self._say(f'effects not taken back, tried again with the next photograph: {error}')
             return
+        self._note_taken_back(shadow)
+
+    def _note_taken_back(self, shadow: ShadowForecast) -> None:
         self._in_force = self._before
         self._shadow = None
+        self._takes_back = False
         self._band.begin_anew()
         self._tell(self._book.take_back(shadow.in_words))
 
@@ -279,9 +285,13 @@ class Mender:
         if effects == self._unanswered and self.waits:
             self._accept(effects)
             return
+        if self._takes_back and self._shadow is not None and effects == self._before:
+            self._note_taken_back(self._shadow)  # the answer came too late
+            return
         self._void('the effects of the model have changed')
         self._in_force = effects
         self._shadow = None
+        self._takes_back = False
         self._band.begin_anew()
         if self._began is None:  # an earlier node, if any, took what it knew with it
             self._shadow = ShadowForecast(self._make_model(effects), self._make_model(()))

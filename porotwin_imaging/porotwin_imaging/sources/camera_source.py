@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
-from porotwin_imaging.photo_clock import TimeEvidence
+from porotwin_imaging.photo_clock import TimeEvidence, Trust
 from porotwin_imaging.sent_photos import SentPhoto
 
 Role = Literal['baseline', 'state']
@@ -85,6 +85,17 @@ class ResumableSource(Protocol):
     def resume(self, sent: Iterable[SentPhoto]) -> None:
         """Take note of the photographs that were sent."""
         ...
+
+
+@runtime_checkable
+class OrderingSource(Protocol):
+    """A source that orders photographs by their times.
+
+    Attributes:
+        trust: the first time of a photograph that may be believed.
+    """
+
+    trust: Trust
 
 
 def anything(address: str) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_imaging.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.file_names import natural_order, printable
-from porotwin_imaging.photo_clock import TimeEvidence, own_time
+from porotwin_imaging.photo_clock import TimeEvidence, Trust, own_time
 from porotwin_imaging.photo_file import MOST_BYTES, is_complete, is_photograph
 from porotwin_imaging.sent_photos import FileMark, SentPhoto, digest_of
 from porotwin_imaging.sources.camera_source import (
@@ -83,6 +83,9 @@ class FolderSource:
         clock: returns the time of a steady clock [s].
         now: returns the time of this computer's clock [s since 1970].
         read_bytes: reads a file.
+
+    Attributes:
+        trust: the first time of a photograph that may be believed; the times give the order.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class FolderSource:
         read_bytes: Callable[[Path], bytes] | None = None,
     ) -> None:
         self.folder = Path(folder)
+        self.trust: Trust = 'exif'
         self._patience = patience
         self._clock = clock
         self._now = now
@@ -196,7 +200,7 @@ class FolderSource:
                 problems += found
             evidence = self._watched[name].evidence
             assert evidence is not None
-            own = own_time(evidence)
+            own = own_time(evidence, self.trust)
             before = before if own is None else own
             order[name] = before
         return sorted(order, key=lambda name: order[name]), problems

@@ -75,7 +75,7 @@ class SnapshotSource:
             with self._opener.open(request, timeout=self._timeout_s) as answer:
                 data = self._read(answer)
                 kind = str(answer.headers.get('Content-Type', 'no type'))
-                self._tag = str(answer.headers.get('ETag', ''))
+                tag = str(answer.headers.get('ETag', ''))
         except urllib.error.HTTPError as error:
             if error.code == _NOT_MODIFIED:
                 return self._problem('has no new picture')
@@ -86,6 +86,7 @@ class SnapshotSource:
             return self._problem(f'answers with {kind} of {len(data)} bytes, no JPEG or PNG')
         if not is_complete(data):
             return self._problem(f'answers with a truncated picture of {len(data)} bytes')
+        self._tag = tag  # of a whole picture: any other one is fetched again
         return Polled([CameraPhoto(data, moment, f'snapshot at {moment:.3f} s')], [])
 
     def _read(self, answer: IO[bytes]) -> bytes:
