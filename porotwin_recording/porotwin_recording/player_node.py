@@ -21,11 +21,11 @@ from rosgraph_msgs.msg import Clock
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, run
 from porotwin_recording import topic_names
+from porotwin_recording.awaited_answers import LockStep
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import BagMessage, Topic
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.interfaces import message_class
-from porotwin_recording.lock_step import LockStep
 from porotwin_recording.player import (
     CLOCK,
     LATCHED_LIMIT,

@@ -7,7 +7,7 @@ import pytest
 from builtin_interfaces.msg import Time
 
 from porotwin_core.conversions import header_at, time_from_msg
-from porotwin_recording.lock_step import LockStep
+from porotwin_recording.awaited_answers import LockStep
 from porotwin_recording.serialization import SECOND
 
 RUNNING = threading.Event()
