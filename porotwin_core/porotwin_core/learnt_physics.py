@@ -10,8 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from porotwin_core.effect_limits import MOST_LEAK_ML_H
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.units import from_ml_h
 
 EDGE = 0.15
 """Width of the edge of a patch relative to its radius [-]: sand is packed in lenses, and an edge
@@ -33,6 +35,9 @@ LOG_RETARDATION_RANGE: Range = (-4.6, 4.6)
 
 LOG_FACTOR_RANGE: Range = (-10.0, 10.0)
 """Of the logarithm of a patch's permeability [-]: from gravel to silt; a fit stays within 5."""
+
+LEAK_RANGE: Range = (from_ml_h(-MOST_LEAK_ML_H), from_ml_h(MOST_LEAK_ML_H))
+"""Of the rate of a learnt leak [m^3/s]: a step of the solver with far more would not end."""
 
 RADIUS_RANGE: Range = (1e-3, 10.0)
 """Of the radius of a patch [m]: from a grain of sand to a rig that is larger than any."""
@@ -106,6 +111,7 @@ class LearntPhysics:
         _check_range('dispersivity', along_and_across, DISPERSIVITY_RANGE)
         _check_range('background_flux', self.background_flux, FLUX_RANGE)
         _check_range('log_retardation', [self.log_retardation], LOG_RETARDATION_RANGE)
+        _check_range('rate of a leak', [one.rate for one in self.leaks], LEAK_RANGE)
         _check_range('radius of a patch', [one.radius for one in self.patches], RADIUS_RANGE)
         factors = [one.log_factor for one in self.patches]
         _check_range('log_factor of a patch', factors, LOG_FACTOR_RANGE)

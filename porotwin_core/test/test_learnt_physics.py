@@ -41,6 +41,7 @@ def test_a_patch_changes_the_sand_inside_its_radius_only() -> None:
         (LearntPhysics(transverse_dispersivity=2.0), 'dispersivity: 2 is not'),
         (LearntPhysics(background_flux=(0.0, 1.0)), 'background_flux: 1 is not'),
         (LearntPhysics(log_retardation=710.0), 'log_retardation: 710 is not from -4.6 to 4.6'),
+        (LearntPhysics(leaks=(LearntLeak(0.1, 0.2, 1e3),)), 'rate of a leak: 1000 is not'),
         (LearntPhysics(patches=(SandPatch(0.3, 0.2, 1e-300, 1.0),)), 'radius of a patch: 1e-300'),
         (LearntPhysics(patches=(SandPatch(0.3, 0.2, 0.1, -60.0),)), 'log_factor of a patch: -60'),
     ],

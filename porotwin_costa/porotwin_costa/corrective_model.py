@@ -24,6 +24,17 @@ from porotwin_costa.tensor_files import read_header, write_tensors
 
 FORMAT = 'porotwin-costa-model-1'
 
+_DAMAGED = (
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    safetensors.SafetensorError,
+)
+"""Errors that the libraries raise for a description or for weights that no training wrote."""
+
 REASON_CHARACTERS = 200
 """Longest excerpt of a library's message; torch lists every weight that does not fit."""
 
@@ -131,36 +142,81 @@ class CorrectiveModel:
         """Return the model saved at `path`.
 
         Raises:
-            InputError: no such file, a pickle, another format, an unknown architecture, or weights
-                that do not fit.
+            InputError: no such file, a pickle, another format, an unknown architecture, weights
+                that do not fit, or a number that no training leaves.
         """
         path = Path(path)
         header = read_header(path, FORMAT)
         try:
-            grid = Grid(**header['grid'])
-            wells = tuple(header['wells'])
-            described = header['network']
-            chosen = architecture(described['architecture']).described(described)
-            network = chosen.network(_unknown_rig(grid, len(wells)))
-            network.load_state_dict(safetensors.torch.load_file(path))
-            network.eval()
-            learnt = header.get('learnt')
-            return cls(
-                grid=grid,
-                wells=wells,
-                time_step=float(header['time_step']),
-                architecture=chosen,
-                network=network,
-                scaling=Scaling(**header['scaling']),
-                trained_on=TrainingRange.from_description(header['trained_on']),
-                trust=float(header['trust']),
-                provenance=header['provenance'],
-                physics=PhysicsId(**header.get('physics', {})),
-                learnt=LearntPhysics.from_description(learnt) if learnt else None,
-            )
-        except (KeyError, TypeError, RuntimeError, safetensors.SafetensorError) as error:
+            model = cls._described(header, path)
+            model._check_numbers()
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from None
+        except _DAMAGED as error:
             reason = ' '.join(str(error).split())[:REASON_CHARACTERS]
             raise InputError(f'{path}: damaged model ({reason}); train it again') from None
+        return model
+
+    @classmethod
+    def _described(cls, header: Mapping[str, Any], path: Path) -> Self:
+        """Return the model with this description and the weights in the file `path`.
+
+        Raises:
+            InputError: the architecture is unknown, or there is no such grid.
+            Exception: one of `_DAMAGED`.
+        """
+        grid = Grid(**header['grid'])
+        wells = tuple(header['wells'])
+        described = header['network']
+        chosen = architecture(described['architecture']).described(described)
+        network = chosen.network(_unknown_rig(grid, len(wells)))
+        network.load_state_dict(safetensors.torch.load_file(path))
+        network.eval()
+        learnt = header.get('learnt')
+        return cls(
+            grid=grid,
+            wells=wells,
+            time_step=float(header['time_step']),
+            architecture=chosen,
+            network=network,
+            scaling=Scaling(**header['scaling']),
+            trained_on=TrainingRange.from_description(header['trained_on']),
+            trust=float(header['trust']),
+            provenance=header['provenance'],
+            physics=PhysicsId(**header.get('physics', {})),
+            learnt=LearntPhysics.from_description(learnt) if learnt else None,
+        )
+
+    def _check_numbers(self) -> None:
+        """Check the numbers of a file: a wrong one would make every correction wrong.
+
+        Raises:
+            InputError: a number is not finite, or out of its range.
+            Exception: one of `_DAMAGED`.
+        """
+        ranges = self.trained_on
+        pairs = [ranges.pumping, ranges.concentration, ranges.tracer]
+        scaling = self.scaling
+        named: dict[str, Any] = {
+            'time_step': self.time_step,
+            'trust': self.trust,
+            'scaling': dataclasses.astuple(scaling),
+            'trained_on': [*pairs, *ranges.rates, *ranges.tracer_rates],
+            'largest_residual': ranges.largest_residual,
+            **{name: tensor.numpy() for name, tensor in self.network.state_dict().items()},
+        }
+        for name, values in named.items():
+            if not np.isfinite(np.asarray(values, dtype=float)).all():
+                raise InputError(f'{name} of the model holds no finite number; train it again')
+        if not 0.0 <= self.trust <= 1.0:
+            raise InputError(f'trust {self.trust:g} is not from 0 to 1; train it again')
+        if min(self.time_step, scaling.spread, scaling.rate, scaling.sigma) <= 0.0:
+            raise InputError('time step and scaling must be positive; train it again')
+        if not len(ranges.rates) == len(ranges.tracer_rates) == len(self.wells):
+            raise InputError('trained_on does not have a range for every well; train it again')
+        if self.learnt is not None:
+            self.learnt.check()
+        _ = self.summary  # reads the provenance, which may be damaged as well
 
 
 def _unknown_rig(grid: Grid, wells: int) -> RigFields:

@@ -11,6 +11,7 @@ import torch
 from costa_examples import question
 
 from porotwin_core.errors import InputError
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription
 from porotwin_costa.corrective_model import FORMAT, CorrectiveModel
 from porotwin_costa.corrective_source import corrective_source
@@ -166,4 +167,48 @@ def test_unknown_architecture_is_refused(trained, tmp_path):
     path = tmp_path / 'model.safetensors'
     write_tensors(path, {'weight': np.zeros(1)}, FORMAT, description)
     with pytest.raises(InputError, match="'transformer': unknown; choose from"):
+        CorrectiveModel.load(path)
+
+
+@pytest.mark.parametrize(
+    ('change', 'complaint'),
+    [
+        ({'time_step': 'abc'}, 'damaged model'),
+        ({'time_step': 0.0}, 'must be positive'),
+        ({'trust': float('nan')}, 'trust of the model holds no finite number'),
+        ({'trust': 5.0}, 'trust 5 is not from 0 to 1'),
+        ({'provenance': None}, 'damaged model'),
+        ({'provenance': {}}, 'damaged model'),
+        ({'grid': {'nx': 10**7, 'nz': 10**7, 'width': 1.0, 'height': 1.0}}, 'damaged model'),
+        ({'grid': {'nx': 0, 'nz': 9, 'width': 1.0, 'height': 1.0}}, 'needs at least one cell'),
+        ({'scaling': {'offset': 0.0, 'spread': 0.0, 'rate': 1.0, 'sigma': 1.0}}, 'positive'),
+        ({'scaling': {'offset': 'a', 'spread': 1.0, 'rate': 1.0, 'sigma': 1.0}}, 'damaged model'),
+        ({'trained_on': {'pumping': []}}, 'damaged model'),
+        ({'trained_on': {'rates': []}}, 'a range for every well'),
+        ({'trained_on': {'largest_residual': float('inf')}}, 'largest_residual of the model'),
+        ({'learnt': {'log_retardation': float('nan')}}, 'log_retardation: not a finite number'),
+    ],
+)
+def test_numbers_that_no_training_leaves_are_refused(trained, tmp_path, change, complaint):
+    path = tmp_path / 'model.safetensors'
+    learnt = dataclasses.replace(trained, learnt=LearntPhysics())
+    description = json.loads(json.dumps(learnt.description()))
+    for key, value in change.items():
+        merged = isinstance(value, dict) and value
+        description[key] = {**description[key], **value} if merged else value
+    weights = {name: value.numpy() for name, value in trained.network.state_dict().items()}
+    write_tensors(path, weights, FORMAT, description)
+    with pytest.raises(InputError, match=complaint) as refusal:
+        CorrectiveModel.load(path)
+    assert str(refusal.value).startswith(f'{path}: ')
+    assert '\n' not in str(refusal.value)
+
+
+def test_weights_that_are_no_numbers_are_refused(trained, tmp_path):
+    path = tmp_path / 'model.safetensors'
+    weights = {name: value.numpy().copy() for name, value in trained.network.state_dict().items()}
+    name = next(name for name in weights if name.endswith('weight'))
+    weights[name].flat[0] = np.nan
+    write_tensors(path, weights, FORMAT, trained.description())
+    with pytest.raises(InputError, match=rf'{name} of the model holds no finite number'):
         CorrectiveModel.load(path)

@@ -7,16 +7,24 @@ from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from porotwin_core.errors import InputError
-from porotwin_core.units import LONGEST_EXPERIMENT_S
+from porotwin_core.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_recording.foreign_table import number_in
 
 DateOrder = Literal['day-first', 'month-first']
 
 MONTHS = 12
+HALF_DAY_H = 12
 CENTURY = 2000
 """Years of two digits belong to this century."""
 
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 """Years of experiments; other ones are slips."""
+
+_EXCEL_DAYS = (20_000.0, 80_000.0)
+"""Numbers that Excel shows as dates from 1954 to 2119: days since the end of 1899."""
+
+_EPOCH_SECONDS = (5e8, 5e9)
+"""Numbers that count seconds since 1970, from 1985 to 2128."""
 
 _TIME = r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?'
 _ZONE = r'\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?'
@@ -57,7 +65,7 @@ def moments(
     places = places or [f'{where}:{row}' for row in range(2, len(words) + 2)]
     for word, match, place in zip(words, matches, places, strict=True):
         if match is None:
-            raise InputError(f"{place}: '{word}' is no date; write 2024-05-31 14:30:00")
+            raise InputError(f"{place}: '{word}' is no date; {_remedy(word)}")
     found = [match for match in matches if match is not None]
     _check_clock_times(found, places)
     told: list[str] = []
@@ -79,6 +87,19 @@ def moments(
     ]
     _check_years(times, words, places)
     return times, told
+
+
+def _remedy(word: str) -> str:
+    """Return what to write instead of a word that is no date."""
+    number = number_in(word, 'comma' if ',' in word else 'point')
+    for unit, length, (low, high), start in (
+        ('days of Excel', DAY_S, _EXCEL_DAYS, datetime(1899, 12, 30, tzinfo=UTC)),
+        ('seconds since 1970', 1.0, _EPOCH_SECONDS, datetime(1970, 1, 1, tzinfo=UTC)),
+    ):
+        if low <= number <= high:
+            meant = start + timedelta(seconds=round(number * length))
+            return f'if these are {unit}, write {meant:%Y-%m-%d %H:%M:%S}'
+    return 'write 2024-05-31 14:30:00, or with its zone 2024-05-31 14:30:00+02:00'
 
 
 def names_zone(words: Sequence[str]) -> bool:
@@ -144,16 +165,18 @@ def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> dat
     year = int(parts['year']) + CENTURY * (len(parts['year']) == len('24'))
     if not FIRST_YEAR <= year <= LAST_YEAR:
         raise InputError(f"{where}: '{match[0]}' is no date of an experiment; correct the year")
-    hour, minute, second = _clock(parts['time'], parts['half'])
-    whole = int(second)
     try:
+        hour, minute, second = _clock(parts['time'], parts['half'])
+        whole = int(second)
         moment = datetime(year, int(month), int(day), hour, minute, whole)
         moment += timedelta(microseconds=round(1e6 * (second - whole)))
         if parts['zone']:
             written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
             return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
     except ValueError as error:
-        raise InputError(f"{where}: '{match[0]}' is no date ({error})") from None
+        beyond = parts['time'] in ('24:00', '24:00:00', '23:59:60')  # the last: a leap second
+        remedy = 'write 00:00:00 of the next day' if beyond else 'correct it'
+        raise InputError(f"{where}: '{match[0]}' is no date ({error}); {remedy}") from None
     if not zone:
         return moment.replace(tzinfo=UTC)
     return _in_zone(moment, zone, where)
@@ -186,8 +209,15 @@ def _in_zone(moment: datetime, zone: str, where: str) -> datetime:
 
 
 def _clock(text: str | None, half: str | None) -> tuple[int, int, float]:
-    """Return hour, minute and second; midnight without a text."""
+    """Return hour, minute and second; midnight without a text.
+
+    Raises:
+        ValueError: the hour contradicts its am.
+    """
     hour, minute, *rest = (text or '0:00').replace(',', '.').split(':')
-    afternoon = half is not None and half[0] in 'Pp'
-    whole = int(hour) % 12 + 12 * afternoon if half else int(hour)
+    whole = int(hour)
+    if half and whole > HALF_DAY_H and half[0] in 'Aa':
+        raise ValueError(f'hour {whole} is not in the morning')
+    if half and whole <= HALF_DAY_H:  # others write 14:30 PM
+        whole = whole % HALF_DAY_H + HALF_DAY_H * (half[0] in 'Pp')
     return whole, int(minute), float(rest[0]) if rest else 0.0

@@ -53,3 +53,29 @@ def test_an_offset_of_more_than_a_day_is_refused(word: str) -> None:
 def test_a_fraction_that_rounds_up_to_a_second_is_a_time() -> None:
     (moment,), _ = moments(['2024-05-31 10:00:00.9999999'], 'p.csv: datetime')
     assert (moment.minute, moment.second, moment.microsecond) == (0, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ('word', 'fault'),
+    [
+        ('2024-05-31 13:00 AM', r'hour 13 is not in the morning\); correct it'),
+        ('2016-12-31 23:59:60', r'\); write 00:00:00 of the next day'),
+        ('2024-05-31 24:00:00', r'\); write 00:00:00 of the next day'),
+        ('45443.604166', 'if these are days of Excel, write 2024-05-31 14:30:00'),
+        ('45443,604166', 'if these are days of Excel, write 2024-05-31 14:30:00'),
+        ('1717165800', 'if these are seconds since 1970, write 2024-05-31 14:30:00'),
+        ('2024-05-31 14:30:00 CEST', r'or with its zone 2024-05-31 14:30:00\+02:00'),
+        ('1e999', 'is no date; write 2024-05-31'),
+    ],
+)
+def test_a_time_that_no_clock_shows_is_refused_with_a_remedy(word: str, fault: str) -> None:
+    with pytest.raises(InputError, match=rf'p\.csv: when:2: .*{fault}'):
+        moments([word], 'p.csv: when')
+
+
+@pytest.mark.parametrize(
+    ('word', 'hour'), [('12:30 AM', 0), ('0:30 PM', 12), ('2:30 p.m.', 14), ('14:30 PM', 14)]
+)
+def test_hours_of_half_a_day_are_read(word: str, hour: int) -> None:
+    (moment,), _ = moments([f'2024-05-31 {word}'], 'p.csv: when')
+    assert moment.hour == hour
