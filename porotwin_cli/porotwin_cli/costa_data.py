@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_cli.given_twice import refuse_twice
 from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
@@ -57,9 +58,11 @@ def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
     """Return the recordings at `paths`, with `rig` or, if None, the rig of each recording.
 
     Raises:
-        InputError: one of them is no recording.
+        InputError: one of them is no recording, has no maps, or is named twice.
     """
-    return [open_recording(path, rig=rig) for path in paths]
+    recordings = [open_recording(path, rig=rig) for path in paths]
+    refuse_twice(recordings)
+    return recordings
 
 
 def dataset_of(

@@ -1,7 +1,6 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import json
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -83,6 +82,7 @@ def command(
 
     Example: ./porotwin diagnose runs/* --each --output archive --scheduler tcp://head:8786
     """
+    from porotwin_cli.given_twice import refuse_twice
     from porotwin_cli.rig_past import RigPast
     from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
@@ -118,7 +118,7 @@ def command(
         return
     marks = {recording: files_mark(recording) for recording in recordings}
     opened = [open_recording(recording, rig=own) for recording in recordings]
-    _refuse_twice(opened)
+    refuse_twice(opened)
     past = RigPast(history, opened, date) if history is not None else None
     folder = checked_folder(output, [*recordings, *([] if rig is None else [rig])])
     for recording in opened:
@@ -197,31 +197,6 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
             say(
                 f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
                 'expects it. The running twin does not correct its maps for it: correct the camera'
-            )
-
-
-def _refuse_twice(recordings: 'Sequence[Recording]') -> None:
-    """Refuse a recording that is named twice, or a copy of it: it would count twice.
-
-    Two recordings never share their last map to the last bit, because its noise differs.
-
-    Raises:
-        InputError: there is one.
-    """
-    from porotwin_diagnosis.report.origin import place_of
-
-    places: set[Path] = set()
-    last_maps: dict[bytes, Path] = {}
-    for recording in recordings:
-        place = place_of(recording.source)
-        if place in places:
-            raise InputError(f'{recording.source}: is named twice; name every recording once')
-        places.add(place)
-        last = recording.present_maps[-1].tobytes()
-        other = last_maps.setdefault(last, recording.source)
-        if other != recording.source:
-            raise InputError(
-                f'{recording.source}: is a copy of {other}, with the same last map; leave it out'
             )
 
 

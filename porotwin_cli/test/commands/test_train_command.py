@@ -1,6 +1,7 @@
 """./porotwin train and evaluate."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,17 @@ def test_train_refuses_an_unknown_network_before_it_works(experiment: Path, tmp_
     result = porotwin('train', experiment, '--output', tmp_path / 'm', *arguments)
     assert result.returncode == 2
     assert "architecture 'cubist': unknown; choose from" in result.stderr
+
+
+@pytest.mark.parametrize(('copied', 'told'), [(False, 'is named twice'), (True, 'is a copy of')])
+def test_train_refuses_a_recording_that_would_judge_itself(
+    experiment: Path, tmp_path: Path, copied: bool, told: str
+) -> None:
+    second = tmp_path / 'copy' if copied else experiment
+    if copied:
+        shutil.copytree(experiment, second)
+    arguments = ['--rig', experiment / 'rig.yaml', '--output', tmp_path / 'm', '--grid', '31x19']
+    result = porotwin('train', experiment, second, *arguments)
+    assert result.returncode == 2
+    assert f'{second}: {told}' in result.stderr
+    assert not (tmp_path / 'm').exists()
