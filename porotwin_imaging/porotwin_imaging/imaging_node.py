@@ -65,7 +65,7 @@ class ImagingNode(Node):
             self,
             'experiment_start',
             '',
-            'file that keeps the time of the first photograph over a restart; empty: none',
+            'file that keeps time and baselines of the experiment over a restart; empty: none',
         )
         self._start = ExperimentStart(Path(kept) if kept else None)
         self._calibration_hash = sha256_of_file(calibration)
