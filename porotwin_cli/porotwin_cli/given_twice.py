@@ -9,10 +9,10 @@ from porotwin_recording.recording import Recording
 
 
 def refuse_twice(recordings: Sequence[Recording]) -> None:
-    """Refuse a recording that is named twice, or a copy of it: it would count twice, and
-    a training would be judged by maps that it has seen.
+    """Refuse a recording that is named twice, or a copy of it.
 
-    Two recordings never share their last map to the last bit, because its noise differs.
+    It would count twice in a diagnosis, and judge a training that has learnt from it. Two
+    recordings never share their last map to the last bit, because its noise differs.
 
     Raises:
         InputError: there is one.

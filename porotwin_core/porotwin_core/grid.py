@@ -14,6 +14,9 @@ FloatArray = NDArray[np.floating]
 SIZE_TOLERANCE = 1e-4
 """Relative difference of two widths or heights that are the same: 0.1 mm of a metre."""
 
+MOST_IN_A_ROW = 10**9
+"""Most cells in a row or column: numbers with hundreds of digits have no size of a cell."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -86,6 +89,10 @@ class Grid:
             nx, nz = (int(part) for part in text.lower().split('x'))
         except ValueError:
             raise InputError(f"grid '{text}': write columns x rows, like 187x112") from None
+        if max(nx, nz) > MOST_IN_A_ROW:
+            raise InputError(
+                f'grid of more than {MOST_IN_A_ROW} cells in a row: take fewer, like 187x112'
+            )
         return cls(nx, nz, width, height)
 
     def __str__(self) -> str:

@@ -89,7 +89,7 @@ class PlausibleRange:
 WATER_WEIGHT = 998.0 * GRAVITY / 1.0e-3
 """Hydraulic conductivity over permeability for water at 20 degrees C [1/(m s)]."""
 
-LENGTHS = (('mm', 1e-3), ('cm', 1e-2), ('inches', 0.0254))
+LENGTHS = (('mm', 1e-3), ('cm', 1e-2), ('inches', 0.0254), ('feet', 0.3048))
 """Other units of lengths."""
 
 WIDTH = PlausibleRange(

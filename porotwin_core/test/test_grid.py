@@ -50,6 +50,11 @@ def test_a_grid_that_cannot_be_read_says_how_to_write_it(text: str) -> None:
         Grid.parse(text, 1.0, 1.0)
 
 
+def test_a_grid_with_more_cells_than_numbers_can_count_is_refused() -> None:
+    with pytest.raises(InputError, match='cells in a row: take fewer'):
+        Grid.parse(f'1{"0" * 400}x3', 1.0, 0.5)
+
+
 def test_a_grid_without_cells_is_refused() -> None:
     with pytest.raises(InputError, match='at least one cell'):
         Grid.parse('0x5', 1.0, 1.0)

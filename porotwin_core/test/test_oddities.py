@@ -190,7 +190,7 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
             },
             'coding of accents',
         ),
-        ({'width_m': 16.0}, 'was this in cm or inches?'),
+        ({'width_m': 16.0}, 'was this in cm or inches or feet?'),
         ({'wells.wall': {'x_m': 0.001, 'z_m': 0.2}}, 'reaches into the wall 0.001 m away'),
         ({'wells.near': {'x_m': 0.24, 'z_m': 0.235}}, "overlaps 'injector'"),
         ({'wells.wide': {'x_m': 0.4, 'z_m': 0.4, 'radius_m': 0.06}}, 'a tenth of the rig'),

@@ -24,6 +24,7 @@ SMALL_RIG_PORES = 1.97e-3
         (plausibility.POROSITY, 37.5, '37.5 percent = 0.375', True),
         (plausibility.POROSITY, 0.1, 'correct the number', False),
         (plausibility.CONDUCTIVITY, 550.0, '550 m/day', True),
+        (plausibility.WIDTH, 9.2, '9.2 feet = 2.8 m', False),
         (plausibility.WELL_RADIUS, 0.5, 'mm or cm or inches? 0.5 mm = 0.0005 m', True),
         (plausibility.WELL_RADIUS, 4.0, '4 mm = 0.004 m', True),
     ],

@@ -110,7 +110,7 @@ class Evaluation:
         withheld = [frame.status for frame in self.frames if frame.status != APPLIED]
         if withheld:
             count = f'{len(withheld)} of {len(self.frames)} frames'
-            lines.append(f'no correction in {count}, first because: {withheld[0]}')
+            lines.append(f'not the whole correction in {count}; the first: {withheld[0]}')
         return '\n'.join(lines)
 
     def write_csv(self, path: Path) -> None:
@@ -162,7 +162,8 @@ def evaluate(
             progress(len(errors))
     if not errors:
         raise InputError(
-            f'{", ".join(names) or "no recording"}: no two known frames {time_step:g} s apart'
+            f'{", ".join(names) or "no recording"}: no two known frames {time_step:g} s apart, the '
+            'time step of the model; train one for the interval of these frames'
         )
     return Evaluation(tuple(errors), tuple(shown))
 

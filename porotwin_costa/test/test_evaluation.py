@@ -10,7 +10,7 @@ from costa_examples import TIME_STEP
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import relative_error
-from porotwin_costa.corrective_source import APPLIED, NO_MODEL
+from porotwin_costa.corrective_source import APPLIED, NO_MODEL, PHYSICS_ONLY
 from porotwin_costa.evaluation import evaluate
 
 
@@ -49,7 +49,7 @@ def test_without_correction_both_runs_agree(model, unseen_frames):
     for frame in result.frames:
         assert frame.corrected == frame.predicted
         assert frame.free_corrected == frame.free_predicted
-    assert 'no correction in 24 of 24 frames, first because: no model loaded' in result.table()
+    assert 'not the whole correction in 24 of 24 frames; the first: no model' in result.table()
 
 
 def test_exact_correction_has_no_error_one_step_ahead_or_free_running(model, unseen_frames):
@@ -64,6 +64,15 @@ def test_exact_correction_has_no_error_one_step_ahead_or_free_running(model, uns
     assert max(frame.corrected for frame in result.frames) < 1e-12
     assert max(frame.free_corrected for frame in result.frames) < 1e-12
     assert max(abs(frame.corrected_mass) for frame in result.frames) < 1e-12
+
+
+def test_a_part_of_the_correction_is_not_told_as_none(model, unseen_frames):
+    def by_physics(predicted, *_):
+        return Correction(np.zeros_like(predicted), f'{PHYSICS_ONLY}pumping 900')
+
+    told = _run(model, [unseen_frames], by_physics).table()
+    assert 'no correction' not in told
+    assert 'in 24 of 24 frames; the first: applied: learnt physics, without the network' in told
 
 
 def test_an_overshooting_correction_stays_within_0_and_1_as_in_the_twin(model, unseen_frames):
@@ -141,7 +150,7 @@ def test_mean_error_of_frames_without_tracer_is_undefined(model, unseen_frames):
 
 def test_recording_without_pairs_is_refused(model, unseen_frames):
     sparse = dataclasses.replace(unseen_frames, times=unseen_frames.times * 10)
-    with pytest.raises(InputError, match='no two known frames 30 s apart'):
+    with pytest.raises(InputError, match=r'no two known frames 30 s apart, .* train one for'):
         _run(model, [sparse], _nothing)
 
 
