@@ -285,7 +285,7 @@ def test_numbers_without_a_point_survive_the_wire() -> None:
     plan = [RateStep(0, {'a': WellRate(1, 1)})]
     step = over_the_wire(conversions.plan_to_msg(plan)[0])
     assert conversions.plan_from_msg([step]) == (RateStep(0.0, {'a': WellRate(1.0, 1.0)}),)
-    learnt = LearntPhysics(1, 1, 1, (0, 0), 1, (LearntLeak(1, 0, 1),), (SandPatch(1, 1, 1, 1),))
+    learnt = LearntPhysics(1, 1, 1, (0, 0), 1, (LearntLeak(1, 1, 0),), (SandPatch(1, 1, 1, 1),))
     assert conversions.learnt_from_msg(over_the_wire(conversions.learnt_to_msg(learnt))) == learnt
     effect = EffectDescription.model_construct(name='rest', parameters={'factor': 2})
     message = over_the_wire(conversions.effect_to_msg(effect))
