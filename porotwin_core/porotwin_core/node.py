@@ -45,7 +45,6 @@ from porotwin_core.ros_environment import check_environment
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
 
-
 END_S = 5.0
 """Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
 takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""

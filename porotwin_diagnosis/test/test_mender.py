@@ -107,7 +107,8 @@ def test_an_accepted_effect_acts_and_is_kept_when_the_photographs_agree(desk):
     assert desk.mender.in_force == (weak_pump(),)
 
 
-def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
+def worse_beside_a_silent_solver(desk):
+    """Accept an effect that the rig does not have; return the rig's model and its last state."""
     desk.accepted()
     true = Model(SMALL, GRID, preset='fast')
     state = true.predict(true.initial_condition(), RATES, 600.0)
@@ -116,6 +117,11 @@ def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
     for _ in range(6):
         state = true.predict(state, RATES, 120.0)
         desk.mender.see(state, PERIODS)
+    return true, state
+
+
+def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
+    true, state = worse_beside_a_silent_solver(desk)
     assert any('tried again with the next photograph' in line for line in desk.lines)
     desk.fault = None
     desk.mender.see(true.predict(state, RATES, 120.0), PERIODS)
@@ -125,14 +131,7 @@ def test_an_effect_that_makes_forecasts_worse_is_taken_back_by_itself(desk):
 
 
 def test_a_solver_that_answers_late_has_taken_back(desk):
-    desk.accepted()
-    true = Model(SMALL, GRID, preset='fast')
-    state = true.predict(true.initial_condition(), RATES, 600.0)
-    desk.mender.see(state, [])
-    desk.fault = TimeoutError('the solver is silent')
-    for _ in range(6):
-        state = true.predict(state, RATES, 120.0)
-        desk.mender.see(state, PERIODS)
+    worse_beside_a_silent_solver(desk)
     assert desk.offers[-1].state is OfferState.ACCEPTED
     desk.mender.solver_tells((), is_new=False)
     assert desk.offers[-1].state is OfferState.TAKEN_BACK
