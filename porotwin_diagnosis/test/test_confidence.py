@@ -7,6 +7,7 @@ from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
+    rival_log_odds,
     sufficient_log_odds,
 )
 
@@ -34,3 +35,13 @@ def test_what_the_calibration_swallows_counts_by_its_own_size_and_beside_the_eff
     assert calibration_log_odds(0.1, 0.0) > calibration_log_odds(0.4, 0.0) > 0.0
     assert calibration_log_odds(1.0, 0.0) == 0.0
     assert calibration_log_odds(1.0, 2.0) > calibration_log_odds(1.0, 1.2) > 0.0
+
+
+def test_on_maps_a_rival_counts_less_and_one_with_nearly_the_same_maps_still_less():
+    far, alike = (rival_log_odds(1.0, distance, shared_errors=False) for distance in (1.0, 0.1))
+    assert alike > far > 1.0
+    assert rival_log_odds(-1.0, 1.0, shared_errors=False) < -1.0  # a better rival counts more
+
+
+def test_the_log_odds_against_a_rival_hold_as_they_are_beside_shared_errors():
+    assert rival_log_odds(1.0, 0.1, shared_errors=True) == 1.0

@@ -25,6 +25,7 @@ from porotwin_diagnosis.thresholds import (
     NO_GAP_SLOPE,
     ORDER_LOG_ODDS,
     ORDER_SLOPE,
+    RIVAL_SLOPE,
     SINGLE_SHARE_RANGE,
     SLOPE_BESIDE_SHARED,
     SUFFICIENT_BESIDE_SHARED,
@@ -183,9 +184,14 @@ def pair_distance(rival: Fit | None, findings: Findings) -> float:
     return min((distance for fit, distance in pairs if fit is rival), default=math.inf)
 
 
-def alike_log_odds(distance: float, *, shared_errors: bool) -> float:
-    """Return the increase of the log-odds against a rival at this whitened `distance` [-].
+def rival_log_odds(log_odds: float, distance: float, *, shared_errors: bool) -> float:
+    """Return the log-odds against a rival, from those of the misfits alone.
 
-    It is 0 for maps with `shared_errors`.
+    `distance` [-] is the whitened distance of the rival's maps. A rival that makes nearly the same
+    maps is seldom the true one, and misfits tell effects apart better than their scatter suggests.
+    Neither has been shown for maps with `shared_errors`, so that `log_odds` holds there.
     """
-    return NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE and not shared_errors else 0.0
+    if shared_errors:
+        return log_odds
+    alike = NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE else 0.0
+    return RIVAL_SLOPE * (log_odds + alike)

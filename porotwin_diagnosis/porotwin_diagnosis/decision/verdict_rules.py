@@ -1,7 +1,6 @@
 """The verdict, made in one place: rules on the evidence, in their order."""
 
 from porotwin_diagnosis.decision.confidence import (
-    alike_log_odds,
     calibration_log_odds,
     confidence,
     missing_log_odds,
@@ -9,6 +8,7 @@ from porotwin_diagnosis.decision.confidence import (
     order_log_odds,
     pair_distance,
     pair_log_odds,
+    rival_log_odds,
     rival_of_pair,
     rival_of_single,
     share_of,
@@ -139,7 +139,7 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
         right = single_log_odds(same, probabilities)
         distance = single_distance(same, probabilities, findings)
         return [
-            (right + alike_log_odds(distance, shared_errors=shared_errors), Doubt.RIVAL),
+            (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
             *enough,
         ]
     rival = rival_of_pair(same, findings)
@@ -148,7 +148,7 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
     return [
-        (right + alike_log_odds(distance, shared_errors=shared_errors), Doubt.RIVAL),
+        (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
         (needed, Doubt.FEWER),
         (order_log_odds(kept.members, findings), Doubt.ORDER),
         *enough,
