@@ -1,5 +1,6 @@
 """Speech through espeak-ng."""
 
+import contextlib
 import queue
 import shutil
 import subprocess
@@ -36,8 +37,9 @@ class Voice:
         """Speak a sentence next; sentences that still wait are out of date and dropped."""
         if self.program is None:
             return
-        while not self._sentences.empty():
-            self._sentences.get_nowait()
+        with contextlib.suppress(queue.Empty):  # the speaker may take one at the same moment
+            while True:
+                self._sentences.get_nowait()
         self._sentences.put(sentence)
 
     def _work(self, program: str) -> None:
