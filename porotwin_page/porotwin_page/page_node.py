@@ -16,7 +16,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, hardware_id, run
 from porotwin_core.rig import load_rig
 from porotwin_core.service_answer import answer_within
-from porotwin_core.stamps import believed_age
+from porotwin_core.stamps import believed_age, steady_time
 from porotwin_core.wells import RateStep
 from porotwin_core.wells import WellRates as RatesByWell
 from porotwin_msgs.msg import (
@@ -94,6 +94,8 @@ class PageNode(Node):
         """
         super().__init__('page', **kwargs)
         self._store = SnapshotStore()
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._steady_time = steady_time()
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
@@ -193,6 +195,12 @@ class PageNode(Node):
         return checked
 
     def _graph_time(self) -> float | None:
+        """Return the time [s] for the ends of setpoints; None before simulated time has begun.
+
+        It is simulated time, or a clock that goes on when this machine's clock is set.
+        """
+        if not self._simulated:
+            return self._steady_time()
         now = self.get_clock().now().nanoseconds
         return now * 1e-9 if now > 0 else None
 
@@ -243,14 +251,14 @@ class PageNode(Node):
     def _on_setpoint(self, message: Setpoint) -> None:
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        now = self._graph_time()
+        now, today = self._graph_time(), self.get_clock().now().nanoseconds * 1e-9
         setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
             time=taken,
             valid_until=until,
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
-            arrival=None if now is None else now - believed_age(taken, now, until - taken),
+            arrival=None if now is None else now - believed_age(taken, today, until - taken),
             clock=time.time(),
             doubt=self._doubt_on_publishers(),
         )

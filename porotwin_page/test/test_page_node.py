@@ -18,6 +18,8 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
 from refused_node import refusal
 
 from porotwin_core import conversions, qos
@@ -286,6 +288,33 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
             'the name of the other publisher',
         )
         stranger.destroy_node()
+
+
+class SetClock:
+    """A clock of a machine that somebody sets."""
+
+    def __init__(self) -> None:
+        self.seconds = time.time()
+
+    def now(self) -> Time:
+        return Time(nanoseconds=round(1e9 * self.seconds))
+
+
+def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(monkeypatch) -> None:
+    address, context, clock = free_address(), rclpy.Context(), SetClock()
+    rclpy.init(context=context)
+    own = [Parameter('address', value=address)]
+    node = page_node.PageNode(context=context, parameter_overrides=own)
+    monkeypatch.setattr(node, 'get_clock', lambda: clock)
+    message = Setpoint(header=conversions.header_at(clock.seconds), sequence=3)
+    message.valid_until = conversions.time_to_msg(clock.seconds + 90.0)
+    message.wells = conversions.rates_to_msg(rates(120.0))
+    node._on_setpoint(message)
+    for step in (-3600.0, 7200.0):
+        clock.seconds += step
+        assert 0 < newest_event(address)['panels']['pump_settings']['remaining_s'] <= 90
+    node.destroy_node()
+    rclpy.shutdown(context=context)
 
 
 def test_a_port_in_use_is_one_line_and_status_2(
