@@ -4,6 +4,7 @@ import pytest
 import yaml
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig.rig_file import rig_file
 from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file, yaml_text
 
 
@@ -79,3 +80,8 @@ def test_a_text_that_looks_like_something_else_is_written_as_a_text(text):
 def test_a_folder_is_no_yaml(tmp_path):
     with pytest.raises(InputError, match='is a folder; name a file in it'):
         read_yaml_file(tmp_path, remedy='write one')
+
+
+def test_a_name_that_is_too_long_is_no_yaml(tmp_path):
+    with pytest.raises(InputError, match=r'cannot be read \(File name too long\)'):
+        read_yaml_file(rig_file(tmp_path / ('x' * 300)), remedy='write one')

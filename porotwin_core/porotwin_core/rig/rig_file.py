@@ -72,7 +72,10 @@ def read_rig(path: Path | str) -> ReadRig:
 def rig_file(path: Path | str) -> Path:
     """Return `path`, or the `rig.yaml` in the folder `path`."""
     path = Path(path)
-    return path / FILE_NAME if path.is_dir() else path
+    try:
+        return path / FILE_NAME if path.is_dir() else path
+    except OSError:  # one may not look there; its reader tells so
+        return path
 
 
 def _content(path: Path) -> Any:

@@ -91,10 +91,10 @@ def read_yaml_file(path: Path, *, remedy: str) -> Any:
     Raises:
         InputError: the file is missing, not readable, or no YAML; one line with the remedy.
     """
-    if path.is_dir():
-        raise InputError(f'{path}: is a folder; name a file in it')
     try:
         return read_yaml(path.read_text(encoding='utf-8-sig'))
+    except IsADirectoryError:
+        raise InputError(f'{path}: is a folder; name a file in it') from None
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; {remedy}') from None
     except UnicodeDecodeError:
