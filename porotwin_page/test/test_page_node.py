@@ -23,6 +23,7 @@ from rclpy.time import Time
 from refused_node import refusal
 
 from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
 from porotwin_core.node_thread import NodeThread
 from porotwin_core.units import to_ml_h
 from porotwin_msgs.msg import (
@@ -140,6 +141,20 @@ class Hub(Node):
         message.header.stamp = now
         self.send('wells/measured', message)
         return response
+
+    def ask_about_odd_rates(self) -> None:
+        """Refuse every confirmation once, as the operator node does with rates out of balance."""
+
+        def confirm(
+            request: ConfirmRates.Request, response: ConfirmRates.Response
+        ) -> ConfirmRates.Response:
+            self.requests.append(request)
+            again = len(self.requests) % 2 == 0
+            question = InputError('confirm the same once more')
+            response.outcome = conversions.ok() if again else conversions.refusal(question)
+            return response
+
+        self.create_service(ConfirmRates, 'operator/confirm', confirm)
 
     def send(self, topic: str, message: Any) -> None:
         self.publishers_by_topic[topic].publish(message)
@@ -288,6 +303,20 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
             'the name of the other publisher',
         )
         stranger.destroy_node()
+
+
+def test_odd_rates_are_recorded_when_the_operator_has_said_yes(hub, tmp_path) -> None:
+    address = free_address()
+    (tmp_path / 'token').write_text(TOKEN)
+    hub.ask_about_odd_rates()
+    with page(address, f'token_file:={tmp_path / "token"}', f'rig:={RIG_FILE}'):
+        until(hub.all_topics_have_subscribers, 'subscriptions of the page to all topics')
+        hub.publish_cycle(time.time())
+        until(lambda: newest_event(address)['panels']['pump_settings'], 'a setpoint')
+        odd = {'sequence': 3, 'rates_ml_h': {**ml_h(rates(120.0)), 'producer': -500.0}}
+        asked = until(lambda: (found := post(address, odd))[0] != 503 and found, 'an answer')
+        assert (asked[0], hub.requests) == (409, [])
+        assert post(address, {**odd, 'sure': True}) == (200, {'message': 'setpoint 3 confirmed'})
 
 
 class SetClock:
