@@ -96,6 +96,7 @@ class PageNode(Node):
         self._store = SnapshotStore()
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._steady_time = steady_time()
+        self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
@@ -367,7 +368,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
-        response = answer_within(client, request, ANSWER_TIMEOUT)
+        response = answer_within(client, request, ANSWER_TIMEOUT, look=self._go_on)
         if response is None:
             raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
         if response.outcome.code != Outcome.OK:
@@ -385,7 +386,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        response = answer_within(client, request, MEND_TIMEOUT)
+        response = answer_within(client, request, MEND_TIMEOUT, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
@@ -405,10 +406,10 @@ class PageNode(Node):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
-        response = answer_within(client, request, timeout)
+        response = answer_within(client, request, timeout, look=self._go_on)
         if given.sure and response is not None and response.outcome.code != Outcome.OK:
             # the operator node takes odd rates that are confirmed once more: this yes
-            response = answer_within(client, request, timeout)
+            response = answer_within(client, request, timeout, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'
@@ -419,8 +420,14 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_confirmation, given.sequence, safe=given.safe)
         return f'setpoint {given.sequence} confirmed'
 
+    def _go_on(self) -> None:
+        """Return while the page runs; raise ConfirmationUnavailable when it ends."""
+        if self._ends:
+            raise ConfirmationUnavailable('the page ends; ask the next one')
+
     def destroy_node(self) -> None:
         """Stop the server, then destroy the node."""
+        self._ends = True
         self._server.close()
         self._past.close()
         super().destroy_node()

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -35,7 +36,7 @@ from porotwin_msgs.msg import (
     TracerField,
     WellRates,
 )
-from porotwin_msgs.srv import ConfirmRates
+from porotwin_msgs.srv import AnswerMend, ConfirmRates
 from porotwin_page import page_node
 from porotwin_page.address import listen
 
@@ -91,9 +92,9 @@ def newest_event(address: str) -> dict:
         return json.loads(response.readline().removeprefix(b'data: '))
 
 
-def post(address: str, body: dict) -> tuple[int, dict]:
+def post(address: str, body: dict, what: str = 'confirm') -> tuple[int, dict]:
     request = urllib.request.Request(
-        f'http://{address}/confirm',
+        f'http://{address}/{what}',
         json.dumps(body).encode(),
         {'Content-Type': 'application/json', 'Authorization': f'Bearer {TOKEN}'},
     )
@@ -378,6 +379,33 @@ def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None
     assert process.returncode == 0, output
     (line,) = output.strip().splitlines()
     assert f'page: http://{address}/#token=' in line
+
+
+def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) -> None:
+    address, asked, told = free_address(), threading.Event(), threading.Event()
+    (tmp_path / 'token').write_text(TOKEN)
+
+    def answer(_: AnswerMend.Request, response: AnswerMend.Response) -> AnswerMend.Response:
+        asked.set()
+        told.wait(page_node.MEND_TIMEOUT)
+        return response
+
+    def ask() -> None:
+        while not asked.is_set():  # the page may not know the service yet
+            with contextlib.suppress(OSError):
+                post(address, {'sequence': 1, 'accept': True}, 'mend')
+
+    hub.create_service(AnswerMend, 'mend/answer', answer)
+    with page(address, f'token_file:={tmp_path / "token"}') as process:
+        until(lambda: newest_event(address), 'an event')
+        asking = threading.Thread(target=ask)
+        asking.start()
+        assert asked.wait(TIMEOUT_S)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=page_node.MEND_TIMEOUT / 2)
+        assert process.returncode == 0, output
+    told.set()
+    asking.join()
 
 
 def test_the_port_is_free_after_the_end_of_a_page() -> None:
