@@ -133,7 +133,7 @@ class OperatorNode(Node):
         self._announcements.publish(String(data=words.speech))
         voice = self._voice
         if voice is not None and words.changed:
-            voice.say(words.speech)
+            voice.say(words.speech, words.changed)
 
     def _on_confirm(
         self, request: ConfirmRates.Request, response: ConfirmRates.Response
