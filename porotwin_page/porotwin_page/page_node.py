@@ -293,6 +293,8 @@ class PageNode(Node):
 
     def _on_offer(self, message: MendOffer) -> None:
         senders.check_only_mend_offers(self)  # `_checked` logs the reason
+        if not 0.0 <= message.confidence <= 1.0:
+            raise InputError(f'its confidence {message.confidence:g} is not from 0 to 1')
         offer = graph_snapshot.MendOffer(
             sequence=message.sequence,
             state=OFFER_STATES.get(message.state, 'unknown'),

@@ -30,6 +30,7 @@ from porotwin_core.units import to_ml_h
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
+    MendOffer,
     NewState,
     RigDescription,
     Setpoint,
@@ -330,11 +331,29 @@ class SetClock:
         return Time(nanoseconds=round(1e9 * self.seconds))
 
 
-def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(monkeypatch) -> None:
-    address, context, clock = free_address(), rclpy.Context(), SetClock()
+@pytest.fixture
+def own_page() -> Iterator[tuple[page_node.PageNode, str]]:
+    """A page in this process that no thread spins, and its address."""
+    address, context = free_address(), rclpy.Context()
     rclpy.init(context=context)
     own = [Parameter('address', value=address)]
     node = page_node.PageNode(context=context, parameter_overrides=own)
+    yield node, address
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_an_offer_without_a_confidence_does_not_stop_the_page(own_page) -> None:
+    node, address = own_page
+    take = node._checked('mend/offer', node._on_offer)
+    take(MendOffer(sequence=1, confidence=float('nan'), sentence='a leak'))
+    assert newest_event(address)['panels']['mend'] is None
+    take(MendOffer(sequence=2, confidence=0.95, sentence='a leak'))
+    assert newest_event(address)['panels']['mend']['confidence_percent'] == 95
+
+
+def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(own_page, monkeypatch) -> None:
+    (node, address), clock = own_page, SetClock()
     monkeypatch.setattr(node, 'get_clock', lambda: clock)
     message = Setpoint(header=conversions.header_at(clock.seconds), sequence=3)
     message.valid_until = conversions.time_to_msg(clock.seconds + 90.0)
@@ -343,8 +362,6 @@ def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(monkeypatch
     for step in (-3600.0, 7200.0):
         clock.seconds += step
         assert 0 < newest_event(address)['panels']['pump_settings']['remaining_s'] <= 90
-    node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 def test_a_port_in_use_is_one_line_and_status_2(
