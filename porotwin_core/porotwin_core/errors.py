@@ -10,7 +10,15 @@ from pathlib import Path
 FULL_BYTES = 1_000_000
 """Free space below which a disk counts as full [B]: libraries give no reason for failed writes."""
 
-MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
+MAY_NOT = (
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ENAMETOOLONG,
+)
 """Faults of writing that another path mends."""
 
 
@@ -64,17 +72,19 @@ def check_writable(path: Path) -> None:
     Raises:
         InputError: its nearest existing folder, or the file itself, may not be written.
     """
-    above = next(place for place in path.absolute().parents if place.exists())
+    with writing(path):  # a folder may not let one look into it
+        above = next(place for place in path.absolute().parents if place.exists())
+        existing = (above, path) if path.exists() else (above,)
     if not above.is_dir():
         raise write_error(path, NotADirectoryError(errno.ENOTDIR, ''))
-    for place in (above, path):
-        if place.exists() and not os.access(place, os.W_OK):
+    for place in existing:
+        if not os.access(place, os.W_OK):
             raise write_error(path, PermissionError(errno.EACCES, ''))
 
 
 def _is_full(path: Path) -> bool:
-    folder = next((one for one in path.absolute().parents if one.is_dir()), Path('/'))
     try:
+        folder = next(one for one in path.absolute().parents if one.is_dir())
         return shutil.disk_usage(folder).free < FULL_BYTES
     except OSError:
         return False

@@ -78,11 +78,15 @@ def domain_of(environ: Mapping[str, str]) -> int:
     """Return the domain from the environment variables; 0 by default.
 
     Raises:
-        InputError: it is no number from 0 to 232.
+        InputError: it is no number from 0 to 232, or begins with a zero: ROS takes 010 as 8.
     """
     text = environ.get(DOMAIN, '').strip() or '0'
-    if not (text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN):
-        raise InputError(f'{DOMAIN} is {text}; set it to a number from 0 to {LARGEST_DOMAIN}')
+    is_number = text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN
+    if not is_number or text != str(int(text)):
+        zeros = ', without zeros before it' if is_number else ''
+        raise InputError(
+            f'{DOMAIN} is {text}; set it to a number from 0 to {LARGEST_DOMAIN}{zeros}'
+        )
     return int(text)
 
 

@@ -48,6 +48,25 @@ def test_a_place_below_a_file_is_refused(tmp_path: Path) -> None:
         check_writable(tmp_path / 'file' / 'new' / 'maps.nc')
 
 
+def test_a_folder_that_one_may_not_look_into_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def look(place: Path) -> bool:
+        if tmp_path in place.parents:
+            raise PermissionError(errno.EACCES, 'Permission denied')
+        return True
+
+    monkeypatch.setattr(Path, 'exists', look)
+    monkeypatch.setattr(Path, 'is_dir', look)
+    with pytest.raises(InputError, match=r'cannot be written \(Permission denied\); name an'):
+        check_writable(tmp_path / 'closed' / 'maps.nc')
+
+
+def test_a_name_that_is_too_long_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'cannot be written \(File name too long\)'):
+        check_writable(tmp_path / ('x' * 300))
+
+
 def test_the_nearest_existing_folder_must_be_writable(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,6 +94,28 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
         load_rig(tmp_path)
 
 
+def test_a_map_with_damaged_bytes_or_with_texts_is_named(tmp_path: Path) -> None:
+    depth = {'file': 'depth.nc', 'variable': 'depth'}
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump({**SMALL, 'depth_m': depth}))
+    file = tmp_path / 'depth.nc'
+    with netCDF4.Dataset(file, 'w') as dataset:
+        dataset.createDimension('z', 50)
+        dataset.createDimension('x', 70)
+        values = dataset.createVariable('depth', 'f8', ('z', 'x'), fletcher32=True)
+        values[:] = np.random.default_rng(3).uniform(0.018, 0.028, (50, 70))
+    whole = bytearray(file.read_bytes())
+    whole[len(whole) // 2] ^= 255
+    file.write_bytes(whole)
+    with pytest.raises(InputError, match=r'depth\.nc: not a readable NetCDF file'):
+        load_rig(tmp_path)
+    with netCDF4.Dataset(file, 'w') as dataset:
+        dataset.createDimension('z', 2)
+        dataset.createDimension('x', 2)
+        dataset.createVariable('depth', 'S1', ('z', 'x'))[:] = np.full((2, 2), b'a')
+    with pytest.raises(InputError, match=r'depth\.nc: not a readable NetCDF file'):
+        load_rig(tmp_path)
+
+
 def test_a_rig_with_maps_survives_writing_and_reading(tmp_path: Path) -> None:
     depth = np.random.default_rng(3).uniform(0.018, 0.028, (5, 7))
     data = {

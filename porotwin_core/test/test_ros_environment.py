@@ -56,6 +56,8 @@ def test_without_a_range_only_this_machine_is_searched(monkeypatch: pytest.Monke
 def test_the_domain_is_a_number() -> None:
     assert domain_of({'ROS_DOMAIN_ID': ' 7 '}) == 7
     assert domain_of({}) == domain_of({'ROS_DOMAIN_ID': ''}) == 0
+    with pytest.raises(InputError, match='from 0 to 232, without zeros before it'):
+        domain_of({'ROS_DOMAIN_ID': '010'})  # ROS reads an octal number, 8
 
 
 def test_a_domain_has_one_graph(monkeypatch: pytest.MonkeyPatch) -> None:

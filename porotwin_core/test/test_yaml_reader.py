@@ -4,7 +4,8 @@ import pytest
 import yaml
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file
+from porotwin_core.rig.rig_file import rig_file
+from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file, yaml_text
 
 
 @pytest.mark.parametrize(
@@ -70,6 +71,17 @@ def test_a_file_that_is_no_yaml_gets_one_line(tmp_path, content, line):
     assert '\n' not in str(refusal.value)
 
 
+@pytest.mark.parametrize('text', ['2e1', '.5e3', '010', '1:30', 'no', '12', 'a: b', 'café', '~'])
+def test_a_text_that_looks_like_something_else_is_written_as_a_text(text):
+    data = {'name': text, 'sizes': [1e-14, 20.0, 3]}
+    assert read_yaml(yaml_text(data)) == data
+
+
 def test_a_folder_is_no_yaml(tmp_path):
     with pytest.raises(InputError, match='is a folder; name a file in it'):
         read_yaml_file(tmp_path, remedy='write one')
+
+
+def test_a_name_that_is_too_long_is_no_yaml(tmp_path):
+    with pytest.raises(InputError, match=r'cannot be read \(File name too long\)'):
+        read_yaml_file(rig_file(tmp_path / ('x' * 300)), remedy='write one')

@@ -4,7 +4,6 @@ Beside a real rig it also stands for the asset: it answers `asset/ping`, and it 
 `asset/control` by passing the setpoint on to the operator, as the paper's audio link did.
 """
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +15,7 @@ from std_msgs.msg import String
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
-from porotwin_core.stamps import believed_age
+from porotwin_core.stamps import believed_age, steady_time
 from porotwin_hub.announcement import Announcement
 from porotwin_hub.hub import NO_SETPOINT
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
@@ -44,7 +43,7 @@ class OperatorNode(Node):
         super().__init__('operator', **kwargs)
         rig = declare_rig(self)
         simulated = bool(self.get_parameter('use_sim_time').value)
-        self._now = clock or (self._simulated_time if simulated else time.monotonic)
+        self._now = clock or (self._simulated_time if simulated else steady_time())
         self._book = SetpointBook(rig)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
         self._voice: Voice | None = None
@@ -134,7 +133,7 @@ class OperatorNode(Node):
         self._announcements.publish(String(data=words.speech))
         voice = self._voice
         if voice is not None and words.changed:
-            voice.say(words.speech)
+            voice.say(words.speech, words.changed)
 
     def _on_confirm(
         self, request: ConfirmRates.Request, response: ConfirmRates.Response

@@ -1,10 +1,9 @@
 """Speech through espeak-ng."""
 
-import queue
 import shutil
 import subprocess
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 LONGEST_SENTENCE_S = 60.0
 """Longest time for one announcement [s]; a sound card that blocks for longer is broken."""
@@ -28,21 +27,34 @@ class Voice:
         self.program = shutil.which('espeak-ng')
         self._options = tuple(options)
         self._on_problem = on_problem
-        self._sentences: queue.Queue[str] = queue.Queue()
+        self._waiting: list[tuple[str, frozenset[str]]] = []
+        """Sentences, each with the wells that it is about."""
+        self._came = threading.Condition()
         if self.program is not None:
             threading.Thread(target=self._work, args=(self.program,), daemon=True).start()
 
-    def say(self, sentence: str) -> None:
-        """Speak a sentence next; sentences that still wait are out of date and dropped."""
+    def say(self, sentence: str, about: Iterable[str] = ()) -> None:
+        """Speak a sentence after those that wait and tell of other things.
+
+        Args:
+            sentence: the text.
+            about: the wells, or other things, that it tells of. A sentence that still waits and
+                tells of no others is out of date and dropped.
+        """
         if self.program is None:
             return
-        while not self._sentences.empty():
-            self._sentences.get_nowait()
-        self._sentences.put(sentence)
+        told = frozenset(about)
+        with self._came:
+            self._waiting = [one for one in self._waiting if not one[1] <= told]
+            self._waiting.append((sentence, told))
+            self._came.notify()
 
     def _work(self, program: str) -> None:
         while True:
-            self._speak(program, self._sentences.get())
+            with self._came:
+                self._came.wait_for(lambda: self._waiting)
+                sentence, _ = self._waiting.pop(0)
+            self._speak(program, sentence)
 
     def _speak(self, program: str, sentence: str) -> None:
         try:

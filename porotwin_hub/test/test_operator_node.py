@@ -82,6 +82,27 @@ def other(small_rig: Rig) -> dict[str, WellRate]:
     return Limits.of(small_rig).setpoint(from_ml_h(1.0) * np.array([100.0, 0.0, 0.0]))
 
 
+def test_a_setpoint_expires_during_a_suspend_of_the_computer(
+    domain: int, other: dict[str, WellRate], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context, slept, read = rclpy.Context(), 0.0, time.clock_gettime
+    monkeypatch.setattr(
+        time, 'clock_gettime', lambda one: read(one) + slept * (one == time.CLOCK_BOOTTIME)
+    )
+    rclpy.init(context=context, domain_id=domain)
+    own = [Parameter('rig', value=str(SMALL_RIG))]
+    operator = OperatorNode(context=context, parameter_overrides=own)
+    operator._on_setpoint(setpoint(1, other))
+    said: list[str] = []
+    monkeypatch.setattr(operator, '_say', lambda words: said.append(words.speech))
+    operator._on_timer()
+    assert said == []
+    slept = 600.0
+    operator._on_timer()
+    assert 'Setpoint 1 has expired' in said[0]
+    rclpy.shutdown(context=context)
+
+
 def setpoint(sequence: int, rates: dict[str, WellRate], *, validity: float = 90.0) -> Setpoint:
     """Return a setpoint that follows from a photograph at 5 s."""
     return Setpoint(

@@ -1,6 +1,7 @@
 """Tests of the operator's voice, with a real espeak-ng where there is one."""
 
 import shutil
+import sys
 import threading
 import time
 import wave
@@ -82,3 +83,45 @@ def test_without_espeak_nothing_is_said(monkeypatch: pytest.MonkeyPatch, tmp_pat
     voice = Voice()
     assert voice.program is None
     voice.say('Set control 1 to 40.')
+
+
+def test_a_waiting_order_is_dropped_only_if_all_its_wells_are_told_anew(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    fake_espeak(tmp_path, 'exit 0', monkeypatch)
+    begun, free, done = (threading.Event() for _ in range(3))
+    spoken: list[str] = []
+
+    def speak(_: Voice, __: str, sentence: str) -> None:
+        spoken.append(sentence)
+        begun.set()
+        assert free.wait(60.0)
+        if sentence == 'last':
+            done.set()
+
+    monkeypatch.setattr(Voice, '_speak', speak)
+    voice = Voice()
+    voice.say('now', ['control1'])
+    assert begun.wait(60.0)
+    voice.say('old', ['control1'])
+    voice.say('new', ['control1', 'producer'])
+    voice.say('other', ['control2', 'producer'])
+    voice.say('last', ['model'])
+    free.set()
+    assert done.wait(60.0)
+    assert spoken == ['now', 'new', 'other', 'last']
+
+
+def test_the_speaker_may_take_a_sentence_while_the_next_one_comes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    fake_espeak(tmp_path, 'exit 0', monkeypatch)
+    monkeypatch.setattr(Voice, '_speak', lambda *_: None)
+    voice = Voice()
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # the threads meet often
+    try:
+        for number in range(20_000):
+            voice.say(f'Set control 1 to {number}.')
+    finally:
+        sys.setswitchinterval(before)

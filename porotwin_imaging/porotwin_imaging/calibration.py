@@ -27,12 +27,12 @@ from typing import Any, get_args
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.rig.yaml_reader import yaml_text
 from porotwin_imaging.calibration_keys import read_content
 from porotwin_imaging.tracer_signal import Contrast, TracerSignal
 
@@ -293,8 +293,7 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
         data['hidden'] = {'file': 'hidden.png'}
     if calibration.blur_px is not None:
         data['blur_px'] = round(calibration.blur_px, 3)
-    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
-    path.write_text(text, encoding='utf-8')
+    path.write_text(yaml_text(data), encoding='utf-8')
 
 
 def _check_sands(calibration: Calibration) -> None:

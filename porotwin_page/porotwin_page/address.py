@@ -6,6 +6,7 @@ import ipaddress
 import re
 import socket
 import struct
+from urllib.parse import quote
 
 from porotwin_core.errors import InputError
 
@@ -156,5 +157,6 @@ def page_lines(address: str, token: str) -> list[str]:
     lines = []
     for number, found in enumerate(reachable_hosts(host)):
         title = 'page' if number == 0 else 'page from a phone'
-        lines.append(f'{title}: http://{written(found, port)}/#token={token}')
+        fragment = quote(token, safe='')  # a token that a person chose may hold & or %
+        lines.append(f'{title}: http://{written(found, port)}/#token={fragment}')
     return lines

@@ -50,11 +50,13 @@ class Confirmation:
         sequence: number of the setpoint.
         rates: rates of all wells [m^3/s].
         safe: whether the browser showed the safe rates, because the setpoint had expired.
+        sure: whether the operator was asked about odd rates and said yes.
     """
 
     sequence: int
     rates: WellRates
     safe: bool = False
+    sure: bool = False
 
 
 def decoded(body: bytes) -> Any:
@@ -117,7 +119,7 @@ def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
     doubts = _doubts(rates, snapshot.rig)
     if doubts and not sure:
         raise ConfirmationDoubt(f'{" ".join(doubts)} Are these the rates at the pumps?')
-    return Confirmation(setpoint.sequence, rates, safe=orders == ORDERS[1])
+    return Confirmation(setpoint.sequence, rates, safe=orders == ORDERS[1], sure=sure)
 
 
 def _short(value: object) -> str:

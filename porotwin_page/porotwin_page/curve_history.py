@@ -31,7 +31,9 @@ def history_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel], *, after:
         its points, for a new experiment or if it has none.
     """
     first = snapshot.history_end - len(snapshot.history)
-    reset = after < snapshot.history_start or after < first or after > snapshot.history_end
+    # a browser that holds as many points as came before this experiment holds none of it
+    earlier = after < snapshot.history_start or after == snapshot.history_start > 0
+    reset = earlier or after < first or after > snapshot.history_end
     begin = first if reset else max(first, min(after, snapshot.history_end - 1))
     return {
         'reset': reset,

@@ -533,6 +533,7 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
         difference=None,
         predicted=(),
         corrected=(),
+        expected=None,
         history=(),
         history_start=now.history_end,
         marks=(),

@@ -16,7 +16,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, hardware_id, run
 from porotwin_core.rig import load_rig
 from porotwin_core.service_answer import answer_within
-from porotwin_core.stamps import believed_age
+from porotwin_core.stamps import believed_age, steady_time
 from porotwin_core.wells import RateStep
 from porotwin_core.wells import WellRates as RatesByWell
 from porotwin_msgs.msg import (
@@ -94,6 +94,9 @@ class PageNode(Node):
         """
         super().__init__('page', **kwargs)
         self._store = SnapshotStore()
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._steady_time = steady_time()
+        self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
@@ -193,6 +196,12 @@ class PageNode(Node):
         return checked
 
     def _graph_time(self) -> float | None:
+        """Return the time [s] for the ends of setpoints; None before simulated time has begun.
+
+        It is simulated time, or a clock that goes on when this machine's clock is set.
+        """
+        if not self._simulated:
+            return self._steady_time()
         now = self.get_clock().now().nanoseconds
         return now * 1e-9 if now > 0 else None
 
@@ -243,14 +252,14 @@ class PageNode(Node):
     def _on_setpoint(self, message: Setpoint) -> None:
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        now = self._graph_time()
+        now, today = self._graph_time(), self.get_clock().now().nanoseconds * 1e-9
         setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
             time=taken,
             valid_until=until,
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
-            arrival=None if now is None else now - believed_age(taken, now, until - taken),
+            arrival=None if now is None else now - believed_age(taken, today, until - taken),
             clock=time.time(),
             doubt=self._doubt_on_publishers(),
         )
@@ -284,6 +293,8 @@ class PageNode(Node):
 
     def _on_offer(self, message: MendOffer) -> None:
         senders.check_only_mend_offers(self)  # `_checked` logs the reason
+        if not 0.0 <= message.confidence <= 1.0:
+            raise InputError(f'its confidence {message.confidence:g} is not from 0 to 1')
         offer = graph_snapshot.MendOffer(
             sequence=message.sequence,
             state=OFFER_STATES.get(message.state, 'unknown'),
@@ -359,7 +370,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
-        response = answer_within(client, request, ANSWER_TIMEOUT)
+        response = answer_within(client, request, ANSWER_TIMEOUT, look=self._go_on)
         if response is None:
             raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
         if response.outcome.code != Outcome.OK:
@@ -377,7 +388,7 @@ class PageNode(Node):
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        response = answer_within(client, request, MEND_TIMEOUT)
+        response = answer_within(client, request, MEND_TIMEOUT, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
@@ -397,7 +408,10 @@ class PageNode(Node):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
-        response = answer_within(client, request, timeout)
+        response = answer_within(client, request, timeout, look=self._go_on)
+        if given.sure and response is not None and response.outcome.code != Outcome.OK:
+            # the operator node takes odd rates that are confirmed once more: this yes
+            response = answer_within(client, request, timeout, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'
@@ -408,8 +422,14 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_confirmation, given.sequence, safe=given.safe)
         return f'setpoint {given.sequence} confirmed'
 
+    def _go_on(self) -> None:
+        """Return while the page runs; raise ConfirmationUnavailable when it ends."""
+        if self._ends:
+            raise ConfirmationUnavailable('the page ends; ask the next one')
+
     def destroy_node(self) -> None:
         """Stop the server, then destroy the node."""
+        self._ends = True
         self._server.close()
         self._past.close()
         super().destroy_node()

@@ -105,6 +105,7 @@ def test_all_interfaces_of_ipv6_also_take_ipv4() -> None:
 
 def test_the_lines_name_every_address_with_the_token() -> None:
     assert page_lines('[::1]:80', 'secret') == ['page: http://[::1]:80/#token=secret']
+    assert page_lines('lab:80', '100%&more') == ['page: http://lab:80/#token=100%25%26more']
     lines = page_lines('0.0.0.0:8765', 'secret')
     assert lines[0] == 'page: http://127.0.0.1:8765/#token=secret'
     assert len(lines) == len(reachable_hosts('0.0.0.0'))

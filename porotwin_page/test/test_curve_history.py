@@ -52,5 +52,17 @@ def test_history_is_reset_by_an_experiment_and_for_a_browser_that_lacks_points()
     assert len(behind['points']) == snapshot.HISTORY_LENGTH
 
 
+def test_a_browser_with_all_points_drops_them_when_a_new_experiment_begins() -> None:
+    now = two_cycles()
+    new = snapshot.with_new_experiment(now, START + 600.0)
+    begun = history(new, after=now.history_end)
+    assert begun['reset']
+    assert begun['points'] == []
+    first = history(snapshot.with_cycle(new, point(1)), after=begun['end'])
+    assert [entry['time_s'] for entry in first['points']] == [START]
+    more = snapshot.with_cycle(snapshot.with_cycle(new, point(1)), point(2))
+    assert not history(more, after=first['end'])['reset']
+
+
 def test_a_browser_of_an_earlier_server_gets_everything() -> None:
     assert history(two_cycles(), after=700)['reset']

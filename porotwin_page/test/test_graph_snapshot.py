@@ -9,6 +9,7 @@ from page_examples import (
     RIG,
     START,
     after,
+    expectation,
     map_at,
     observed_state,
     point,
@@ -64,8 +65,10 @@ def test_an_interruption_drops_the_forecasts_and_adds_a_mark() -> None:
 
 def test_a_new_experiment_drops_maps_and_curves_but_not_the_rates_at_the_pumps() -> None:
     now = snapshot.with_measured(two_cycles(), rates(100.0), by_person=True)
+    now = snapshot.with_expectation(now, expectation())
     now = snapshot.with_new_experiment(now, START + 600.0)
     assert now.observed is None
+    assert now.expected is None
     assert now.history == ()
     assert now.start is None
     assert now.set_rates == rates(100.0)

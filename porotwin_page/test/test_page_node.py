@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -18,21 +19,25 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
 from refused_node import refusal
 
 from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
 from porotwin_core.node_thread import NodeThread
 from porotwin_core.units import to_ml_h
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
+    MendOffer,
     NewState,
     RigDescription,
     Setpoint,
     TracerField,
     WellRates,
 )
-from porotwin_msgs.srv import ConfirmRates
+from porotwin_msgs.srv import AnswerMend, ConfirmRates
 from porotwin_page import page_node
 from porotwin_page.address import listen
 
@@ -88,9 +93,9 @@ def newest_event(address: str) -> dict:
         return json.loads(response.readline().removeprefix(b'data: '))
 
 
-def post(address: str, body: dict) -> tuple[int, dict]:
+def post(address: str, body: dict, what: str = 'confirm') -> tuple[int, dict]:
     request = urllib.request.Request(
-        f'http://{address}/confirm',
+        f'http://{address}/{what}',
         json.dumps(body).encode(),
         {'Content-Type': 'application/json', 'Authorization': f'Bearer {TOKEN}'},
     )
@@ -138,6 +143,20 @@ class Hub(Node):
         message.header.stamp = now
         self.send('wells/measured', message)
         return response
+
+    def ask_about_odd_rates(self) -> None:
+        """Refuse every confirmation once, as the operator node does with rates out of balance."""
+
+        def confirm(
+            request: ConfirmRates.Request, response: ConfirmRates.Response
+        ) -> ConfirmRates.Response:
+            self.requests.append(request)
+            again = len(self.requests) % 2 == 0
+            question = InputError('confirm the same once more')
+            response.outcome = conversions.ok() if again else conversions.refusal(question)
+            return response
+
+        self.create_service(ConfirmRates, 'operator/confirm', confirm)
 
     def send(self, topic: str, message: Any) -> None:
         self.publishers_by_topic[topic].publish(message)
@@ -288,6 +307,63 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
         stranger.destroy_node()
 
 
+def test_odd_rates_are_recorded_when_the_operator_has_said_yes(hub, tmp_path) -> None:
+    address = free_address()
+    (tmp_path / 'token').write_text(TOKEN)
+    hub.ask_about_odd_rates()
+    with page(address, f'token_file:={tmp_path / "token"}', f'rig:={RIG_FILE}'):
+        until(hub.all_topics_have_subscribers, 'subscriptions of the page to all topics')
+        hub.publish_cycle(time.time())
+        until(lambda: newest_event(address)['panels']['pump_settings'], 'a setpoint')
+        odd = {'sequence': 3, 'rates_ml_h': {**ml_h(rates(120.0)), 'producer': -500.0}}
+        asked = until(lambda: (found := post(address, odd))[0] != 503 and found, 'an answer')
+        assert (asked[0], hub.requests) == (409, [])
+        assert post(address, {**odd, 'sure': True}) == (200, {'message': 'setpoint 3 confirmed'})
+
+
+class SetClock:
+    """A clock of a machine that somebody sets."""
+
+    def __init__(self) -> None:
+        self.seconds = time.time()
+
+    def now(self) -> Time:
+        return Time(nanoseconds=round(1e9 * self.seconds))
+
+
+@pytest.fixture
+def own_page() -> Iterator[tuple[page_node.PageNode, str]]:
+    """A page in this process that no thread spins, and its address."""
+    address, context = free_address(), rclpy.Context()
+    rclpy.init(context=context)
+    own = [Parameter('address', value=address)]
+    node = page_node.PageNode(context=context, parameter_overrides=own)
+    yield node, address
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_an_offer_without_a_confidence_does_not_stop_the_page(own_page) -> None:
+    node, address = own_page
+    take = node._checked('mend/offer', node._on_offer)
+    take(MendOffer(sequence=1, confidence=float('nan'), sentence='a leak'))
+    assert newest_event(address)['panels']['mend'] is None
+    take(MendOffer(sequence=2, confidence=0.95, sentence='a leak'))
+    assert newest_event(address)['panels']['mend']['confidence_percent'] == 95
+
+
+def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(own_page, monkeypatch) -> None:
+    (node, address), clock = own_page, SetClock()
+    monkeypatch.setattr(node, 'get_clock', lambda: clock)
+    message = Setpoint(header=conversions.header_at(clock.seconds), sequence=3)
+    message.valid_until = conversions.time_to_msg(clock.seconds + 90.0)
+    message.wells = conversions.rates_to_msg(rates(120.0))
+    node._on_setpoint(message)
+    for step in (-3600.0, 7200.0):
+        clock.seconds += step
+        assert 0 < newest_event(address)['panels']['pump_settings']['remaining_s'] <= 90
+
+
 def test_a_port_in_use_is_one_line_and_status_2(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -320,6 +396,33 @@ def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None
     assert process.returncode == 0, output
     (line,) = output.strip().splitlines()
     assert f'page: http://{address}/#token=' in line
+
+
+def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) -> None:
+    address, asked, told = free_address(), threading.Event(), threading.Event()
+    (tmp_path / 'token').write_text(TOKEN)
+
+    def answer(_: AnswerMend.Request, response: AnswerMend.Response) -> AnswerMend.Response:
+        asked.set()
+        told.wait(page_node.MEND_TIMEOUT)
+        return response
+
+    def ask() -> None:
+        while not asked.is_set():  # the page may not know the service yet
+            with contextlib.suppress(OSError):
+                post(address, {'sequence': 1, 'accept': True}, 'mend')
+
+    hub.create_service(AnswerMend, 'mend/answer', answer)
+    with page(address, f'token_file:={tmp_path / "token"}') as process:
+        until(lambda: newest_event(address), 'an event')
+        asking = threading.Thread(target=ask)
+        asking.start()
+        assert asked.wait(TIMEOUT_S)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=page_node.MEND_TIMEOUT / 2)
+        assert process.returncode == 0, output
+    told.set()
+    asking.join()
 
 
 def test_the_port_is_free_after_the_end_of_a_page() -> None:

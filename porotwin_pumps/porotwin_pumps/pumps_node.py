@@ -1,6 +1,5 @@
 """The pumps as a node: it takes the guard's setpoints and publishes the delivered rates."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
 from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import believed_age
+from porotwin_core.stamps import believed_age, steady_time
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge
@@ -43,13 +42,14 @@ class PumpsNode(Node):
         entries = load_pumps(path, rig)
         self._ahead = 0.0
         """Time of the photographs' clock ahead of this node's clock [s]."""
-        self._measured_at = time.monotonic()
+        self._steady_time = steady_time()
+        self._measured_at = self._steady_time()
         self._diagnostics = Diagnostics(self)
         self._bridge = PumpBridge(
             rig,
             pump_openers(entries),
             max_rates_ml_h={well: entry.max_rate_ml_h for well, entry in entries.items()},
-            now=time.monotonic(),
+            now=self._steady_time(),
         )
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
@@ -70,7 +70,7 @@ class PumpsNode(Node):
             rates = conversions.rates_from_msg(setpoint.wells)
             remaining = self._remaining(setpoint)
             self._publish_measurement()
-            now = time.monotonic()
+            now = self._steady_time()
             self._bridge.command(rates, until=now + remaining, now=now)
         except (InputError, PumpError) as error:
             response.outcome = conversions.refusal(error)
@@ -98,15 +98,15 @@ class PumpsNode(Node):
         return validity - age
 
     def _tick(self) -> None:
-        line = self._bridge.tick(time.monotonic())
+        line = self._bridge.tick(self._steady_time())
         if line is not None:
             self.get_logger().warning(line)
             self._report(line, failed=bool(self._bridge.faults))
-        if time.monotonic() - self._measured_at >= self._period:
+        if self._steady_time() - self._measured_at >= self._period:
             self._publish_measurement()
 
     def _publish_measurement(self) -> None:
-        now = time.monotonic()
+        now = self._steady_time()
         self._measured_at = now
         measured = self._bridge.measure(now)
         if measured is None:
@@ -135,7 +135,7 @@ class PumpsNode(Node):
     def destroy_node(self) -> None:
         """Set the safe rates and end the node."""
         if hasattr(self, '_bridge'):
-            self._bridge.go_safe(time.monotonic())
+            self._bridge.go_safe(self._steady_time())
         super().destroy_node()
 
 

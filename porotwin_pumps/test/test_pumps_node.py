@@ -120,3 +120,15 @@ def test_setpoints_are_pumped_measured_and_end_in_safe_rates(rack: Rack) -> None
 def close_to(message: WellRates, well: str, rate_ml_h: float) -> bool:
     rates = conversions.rates_from_msg(message.wells)
     return to_ml_h(rates[well].rate) == pytest.approx(rate_ml_h, rel=0.2)
+
+
+def test_a_setpoint_ends_during_a_suspend_of_the_computer(
+    rack: Rack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slept, read = 0.0, time.clock_gettime
+    monkeypatch.setattr(
+        time, 'clock_gettime', lambda one: read(one) + slept * (one == time.CLOCK_BOOTTIME)
+    )
+    assert rack.send(100.0).code == Outcome.OK
+    slept = 600.0
+    rack.wait_until(lambda: rack.running() == SAFE_ML_H)

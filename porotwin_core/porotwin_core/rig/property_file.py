@@ -55,8 +55,12 @@ def read_map(
             )
     except KeyError:
         raise InputError(f"{file}: has no variable '{variable}' for {quantity}") from None
-    except OSError as error:
-        raise InputError(f'{file}: not a readable NetCDF file ({error})') from None
+    except InputError:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:  # damaged, or no numbers
+        raise InputError(
+            f'{file}: not a readable NetCDF file with numbers ({error}); write it again'
+        ) from None
     if values.ndim != 2:
         raise InputError(f'{file}: {variable} has {values.ndim} dimensions, needs (z, x)')
     return values

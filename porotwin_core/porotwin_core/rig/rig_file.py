@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pydantic
-import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
@@ -26,7 +25,7 @@ from porotwin_core.rig.sand_drawing import (
 )
 from porotwin_core.rig.sand_sections import DepthPoints, DepthPointsFile
 from porotwin_core.rig.sections import MapReference
-from porotwin_core.rig.yaml_reader import read_yaml_file
+from porotwin_core.rig.yaml_reader import read_yaml_file, yaml_text
 from porotwin_core.rig.zone_file import read_zone
 
 FILE_NAME = 'rig.yaml'
@@ -73,7 +72,10 @@ def read_rig(path: Path | str) -> ReadRig:
 def rig_file(path: Path | str) -> Path:
     """Return `path`, or the `rig.yaml` in the folder `path`."""
     path = Path(path)
-    return path / FILE_NAME if path.is_dir() else path
+    try:
+        return path / FILE_NAME if path.is_dir() else path
+    except OSError:  # one may not look there; its reader tells so
+        return path
 
 
 def _content(path: Path) -> Any:
@@ -217,10 +219,7 @@ def write_rig(
         name = free(*ZONE_NAMES)
         data['control']['zone'] = {'file': name}
         write_map(path.parent / name, 'zone', rig.zone.shares, rig.zone.raster)
-    path.write_text(
-        yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True),
-        encoding='utf-8',
-    )
+    path.write_text(yaml_text(data), encoding='utf-8')
 
 
 def _numbered(names: Sequence[str]) -> Iterator[str]:

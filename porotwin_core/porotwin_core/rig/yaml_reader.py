@@ -1,4 +1,4 @@
-"""Reads YAML 1.2, and refuses a repeated key in a section.
+"""Reads YAML 1.2, and refuses a repeated key in a section; writes YAML that reads the same.
 
 PyYAML follows version 1.1: `no` and `off` are truth values, `1:30` is the number 90, `010` is 8 and
 `1e-3` is a text. This would surprise the owner of a rig.
@@ -57,6 +57,21 @@ _Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456
 _Loader.add_constructor('tag:yaml.org,2002:int', _integer)
 
 
+class _Dumper(yaml.SafeDumper):
+    """A safe dumper that also quotes a text such as 2e1, a number of YAML 1.2 alone."""
+
+
+_Dumper.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))
+
+
+def yaml_text(data: Any) -> str:
+    """Return `data` as a YAML document that `read_yaml` reads; keys stay in their order."""
+    text: str = yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
+    )
+    return text
+
+
 def read_yaml(text: str) -> Any:
     """Return the content of a YAML document.
 
@@ -76,10 +91,10 @@ def read_yaml_file(path: Path, *, remedy: str) -> Any:
     Raises:
         InputError: the file is missing, not readable, or no YAML; one line with the remedy.
     """
-    if path.is_dir():
-        raise InputError(f'{path}: is a folder; name a file in it')
     try:
         return read_yaml(path.read_text(encoding='utf-8-sig'))
+    except IsADirectoryError:
+        raise InputError(f'{path}: is a folder; name a file in it') from None
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; {remedy}') from None
     except UnicodeDecodeError:

@@ -45,13 +45,14 @@ export class Connection {
     }
   }
 
-  /* A hidden page needs no stream. */
+  /* A hidden page needs no stream. Shown again, it is as old as its last event until the next one. */
   visibilityChanged() {
     if (this.isHidden()) {
       if (this.source) this.source.close();
     } else {
-      this.lastEvent = this.now();
+      this.lastRetry = this.now();
       this.connect();
+      this.changed();
     }
   }
 }

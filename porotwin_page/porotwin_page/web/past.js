@@ -7,6 +7,7 @@ export class Past {
     this.number = null;  // null: the page shows the newest state
     this.content = null;
     this.loading = false;
+    this.run = null;  // of the server that counts the states
   }
 
   /* Selects a state, or null for the newest. At most one request is on its way. */
@@ -32,10 +33,13 @@ export class Past {
     this.changed();
   }
 
-  /* Returns to the newest state if the server no longer has the selected one. */
-  check(states) {
+  /* Returns to the newest state if the server no longer has the selected one; a new run of the
+     server counts its states from one again. */
+  check(states, run) {
+    const restarted = this.run !== run;
+    this.run = run;
     if (this.number === null) return;
-    if (this.number < states.first || this.number > states.last) this.select(null);
+    if (restarted || this.number < states.first || this.number > states.last) this.select(null);
   }
 }
 

@@ -72,7 +72,7 @@ export class Proposal {
       if (this.rates) Object.assign(this, { answer, fault: '' });
     } catch (error) {
       if (error.busy) this.askLater(RETRY_MS);
-      else Object.assign(this, { answer: null, fault: error.message });
+      else if (this.rates) Object.assign(this, { answer: null, fault: error.message });
     }
     this.asking = false;
     this.changed();

@@ -18,7 +18,7 @@ export function createTimeSlider(region, page) {
   now.addEventListener('click', () => page.past.select(null));
   return () => {
     const { event } = page.state;
-    page.past.check(event.states);
+    page.past.check(event.states, event.run);
     const range = sliderRange(event.states, page.past.number);
     box.hidden = !range.useful;
     if (!range.useful) return;

@@ -5,8 +5,18 @@ const STORAGE_KEY = 'porotwin-token';
 /* The token in a text: after token= in an address, or the text itself; empty if there is none. */
 export function tokenIn(text) {
   const found = /[#&?]token=([^&\s]*)/.exec(text);
-  const token = (found ? decodeURIComponent(found[1]) : text).trim();
-  return /^[\x21-\x7e]+$/.test(token) && !token.includes('/') ? token : '';
+  if (!found && text.includes('/')) return '';  // an address without a token
+  const token = (found ? decoded(found[1]) : text).trim();
+  return /^[\x21-\x7e]+$/.test(token) ? token : '';
+}
+
+/* The text that `quoted` stands for; empty if somebody changed it to nonsense. */
+function decoded(quoted) {
+  try {
+    return decodeURIComponent(quoted);
+  } catch {
+    return '';
+  }
 }
 
 export class Token {

@@ -90,5 +90,21 @@ test('a hidden page closes its stream and opens it again when it is shown', () =
   setup.hidden = false;
   setup.connection.visibilityChanged();
   assert.equal(setup.sources.length, 2);
+});
+
+test('a page that was hidden for long is not up to date before the next event', () => {
+  const setup = new Setup();
+  setup.send({});
+  setup.hidden = true;
+  setup.connection.visibilityChanged();
+  setup.time = 3600000;
+  setup.hidden = false;
+  setup.connection.visibilityChanged();
+  assert.equal(setup.connection.lost, true);
+  assert.equal(setup.connection.silence, 3600);
+  assert.equal(setup.changes, 1);
+  setup.connection.check();
+  assert.equal(setup.sources.length, 2);  // the new stream has time to answer
+  setup.send({});
   assert.equal(setup.connection.lost, false);
 });

@@ -44,11 +44,21 @@ test('a state that is no longer kept leads back to the newest', async () => {
   requests[0].reject(new Error('gone'));
   await done;
   assert.equal(past.number, null);
+  past.check({ first: 2, last: 9 }, 'a');
   past.number = 3;
-  past.check({ first: 2, last: 9 });
+  past.check({ first: 2, last: 9 }, 'a');
   assert.equal(past.number, 3);
-  past.check({ first: 4, last: 9 });
+  past.check({ first: 4, last: 9 }, 'a');
   assert.equal(past.number, null);
+});
+
+test('a restarted server gives another state the same number, so the newest is shown', () => {
+  const { past } = new Setup();
+  past.check({ first: 1, last: 9 }, 'a');
+  past.number = 3;
+  past.content = { number: 3, time_s: 90 };
+  past.check({ first: 1, last: 5 }, 'b');
+  assert.deepEqual([past.number, past.content], [null, null]);
 });
 
 test('there is something to slide from two states on', () => {

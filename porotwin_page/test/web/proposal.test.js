@@ -81,3 +81,13 @@ test('a new photograph asks again, and nothing proposed asks nothing', async () 
   await new Promise(setImmediate);
   assert.equal(setup.proposal.answer, null);
 });
+
+test('a question that was taken back leaves no refusal', async () => {
+  const setup = new Setup();
+  setup.proposal.set('control1', 200, CONTENT);
+  await setup.pass();
+  setup.proposal.reset();
+  setup.requests[0].reject(new Error('nobody can tell'));
+  await new Promise(setImmediate);
+  assert.equal(setup.proposal.fault, '');
+});

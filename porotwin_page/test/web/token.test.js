@@ -39,6 +39,8 @@ test('a whole address or the token alone may be typed', () => {
     ['two words', ''],
     ['', ''],
     ['#token=', ''],
+    ['http://192.168.1.5:8765/#token=lab%26rig%2F100%25', 'lab&rig/100%'],
+    ['http://192.168.1.5:8765/#token=100%sure', ''],
   ];
   for (const [text, token] of cases) assert.equal(tokenIn(text), token, text);
 });
