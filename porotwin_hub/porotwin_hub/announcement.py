@@ -8,6 +8,9 @@ from porotwin_core.stamps import SINCE_1970
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 
+NO_SETPOINT = 'no setpoint: '
+"""Begin of the hub's remark that tells why no setpoint follows from a photograph."""
+
 
 @dataclass(frozen=True)
 class Announcement:

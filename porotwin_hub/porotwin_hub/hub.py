@@ -6,15 +6,13 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
+from porotwin_hub.announcement import NO_SETPOINT
 from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.inbox import ReadyState
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Twin
-
-NO_SETPOINT = 'no setpoint: '
-"""Begin of the remark that tells why no setpoint follows from a photograph."""
 
 ActuateFn = Callable[[SetpointDecision, ReadyState[Any]], None]
 """Commands the setpoint of a state; raises ModelUnavailable if the asset does not take it."""

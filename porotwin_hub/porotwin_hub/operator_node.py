@@ -16,8 +16,7 @@ from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
 from porotwin_core.stamps import believed_age, steady_time
-from porotwin_hub.announcement import Announcement
-from porotwin_hub.hub import NO_SETPOINT
+from porotwin_hub.announcement import NO_SETPOINT, Announcement
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.voice import Voice
 from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
