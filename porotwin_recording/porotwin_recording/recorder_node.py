@@ -92,6 +92,14 @@ class RecorderNode(Node):
             say=self.get_logger().info,
             warn=self.get_logger().warning,
         )
+        try:
+            self._begin()
+        except BaseException:  # its thread would keep the process from ending, after Ctrl-C too
+            self._recorder.stop()
+            raise
+
+    def _begin(self) -> None:
+        """Subscribe to the topics that are there, and look for others from now on."""
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
         self._refused: set[str] = set()
