@@ -103,6 +103,7 @@ def test_help_needs_no_large_package() -> None:
         (['image', 'nowhere', '--output', 'x.nc'], 'nowhere'),
         (['up', '--rig', 'nowhere.yaml', '--photos', '.'], 'nowhere.yaml'),
         (['bench', 'nothing'], "'nothing'"),
+        (['bench', 'solver', 'nothing'], "'nothing'"),
         (['evaluate', 'nowhere', 'there'], 'nowhere'),
     ],
 )
@@ -179,6 +180,12 @@ def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert 'is an experiment folder already' in result.stderr
     assert not (tmp_path / 'out').exists()
+
+
+def test_a_part_is_cut_out_of_the_folder_of_a_rig_yaml(experiment: Path, tmp_path: Path) -> None:
+    result = porotwin('export', experiment / 'rig.yaml', tmp_path / 'part', '--times', ':60')
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / 'part' / 'rig.yaml').is_file()
 
 
 @pytest.mark.parametrize(
