@@ -44,8 +44,7 @@ def command(
 
     if output.is_dir():
         output = output / PICTURE
-    if output.name != PICTURE:  # the picture of an earlier check may be replaced
-        check_output(output, path, command='check')
+    check_output(output, path, command='check')  # replaces the picture of an earlier check
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     words = in_words(checked)
     check_picture(output, checked, words)
