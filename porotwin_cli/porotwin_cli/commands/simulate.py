@@ -134,9 +134,10 @@ def command(
             bar.advance(task)
             if not is_map:
                 continue
-            writer.append(time, gaussian_filter(values, blur) if blur else values)
+            written = gaussian_filter(values, blur) if blur else values
+            writer.append(time, written)
             if index in shown:
-                pictured.append(values)
+                pictured.append(written)
             if compared is not None:
                 compared.see(index, values)
             index += 1

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from cli_examples import one_well_rig, porotwin
 
+from porotwin_cli import rig_drawing
 from porotwin_cli.commands import simulate
 from porotwin_cli.workspace import small_rig
 from porotwin_core.errors import InputError
@@ -32,6 +33,19 @@ def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     assert model.shape == observed.shape
     error = np.linalg.norm(model[-1] - observed[-1]) / np.linalg.norm(observed[-1])
     assert error < 0.1
+
+
+def test_the_picture_shows_the_maps_that_are_written(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+    monkeypatch.setattr(
+        rig_drawing, 'sheet_of_maps', lambda *arguments, **_: drawn.extend(arguments[3])
+    )
+    simulate.command(experiment, tmp_path / 'model.nc', '20x12', times='0:60:60', blur=2.0)
+    with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
+        written = np.asarray(dataset['concentration'][-1])
+    np.testing.assert_allclose(drawn[-1], written, atol=1e-6)
 
 
 RIG = one_well_rig(0.3, 0.2)
