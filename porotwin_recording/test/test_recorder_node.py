@@ -135,6 +135,7 @@ def test_a_live_graph_is_recorded_without_loss(tmp_path: Path) -> None:
     [
         ({}, "parameter 'output' of recorder: name the bag to write"),
         ({'output': '{bag}'}, 'exists already; name another bag'),
+        ({'output': '{bag}_new', 'split_mb': '.inf'}, "'split_mb' of recorder is inf; give a"),
     ],
 )
 def test_wrong_recorder_parameters_end_with_one_line(
