@@ -12,7 +12,7 @@ from types import ModuleType
 import typer
 
 from porotwin_cli import commands
-from porotwin_cli.terminal import WorkFailed, say, show_warnings
+from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
 from porotwin_core.errors import InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -111,6 +111,7 @@ def run() -> None:
     Raises:
         KeyboardInterrupt: after Ctrl-C; typer exits with 130 instead.
     """
+    show_all_characters()
     show_warnings()
     try:
         refuse_unreadable_names(sys.argv[1:])

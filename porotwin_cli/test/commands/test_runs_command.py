@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from cli_examples import porotwin
+from cli_examples import porotwin, porotwin_process
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
@@ -73,3 +73,13 @@ def test_a_recording_of_the_virtual_rig_is_marked(tmp_path: Path) -> None:
 )
 def test_a_size_has_three_digits(size_bytes: int, words: str) -> None:
     assert size_words(size_bytes) == words
+
+
+def test_a_sign_that_the_terminal_has_not_is_shown_by_its_number(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(experiment, tmp_path / 'run')
+    monkeypatch.setenv('PYTHONIOENCODING', 'latin-1')
+    result = porotwin_process('runs', tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert r'\u2020 date of its files' in result.stdout
