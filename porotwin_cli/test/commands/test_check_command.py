@@ -404,3 +404,10 @@ def test_the_picture_replaces_that_of_an_earlier_check_only(tmp_path: Path) -> N
     assert refused.returncode == 2
     assert 'is a file of the input' in refused.stderr
     assert (tmp_path / 'check.png').read_bytes() == b'a photograph'
+
+
+@pytest.mark.parametrize('name', ['check.jpg', 'check.xyz', 'check'])
+def test_a_picture_that_is_no_png_is_refused_before_the_work(name: str, tmp_path: Path) -> None:
+    result = porotwin('check', small_rig(), '--output', tmp_path / name)
+    assert result.returncode == 2
+    assert 'give a name that ends in .png' in result.stderr
