@@ -63,3 +63,12 @@ def test_train_refuses_a_recording_that_would_judge_itself(
     assert result.returncode == 2
     assert f'{second}: {told}' in result.stderr
     assert not (tmp_path / 'm').exists()
+
+
+def test_train_needs_two_maps(experiment: Path, tmp_path: Path) -> None:
+    part = porotwin('export', experiment, tmp_path / 'one', '--times', '60:61')
+    assert part.returncode == 0, part.stderr
+    arguments = ['--rig', experiment / 'rig.yaml', '--output', tmp_path / 'm', '--grid', '31x19']
+    result = porotwin('train', tmp_path / 'one', *arguments)
+    assert result.returncode == 2
+    assert 'one: holds one map' in result.stderr
