@@ -69,7 +69,8 @@ def test_simulate_takes_its_times_from_the_rates(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('times', 'complaint'),
     [
-        ('0:1e12:1', 'more than 100000 maps; take a larger STEP'),
+        ('0:1e7:1', 'more than 100000 maps; take a larger STEP'),
+        ('1e300:1e300:1', 'end after 365 days'),
         ('-100:100:50', 'begin before the experiment'),
         ('0:nan:1', 'write START:END:STEP'),
         ('100:0:10', 'write START:END:STEP'),
