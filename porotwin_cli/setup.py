@@ -15,5 +15,5 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
-    entry_points={'console_scripts': ['porotwin = porotwin_cli.app:main']},
+    entry_points={'console_scripts': ['porotwin = porotwin_cli.__main__:main']},
 )

@@ -10,6 +10,7 @@ import fcntl
 import hashlib
 import itertools
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = ROOT / 'setup'
@@ -87,8 +89,23 @@ def run(command: list[str], *, env: dict[str, str] | None = None, count: str = '
 
 
 def make_environment() -> None:
+    """Make the environment; begin anew if the old one belongs to another place or Python."""
+    if not is_of_here():
+        for path in set(VENV.iterdir()) - {STAMPS}:
+            shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
     builder = venv.EnvBuilder(with_pip=True)
     builder.create(VENV)
+
+
+def is_of_here() -> bool:
+    """Return whether the environment was made in this place by this Python, but for its patch.
+
+    Its scripts name the place, and pip does not write them again. venv keeps an old bin/python.
+    """
+    settings = VENV / 'pyvenv.cfg'
+    text = settings.read_text(encoding='utf-8') if settings.is_file() else ''
+    version = f'version = {sys.version_info.major}.{sys.version_info.minor}.'
+    return version in text and f' {VENV}\n' in text
 
 
 def install(*names: str) -> None:
@@ -162,7 +179,8 @@ def link_packages() -> None:
     (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
     command = VENV / 'bin' / 'porotwin'
     command.write_text(
-        f'#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\nexec {PYTHON} -m porotwin_cli "$@"\n'
+        '#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\n'
+        f'exec {shlex.quote(str(PYTHON))} -m porotwin_cli "$@"\n'
     )
     command.chmod(0o755)
 
@@ -280,9 +298,9 @@ def set_up() -> int:
     """
     STAMPS.mkdir(parents=True, exist_ok=True)
     with (STAMPS / 'lock').open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
         start = time.monotonic()
         try:
+            await_turn(lock)
             check_machine()
             do_all(FIRST)
             with ThreadPoolExecutor() as pool:
@@ -299,6 +317,15 @@ def set_up() -> int:
             return 130
         say(f'setup done in {time.monotonic() - start:.0f} s')
     return 0
+
+
+def await_turn(lock: TextIO) -> None:
+    """Lock the file `lock`; say so if another call has locked it."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        say('setup: waiting for the setup of another call ...')
+        fcntl.flock(lock, fcntl.LOCK_EX)
 
 
 def do_all(steps: Iterable[Step]) -> None:

@@ -12,11 +12,8 @@ from types import ModuleType
 import typer
 
 from porotwin_cli import commands
-from porotwin_cli.terminal import WorkFailed, say, show_warnings
+from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
 from porotwin_core.errors import InputError
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DISK_FULL = 'no space left on a disk that this command writes to; remove something there'
@@ -108,8 +105,13 @@ def _divided(word: str) -> list[str]:
     return [name, value] if equals and name.startswith('--') else [word]
 
 
-def main() -> None:
-    """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
+def run() -> None:
+    """Run the command; exit with 0 done, 1 the work failed, 2 wrong input.
+
+    Raises:
+        KeyboardInterrupt: after Ctrl-C; typer exits with 130 instead.
+    """
+    show_all_characters()
     show_warnings()
     try:
         refuse_unreadable_names(sys.argv[1:])
@@ -124,15 +126,6 @@ def main() -> None:
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
         print(f'porotwin: {_failure_words(error)}', file=sys.stderr)
         sys.exit(1)
-    except SystemExit as end:  # typer turns Ctrl-C into a status without a word
-        if end.code == INTERRUPTED:
-            say('porotwin: interrupted')
-        raise
-    except (KeyboardInterrupt, SystemError) as error:
-        if not _is_interrupt(error):
-            raise
-        say('porotwin: interrupted')
-        sys.exit(INTERRUPTED)
 
 
 def _failure_words(error: WorkFailed | OSError) -> str:
@@ -141,10 +134,3 @@ def _failure_words(error: WorkFailed | OSError) -> str:
     if error.errno in FULL:
         return DISK_FULL
     return f'{error.filename}: {error.strerror}' if error.filename else str(error)
-
-
-def _is_interrupt(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C caused `error`. Compiled code turns it into a SystemError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None

@@ -236,6 +236,25 @@ def run_mended(scenario: LoopScenario, settings: LoopSettings) -> MendFigures:
     )
 
 
+def jobs_of(folder: Path, *, scenarios: int, seed: int) -> list[MendJob]:
+    """Return all runs, those of a case one after the other."""
+    rig = load_rig(small_rig())
+    settings = LoopSettings(photographs=False)
+    jobs = []
+    for number in range(scenarios):
+        hidden = case_effect(number, rig, seed)
+        scenario = replace(
+            scenario_of(rig, (hidden,), START_S, END_S, INTERVAL_S),
+            name=f'case_{number + 1:02d}',
+            seed=seed * 1000 + number,
+        )
+        jobs += [
+            MendJob(scenario, name, settings, folder / f'{scenario.name}_{seed}_{name[:5]}.json')
+            for name in RUNS
+        ]
+    return jobs
+
+
 def run(
     *,
     scenarios: int = 20,
@@ -257,20 +276,7 @@ def run(
         InputError: the folder cannot be used.
     """
     folder = continued_folder(output, 'bench-mend', 'case_*.json')
-    rig = load_rig(small_rig())
-    settings = LoopSettings(photographs=False)
-    jobs = []
-    for number in range(scenarios):
-        hidden = case_effect(number, rig, seed)
-        scenario = replace(
-            scenario_of(rig, (hidden,), START_S, END_S, INTERVAL_S),
-            name=f'case_{number + 1:02d}',
-            seed=seed * 1000 + number,
-        )
-        jobs += [
-            MendJob(scenario, name, settings, folder / f'case_{number + 1:02d}_{name[:5]}.json')
-            for name in RUNS
-        ]
+    jobs = jobs_of(folder, scenarios=scenarios, seed=seed)
     do_jobs(
         jobs,
         task_bytes=RUN_BYTES,

@@ -125,7 +125,7 @@ class PhysicsJob:
     def file(self) -> Path:
         """The file of its figures."""
         data = 'part' if self.part else 'four'
-        return self.folder / f'{self.case}_{self.draw}_{data}_{self.network}.json'
+        return self.folder / f'{self.case}_{self.seed}_{self.draw}_{data}_{self.network}.json'
 
     def work(self) -> None:
         """Train, run freely and write the figures; a file that exists is complete."""
@@ -184,7 +184,7 @@ class PhysicsJob:
         """Return times [s], maps and schedule; the maps are kept in the folder."""
         schedule, duration, _ = small_schedule(self._generator(number), SMALL)
         times = np.arange(0.0, duration + 1.0, INTERVAL_S)
-        file = self.folder / f'{self._truth}_{self.draw}_recording_{number}.npy'
+        file = self.folder / f'{self._truth}_{self.seed}_{self.draw}_recording_{number}.npy'
         if not file.exists():
             rig = VirtualRig(SMALL, effects=self.effects())
             run = signals(rig, schedule, times=times, grid=SMALL.grid(*RECORDED))

@@ -78,7 +78,7 @@ POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
 
 STALL_S = 120.0
-"""Longest time without a cycle, before the loop counts as stalled [s]."""
+"""Longest time without a cycle beside the time between two photographs [s]."""
 
 LAST_REPORT_S = 10.0
 """Longest wait for the report of the last photograph [s]."""
@@ -135,6 +135,13 @@ class DemoSettings:
     def photographs(self) -> int:
         """Number of photographs under control."""
         return round(self.minutes * 60.0 / USUAL_PHOTO_INTERVAL_S) + 1
+
+    @property
+    def patience_s(self) -> float:
+        """Longest time without a cycle, before the loop counts as stalled [s]."""
+        pace = parse_speed(self.speed)
+        between = 0.0 if pace is None else USUAL_PHOTO_INTERVAL_S / pace
+        return between + (STALL_S if self.hidden is None else LONGEST_DIAGNOSIS_S)
 
     def check(self) -> None:
         """Check the options that are text.
@@ -299,14 +306,13 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
                 reported.set()
 
         operator = MendDesk(accept_all) if settings.hidden is not None else nullcontext()
-        patience = STALL_S if settings.hidden is None else LONGEST_DIAGNOSIS_S
         with (
             operator,
             GraphWatch(on_cycle) as watch,
             GraphProcesses(nodes, folder, say=say, show=('mend',)) as processes,
         ):
             while not watch.finished.wait(POLL_S):
-                _check(processes, time.monotonic() - newest[0], patience, folder)
+                _check(processes, time.monotonic() - newest[0], settings.patience_s, folder)
             reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
             time.sleep(LAST_WRITE_S)
 

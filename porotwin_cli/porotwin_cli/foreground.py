@@ -1,6 +1,7 @@
 """Runs one node in the foreground of a command, in a process of its own."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -33,6 +34,7 @@ def run_node(
 
     Raises:
         InputError: a variable of ROS, the namespace or the domain is wrong.
+        KeyboardInterrupt: Ctrl-C came before the node had started.
         WorkFailed: the node ended with an error, which it has printed.
         SystemExit: with status 2, because a parameter is wrong; the node has printed which.
     """
@@ -51,6 +53,8 @@ def run_node(
                 break
             except KeyboardInterrupt:
                 continue  # Ctrl-C reaches the node as well; it closes its files and ends
+    if status == -signal.SIGINT:  # while it loaded its modules
+        raise KeyboardInterrupt
     if status == WRONG_PARAMETERS:
         raise SystemExit(WRONG_PARAMETERS)
     if status != 0:

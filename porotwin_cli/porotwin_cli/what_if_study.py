@@ -262,6 +262,11 @@ def study_what_if(
         horizon = min(max(LEAST_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
     check_proposal(steps, horizon, recording.rig)
     ahead = start + horizon - begin
+    if not ahead > 0.0:  # the state is of the first map, which may be later than `start`
+        raise InputError(
+            f'{recording.source}: its first map is from {_moment(begin)}, not before the end of '
+            'the horizon; give a longer --horizon or a later --at'
+        )
     present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)

@@ -1,6 +1,8 @@
 """Places on disk: the checkout, its sample rig, and a folder for each run."""
 
 import datetime
+import itertools
+from contextlib import suppress
 from pathlib import Path
 
 from porotwin_core.errors import InputError
@@ -25,17 +27,35 @@ def run_folder(output: Path | None, command: str) -> Path:
     Raises:
         InputError: `output` exists and is not empty, or cannot be made.
     """
-    folder = output
-    if folder is None:
-        now = datetime.datetime.now().astimezone()
-        folder = Path('runs') / f'{command}-{now:%Y%m%d-%H%M%S}'
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f'{folder} exists already; name another --output or remove it')
+    if output is None:
+        return _new_run(command)
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise InputError(f'{output} exists already; name another --output or remove it')
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f'{folder}: {error.strerror}; name another --output') from None
-    return folder.resolve()
+        raise _cannot_be_made(output, error) from None
+    return output.resolve()
+
+
+def _new_run(command: str) -> Path:
+    """Make and return the folder of a run that has no name; two of the same second get two."""
+    now = datetime.datetime.now().astimezone()
+    first = Path('runs') / f'{command}-{now:%Y%m%d-%H%M%S}'
+    try:
+        first.parent.mkdir(exist_ok=True)
+        for number in itertools.count(1):
+            folder = first if number == 1 else first.with_name(f'{first.name}-{number}')
+            with suppress(FileExistsError):
+                folder.mkdir()
+                return folder.resolve()
+    except OSError as error:
+        raise _cannot_be_made(first, error) from None
+    raise AssertionError('numbers have no end')
+
+
+def _cannot_be_made(folder: Path, error: OSError) -> InputError:
+    return InputError(f'{folder}: {error.strerror}; name another --output')
 
 
 def continued_folder(output: Path | None, command: str, results: str) -> Path:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from unittest import mock
 
-from porotwin_cli.app import main
+from porotwin_cli.__main__ import main
 
 TIMEOUT_S = 200
 """Longest time for a command of a test [s]."""

@@ -15,7 +15,6 @@ from porotwin_cli import commands
 from porotwin_cli.app import (
     DISK_FULL,
     HELP_OPTIONS,
-    INTERRUPTED,
     app,
     command_modules,
     make_app,
@@ -104,6 +103,7 @@ def test_help_needs_no_large_package() -> None:
         (['image', 'nowhere', '--output', 'x.nc'], 'nowhere'),
         (['up', '--rig', 'nowhere.yaml', '--photos', '.'], 'nowhere.yaml'),
         (['bench', 'nothing'], "'nothing'"),
+        (['bench', 'solver', 'nothing'], "'nothing'"),
         (['evaluate', 'nowhere', 'there'], 'nowhere'),
     ],
 )
@@ -152,22 +152,6 @@ def test_a_time_or_length_without_end_is_refused(arguments: list[str], number: s
     assert f"Invalid value for '{arguments[-1]}'" in result.stderr
 
 
-def test_an_interrupt_ends_with_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted() -> None:
-        raise KeyboardInterrupt
-
-    stopped = typer.Typer()
-    stopped.command()(interrupted)
-    monkeypatch.setattr(porotwin_cli.app, 'app', stopped)
-    monkeypatch.setattr(sys, 'argv', ['porotwin'])
-    with pytest.raises(SystemExit) as end:
-        porotwin_cli.app.main()
-    assert end.value.code == INTERRUPTED
-    assert capsys.readouterr().err.strip() == 'porotwin: interrupted'
-
-
 def test_a_full_disk_ends_with_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -179,36 +163,9 @@ def test_a_full_disk_ends_with_one_line(
     monkeypatch.setattr(porotwin_cli.app, 'app', writer)
     monkeypatch.setattr(sys, 'argv', ['porotwin'])
     with pytest.raises(SystemExit) as end:
-        porotwin_cli.app.main()
+        porotwin_cli.app.run()
     assert end.value.code == 1
     assert capsys.readouterr().err.strip() == f'porotwin: {DISK_FULL}'
-
-
-def test_ctrl_c_in_compiled_code_is_told_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted() -> None:
-        try:
-            raise KeyboardInterrupt
-        except KeyboardInterrupt as pressed:
-            raise SystemError('returned a result with an exception set') from pressed
-
-    monkeypatch.setattr(porotwin_cli.app, 'app', lambda **_: interrupted())
-    monkeypatch.setattr(sys, 'argv', ['porotwin'])
-    with pytest.raises(SystemExit) as end:
-        porotwin_cli.app.main()
-    assert end.value.code == INTERRUPTED
-    assert capsys.readouterr().err.strip() == 'porotwin: interrupted'
-
-
-def test_another_error_of_compiled_code_is_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(**_: object) -> None:
-        raise SystemError('null argument')
-
-    monkeypatch.setattr(porotwin_cli.app, 'app', broken)
-    monkeypatch.setattr(sys, 'argv', ['porotwin'])
-    with pytest.raises(SystemError, match='null argument'):
-        porotwin_cli.app.main()
 
 
 def test_a_name_that_is_not_utf_8_is_refused_before_any_work() -> None:
@@ -223,6 +180,12 @@ def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert 'is an experiment folder already' in result.stderr
     assert not (tmp_path / 'out').exists()
+
+
+def test_a_part_is_cut_out_of_the_folder_of_a_rig_yaml(experiment: Path, tmp_path: Path) -> None:
+    result = porotwin('export', experiment / 'rig.yaml', tmp_path / 'part', '--times', ':60')
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / 'part' / 'rig.yaml').is_file()
 
 
 @pytest.mark.parametrize(

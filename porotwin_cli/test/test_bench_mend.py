@@ -1,11 +1,12 @@
 """The bench of mended twins: a short run on a coarse grid, and the summary of its cases."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from porotwin_cli.bench_loop_rig import LoopSettings
-from porotwin_cli.bench_mend import run_mended, summary
+from porotwin_cli.bench_mend import jobs_of, run_mended, summary
 from porotwin_cli.mended_loop import scenario_of
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import EffectDescription, load_rig
@@ -19,6 +20,11 @@ def test_a_short_run_ends_without_a_diagnosis() -> None:
     found = run_mended(scenario, settings)
     assert found.dose_ml_min > 0.0
     assert found.found == []
+
+
+def test_another_seed_has_other_files(tmp_path: Path) -> None:
+    first, second = (jobs_of(tmp_path, scenarios=1, seed=seed) for seed in (1, 2))
+    assert len({job.file for job in (*first, *second)}) == len(first) + len(second)
 
 
 def row(forecast: float, dose: float) -> dict[str, Any]:

@@ -16,6 +16,11 @@ def test_every_case_is_learnt_from_four_recordings_and_from_a_part_of_one(tmp_pa
     assert sorted(job.case for job in ours if job.part) == sorted(CASES)
 
 
+def test_another_seed_has_other_files(tmp_path: Path) -> None:
+    first, second = (jobs_of(tmp_path, draws=1, seed=seed) for seed in (1, 2))
+    assert {job.file for job in first}.isdisjoint(job.file for job in second)
+
+
 def test_the_draws_depend_on_the_seed_only(tmp_path: Path) -> None:
     def effects(seed: int) -> list[object]:
         return [job.effects() for job in jobs_of(tmp_path, draws=1, seed=seed)]

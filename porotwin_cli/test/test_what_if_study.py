@@ -179,6 +179,16 @@ def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
         study_what_if(recording, 9000.0, [], executor=pool)
 
 
+def test_a_horizon_that_ends_before_the_first_map_is_refused(recording: Recording) -> None:
+    later = replace(recording, maps=recording.maps.part(1, len(recording.maps)))
+    for horizon in (60.0, 200.0):
+        with (
+            ThreadPoolExecutor(1) as pool,
+            pytest.raises(InputError, match=r'first map is from 5 min, .* give a longer --horizon'),
+        ):
+            study_what_if(later, 100.0, [], executor=pool, horizon=horizon)
+
+
 @pytest.mark.parametrize(
     ('text', 'seconds'),
     [('35min', 2100.0), ('0.5h', 1800.0), ('2d', 172800.0), ('90s', 90.0), ('600', 600.0)],

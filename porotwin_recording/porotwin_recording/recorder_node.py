@@ -1,5 +1,6 @@
 """Records the running graph into an MCAP bag, every message byte for byte."""
 
+import math
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -92,6 +93,14 @@ class RecorderNode(Node):
             say=self.get_logger().info,
             warn=self.get_logger().warning,
         )
+        try:
+            self._begin()
+        except BaseException:  # its thread would keep the process from ending, after Ctrl-C too
+            self._recorder.stop()
+            raise
+
+    def _begin(self) -> None:
+        """Subscribe to the topics that are there, and look for others from now on."""
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
         self._refused: set[str] = set()
@@ -115,13 +124,15 @@ class RecorderNode(Node):
         """Return when the bag goes on in another file.
 
         Raises:
-            InputError: a parameter is negative.
+            InputError: a parameter is negative or infinite.
         """
         size = declare(self, 'split_mb', 0.0, 'size of a file of the bag [MB]; 0: one file')
         duration = declare(self, 'split_s', 0.0, 'duration of a file of the bag [s]; 0: one file')
         for name, value in (('split_mb', size), ('split_s', duration)):
-            if not value >= 0.0:
-                raise InputError(f"parameter '{name}' of recorder is {value:g}; give 0 or more")
+            if not 0.0 <= value < math.inf:
+                raise InputError(
+                    f"parameter '{name}' of recorder is {value:g}; give a number, 0 or more"
+                )
         return SplitRule(round(size * MEGABYTE), duration)
 
     def _discover(self) -> None:

@@ -81,6 +81,24 @@ def test_a_restarted_recorder_continues_in_the_same_bag(tmp_path: Path) -> None:
     assert 'bag_0.mcap: has no end' in remark
 
 
+def test_ctrl_c_during_the_start_ends_the_recorder(tmp_path: Path) -> None:
+    code = (
+        'from porotwin_recording import recorder_node\n'
+        'def pressed(_): raise KeyboardInterrupt\n'
+        'recorder_node.RecorderNode._discover = pressed\n'
+        'recorder_node.main()'
+    )
+    output = tmp_path / 'recorded'
+    recorder = Process(
+        tmp_path / 'recorder.log', ['-c', code, '--ros-args', '-p', f'output:={output}']
+    )
+    try:
+        assert recorder.popen.wait(timeout=60) == 0, recorder.output
+    finally:
+        recorder.stop(signal.SIGKILL)
+    assert BagReader(output).message_count == 0
+
+
 def test_a_terminated_recorder_completes_the_bag(tmp_path: Path) -> None:
     output = tmp_path / 'recorded.mcap'
     with node(tmp_path / 'recorder.log', 'recorder_node', output=output) as recorder:
@@ -117,6 +135,7 @@ def test_a_live_graph_is_recorded_without_loss(tmp_path: Path) -> None:
     [
         ({}, "parameter 'output' of recorder: name the bag to write"),
         ({'output': '{bag}'}, 'exists already; name another bag'),
+        ({'output': '{bag}_new', 'split_mb': '.inf'}, "'split_mb' of recorder is inf; give a"),
     ],
 )
 def test_wrong_recorder_parameters_end_with_one_line(

@@ -114,6 +114,9 @@ def command(
     Example: ./porotwin bench decision
     """
     modules = {**BENCHES, **LONG}
+    for part in parts or ():  # before the first one, which may take an hour
+        if part not in modules:
+            raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(modules)}")
     many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
@@ -129,8 +132,6 @@ def command(
     }  # fmt: skip
     results: dict[str, Any] = {}
     for part in parts or list(BENCHES):
-        if part not in modules:
-            raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(modules)}")
         say(f'measuring {part} ...')
         module = importlib.import_module(modules[part])
         found = module.run(**options.get(part, {}))

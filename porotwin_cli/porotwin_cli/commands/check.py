@@ -8,6 +8,7 @@ import typer
 
 from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
+from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.units import DAY_S
 
@@ -44,8 +45,9 @@ def command(
 
     if output.is_dir():
         output = output / PICTURE
-    if output.name != PICTURE:  # the picture of an earlier check may be replaced
-        check_output(output, path, command='check')
+    if output.suffix.lower() != '.png':
+        raise InputError(f'{output}: the picture is a PNG; give a name that ends in .png')
+    check_output(output, path, command='check')  # replaces the picture of an earlier check
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     words = in_words(checked)
     check_picture(output, checked, words)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, print_json, say
+from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
 
 
@@ -41,6 +42,8 @@ def command(
     from porotwin_costa.evaluation_pictures import write_pictures
     from porotwin_solver.learnt_coefficients import LearntModels
 
+    if output is not None and output.exists() and not output.is_dir():
+        raise InputError(f'--output {output}: is a file; give a folder for table and pictures')
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
     nominal = with_effects(experiments[0].rig, effect)

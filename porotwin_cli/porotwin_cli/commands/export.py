@@ -64,6 +64,8 @@ def command(
             raise InputError(f'--times {times}: cuts experiment folders; leave out --format {kind}')
         _export_dataset(bag, folder, kind, segment, as_json=as_json)
         return
+    if bag.name == RIG_FILE and bag.is_file():  # its folder is meant
+        bag = bag.parent
     is_folder = (bag / RIG_FILE).is_file()
     if is_folder and span is None:
         raise InputError(

@@ -71,7 +71,7 @@ def command(
     from porotwin_cli.same_photos import told
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
-    from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.calibration import load_calibration, save_calibration
     from porotwin_imaging.covered_baseline import uncovered
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
@@ -92,11 +92,11 @@ def command(
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     clean = [photo.read() for photo in photos.baselines]
     source = fingerprints(recording)
-    used = None
+    used, corrected = None, 0
     if calibration:
         given = load_calibration(calibration)
         source['pictures of the calibration'] = given.picture_fingerprint
-        used = _refined(given, recording, photos, clean, experiment.name, learnt)
+        used, corrected = _refined(given, recording, photos, clean, experiment.name)
     baseline = make_baseline(rig, map_grid, clean, calibration=used, names=photos.baseline_files)
     baseline, cover = uncovered(
         baseline, [photo.read for photo in photos.states], photos.baseline_files
@@ -106,6 +106,9 @@ def command(
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     writing = MapParts(output, rig, map_grid, source=source, origin=origin)
     made = write_maps(writing, rig, photos.states, baseline, pool)
+    if learnt and used:  # not before, because a call that goes on would find it
+        save_calibration(used, learnt / 'calibration.yaml')
+        say(_learnt_words(learnt, corrected))
     _draw(picture, output, rig, calibrated=calibration is not None)
     names = [str(entry['photo']) for entry in made.entries]
     masses = _remarks_about_masses(output, rig, recording.known_rates if used else None, names)
@@ -146,9 +149,8 @@ def _refined(
     photos: 'ExperimentPhotos',
     clean: 'Sequence[bytes]',
     source: str,
-    learnt: Path | None,
-) -> 'Calibration':
-    """Return `calibration` with factors learnt from the plumes; tell and keep them.
+) -> 'tuple[Calibration, int]':
+    """Return `calibration` with factors learnt from the plumes, and their number; tell them.
 
     Args:
         calibration: the given calibration.
@@ -156,9 +158,7 @@ def _refined(
         photos: its photographs.
         clean: bytes of the baselines.
         source: name of the experiment.
-        learnt: folder to make for the calibration; None: it is not kept.
     """
-    from porotwin_imaging.calibration import save_calibration
     from porotwin_imaging.sand_refinement import refined
 
     better = refined(
@@ -172,10 +172,7 @@ def _refined(
     )
     for line in better.lines:
         say(line)
-    if learnt:
-        save_calibration(better.calibration, learnt / 'calibration.yaml')
-        say(_learnt_words(learnt, len(better.lines)))
-    return better.calibration
+    return better.calibration, len(better.lines)
 
 
 def _check_learnt(learnt: Path | None, calibration: Path | None) -> None:

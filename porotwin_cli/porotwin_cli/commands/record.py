@@ -38,6 +38,8 @@ def command(
         namespace=namespace,
         domain=domain,
     )
+    if not output.exists():
+        raise KeyboardInterrupt  # it came before the node had begun the bag
     messages = BagReader(output).message_count
     if as_json:
         print_json({'output': output, 'messages': messages})

@@ -147,6 +147,6 @@ def clock_words(seconds: float) -> str:
 def size_words(size_bytes: int) -> str:
     """Return a size with three digits."""
     for unit, factor in (('TB', 1e12), ('GB', 1e9), ('MB', 1e6), ('kB', 1e3)):
-        if size_bytes >= factor:
+        if size_bytes >= 0.9995 * factor:  # 999.5 kB has three digits as 1 MB only
             return f'{size_bytes / factor:.3g} {unit}'
     return f'{size_bytes} B'

@@ -14,6 +14,7 @@ from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
+from porotwin_core.units import DAY_S, LONGEST_EXPERIMENT_S
 
 if TYPE_CHECKING:
     from porotwin_cli.free_run_errors import LateMaps
@@ -134,9 +135,10 @@ def command(
             bar.advance(task)
             if not is_map:
                 continue
-            writer.append(time, gaussian_filter(values, blur) if blur else values)
+            written = gaussian_filter(values, blur) if blur else values
+            writer.append(time, written)
             if index in shown:
-                pictured.append(values)
+                pictured.append(written)
             if compared is not None:
                 compared.see(index, values)
             index += 1
@@ -201,6 +203,9 @@ def _parse_times(text: str) -> list[float]:
         raise InputError(f"times '{text}': write START:END:STEP in seconds, like 0:4800:30")
     if start < 0.0:
         raise InputError(f"times '{text}': begin before the experiment; let START be 0 or later")
+    if end > LONGEST_EXPERIMENT_S:
+        days = LONGEST_EXPERIMENT_S / DAY_S
+        raise InputError(f"times '{text}': end after {days:g} days; write seconds, like 0:4800:30")
     if (end - start) / step >= MOST_GIVEN_TIMES:
         raise InputError(f"times '{text}': more than {MOST_GIVEN_TIMES} maps; take a larger STEP")
     times: list[float] = np.arange(start, end + 0.5 * step, step).tolist()

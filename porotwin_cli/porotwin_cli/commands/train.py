@@ -8,6 +8,7 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, refuse_existing
+from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
 
 PAIRS_KEPT = 300
@@ -71,6 +72,11 @@ def command(
     cells = grid_of(grid, description)
     experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
+    if not steps.size:
+        raise InputError(
+            f'{recordings[0]}: holds one map, and COSTA learns from one map to the next; name '
+            'recordings with more'
+        )
     time_step = float(np.median(steps))
     cost = prediction_cost(description, cells, preset=preset, duration=time_step)
     tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))

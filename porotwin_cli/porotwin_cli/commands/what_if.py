@@ -8,7 +8,7 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 from porotwin_core.coarse_grid import COARSE_CELLS
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, check_writable
 from porotwin_core.units import percent
 
 if TYPE_CHECKING:
@@ -84,9 +84,11 @@ def command(
     start = seconds_of(at)
     steps = rate_steps(rates, opened.rig, start)
     ahead = seconds_of(horizon) if horizon else None
-    output.mkdir(parents=True, exist_ok=True)  # a refused call leaves no folder
     picture = output / 'what_if.png'
-    check_output(picture, recording, rig, command='what-if')
+    if output.exists():
+        check_output(picture, recording, rig, command='what-if')
+    else:
+        check_writable(output)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
     )
@@ -103,6 +105,7 @@ def command(
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
             objected=lambda line: say(REFUSED.format(line)),
         )
+    output.mkdir(parents=True, exist_ok=True)  # a refused call leaves no folder
     what_if_picture(picture, found)
     if found.note:
         say(found.note)

@@ -393,3 +393,21 @@ def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) ->
     assert 'ends before' not in told(folder)
     last.write_bytes(last.read_bytes()[:3000])
     assert f'photos/{last.name} ends before its picture does' in told(folder)
+
+
+def test_the_picture_replaces_that_of_an_earlier_check_only(tmp_path: Path) -> None:
+    shutil.copy(small_rig(), tmp_path / 'rig.yaml')
+    assert porotwin('check', tmp_path, '--output', tmp_path).returncode == 0
+    assert porotwin('check', tmp_path, '--output', tmp_path).returncode == 0
+    (tmp_path / 'check.png').write_bytes(b'a photograph')
+    refused = porotwin('check', tmp_path, '--output', tmp_path)
+    assert refused.returncode == 2
+    assert 'is a file of the input' in refused.stderr
+    assert (tmp_path / 'check.png').read_bytes() == b'a photograph'
+
+
+@pytest.mark.parametrize('name', ['check.jpg', 'check.xyz', 'check'])
+def test_a_picture_that_is_no_png_is_refused_before_the_work(name: str, tmp_path: Path) -> None:
+    result = porotwin('check', small_rig(), '--output', tmp_path / name)
+    assert result.returncode == 2
+    assert 'give a name that ends in .png' in result.stderr

@@ -28,6 +28,10 @@ def test_a_short_demo_begins_when_the_tracer_comes_near_the_zone() -> None:
     assert settings(minutes=80.0, speed='1').expected_seconds() > 80.0 * 60.0
 
 
+def test_a_slow_demo_waits_for_its_photographs() -> None:
+    assert settings(minutes=30.0, speed='0.1').patience_s > 300.0
+
+
 def settings(*, minutes: float, speed: str = 'max') -> DemoSettings:
     return DemoSettings(
         minutes=minutes,

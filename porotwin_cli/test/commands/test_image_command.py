@@ -12,6 +12,7 @@ import pytest
 from cli_examples import porotwin
 from sparse_bags import SparseBag
 
+from porotwin_cli import imaged_maps
 from porotwin_cli.commands.image import command
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
@@ -53,6 +54,22 @@ def test_image_keeps_the_calibration_that_it_used(
         command(experiment, tmp_path / 'maps.nc', '40x24', given, learnt)
     with pytest.raises(InputError, match='name one with --calibration'):
         command(experiment, tmp_path / 'maps.nc', '40x24', None, tmp_path / 'other')
+
+
+def test_a_call_that_goes_on_finds_no_learnt_calibration_of_the_interrupted_one(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, learnt = tmp_path / 'calibration.yaml', tmp_path / 'learnt'
+    save_calibration(Calibration(), given)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(imaged_maps, 'write_maps', interrupted)
+        command(experiment, tmp_path / 'maps.nc', '40x24', given, learnt)
+    command(experiment, tmp_path / 'maps.nc', '40x24', given, learnt)
+    assert (learnt / 'calibration.yaml').is_file()
 
 
 @pytest.fixture

@@ -9,6 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
+from cli_examples import porotwin
+
+from porotwin_cli.commands import record
+from porotwin_cli.foreground import run_node
+from porotwin_cli.interrupts import INTERRUPTED
 
 
 @pytest.mark.graph
@@ -29,3 +34,21 @@ def test_record_counts_its_messages(tmp_path: Path) -> None:
     output, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
     assert json.loads(output)['messages'] >= 0
+
+
+def test_ctrl_c_before_the_bag_is_begun_is_an_interrupt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(record, 'run_node', lambda *_, **__: None)
+    result = porotwin('record', '--output', tmp_path / 'bag')
+    assert result.returncode == INTERRUPTED
+    assert result.stderr.splitlines()[-1] == 'porotwin: interrupted'
+
+
+def test_ctrl_c_while_a_node_loads_is_an_interrupt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'slow_node.py').write_text('raise KeyboardInterrupt')
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    with pytest.raises(KeyboardInterrupt):
+        run_node('slow_node', 'slow', {})

@@ -7,11 +7,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from cli_examples import porotwin
+from cli_examples import porotwin, porotwin_process
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.commands.runs import _columns
+from porotwin_cli.commands.runs import _columns, size_words
 from porotwin_recording.catalogue import CatalogueEntry
 
 SAMPLE = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
@@ -65,3 +65,21 @@ def test_a_recording_of_the_virtual_rig_is_marked(tmp_path: Path) -> None:
     words = _columns(tmp_path)['rig']
     assert words(CatalogueEntry(tmp_path, 'folder', rig='tank', virtual=True)) == 'tank, virtual'
     assert words(CatalogueEntry(tmp_path, 'folder', rig='tank')) == 'tank'
+
+
+@pytest.mark.parametrize(
+    ('size_bytes', 'words'),
+    [(0, '0 B'), (999, '999 B'), (999_499, '999 kB'), (999_999, '1 MB'), (1_234_567, '1.23 MB')],
+)
+def test_a_size_has_three_digits(size_bytes: int, words: str) -> None:
+    assert size_words(size_bytes) == words
+
+
+def test_a_sign_that_the_terminal_has_not_is_shown_by_its_number(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(experiment, tmp_path / 'run')
+    monkeypatch.setenv('PYTHONIOENCODING', 'latin-1')
+    result = porotwin_process('runs', tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert r'\u2020 date of its files' in result.stdout

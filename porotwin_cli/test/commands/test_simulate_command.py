@@ -9,6 +9,7 @@ import pytest
 import yaml
 from cli_examples import one_well_rig, porotwin
 
+from porotwin_cli import rig_drawing
 from porotwin_cli.commands import simulate
 from porotwin_cli.workspace import small_rig
 from porotwin_core.errors import InputError
@@ -34,6 +35,19 @@ def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     assert error < 0.1
 
 
+def test_the_picture_shows_the_maps_that_are_written(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+    monkeypatch.setattr(
+        rig_drawing, 'sheet_of_maps', lambda *arguments, **_: drawn.extend(arguments[3])
+    )
+    simulate.command(experiment, tmp_path / 'model.nc', '20x12', times='0:60:60', blur=2.0)
+    with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
+        written = np.asarray(dataset['concentration'][-1])
+    np.testing.assert_allclose(drawn[-1], written, atol=1e-6)
+
+
 RIG = one_well_rig(0.3, 0.2)
 
 
@@ -55,7 +69,8 @@ def test_simulate_takes_its_times_from_the_rates(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('times', 'complaint'),
     [
-        ('0:1e12:1', 'more than 100000 maps; take a larger STEP'),
+        ('0:1e7:1', 'more than 100000 maps; take a larger STEP'),
+        ('1e300:1e300:1', 'end after 365 days'),
         ('-100:100:50', 'begin before the experiment'),
         ('0:nan:1', 'write START:END:STEP'),
         ('100:0:10', 'write START:END:STEP'),

@@ -37,6 +37,13 @@ def _up(experiment: Path, folder: Path) -> list[str | Path]:
     return [*rig, '--photos', experiment, '--output', folder / 'up']
 
 
+def test_evaluate_refuses_a_file_as_output_before_it_works(tmp_path: Path) -> None:
+    (taken := tmp_path / 'table.csv').write_text('')
+    result = porotwin('evaluate', tmp_path / 'model', tmp_path, '--output', taken)
+    assert result.returncode == 2
+    assert 'is a file; give a folder' in result.stderr
+
+
 def test_train_refuses_an_unknown_network_before_it_works(experiment: Path, tmp_path: Path) -> None:
     arguments = ['--rig', experiment / 'rig.yaml', '--architecture', 'cubist']
     result = porotwin('train', experiment, '--output', tmp_path / 'm', *arguments)
@@ -56,3 +63,12 @@ def test_train_refuses_a_recording_that_would_judge_itself(
     assert result.returncode == 2
     assert f'{second}: {told}' in result.stderr
     assert not (tmp_path / 'm').exists()
+
+
+def test_train_needs_two_maps(experiment: Path, tmp_path: Path) -> None:
+    part = porotwin('export', experiment, tmp_path / 'one', '--times', '60:61')
+    assert part.returncode == 0, part.stderr
+    arguments = ['--rig', experiment / 'rig.yaml', '--output', tmp_path / 'm', '--grid', '31x19']
+    result = porotwin('train', tmp_path / 'one', *arguments)
+    assert result.returncode == 2
+    assert 'one: holds one map' in result.stderr

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from cli_examples import porotwin
 
+from porotwin_core.rig import load_rig
+
 SHORT = ('--siblings', '24', '--cells', '330', '--horizon', '2min')
 
 
@@ -28,11 +30,17 @@ def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_p
     assert shown.stdout.splitlines()[-1].startswith('the guard would refuse this proposal, from 2')
 
 
-def test_a_wrong_time_is_one_line_and_leaves_nothing(experiment: Path, tmp_path: Path) -> None:
-    asked = ('--at', 'soon', '--rates', 'control1=3', '--output', tmp_path / 'new')
+@pytest.mark.parametrize(
+    ('time', 'told'), [('soon', 'like 35min'), ('30d', 'its last map is from')]
+)
+def test_a_wrong_time_is_one_line_and_leaves_nothing(
+    time: str, told: str, experiment: Path, tmp_path: Path
+) -> None:
+    well = next(iter(load_rig(experiment).wells))
+    asked = ('--at', time, '--rates', f'{well}=3', '--output', tmp_path / 'new')
     found = porotwin('what-if', experiment, *asked)
     assert found.returncode == 2
-    assert 'like 35min' in found.stderr
+    assert told in found.stderr
     assert not (tmp_path / 'new').exists()
 
 

@@ -1,0 +1,86 @@
+"""The setup of `.venv`: an environment that was moved, or is of another Python, and its command."""
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The setup of the checkout `here`, with an environment without pip."""
+    spec = importlib.util.spec_from_file_location('install', ROOT / 'setup' / 'install.py')
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, 'install', module)
+    spec.loader.exec_module(module)
+    builder = venv.EnvBuilder
+    monkeypatch.setattr(module.venv, 'EnvBuilder', lambda **_: builder(with_pip=False))
+    in_checkout(module, tmp_path / 'here')
+    module.STAMPS.mkdir(parents=True)
+    module.make_environment()
+    (module.VENV / 'bin' / 'colcon').write_text(f'#!{module.PYTHON}\n')
+    return module
+
+
+def in_checkout(install: ModuleType, folder: Path) -> None:
+    """Let `install` set up the checkout `folder`."""
+    install.VENV = folder / '.venv'
+    install.PYTHON = install.VENV / 'bin' / 'python'
+    install.STAMPS = install.VENV / 'porotwin'
+
+
+def test_another_call_keeps_the_scripts_of_the_environment(install: ModuleType) -> None:
+    install.make_environment()
+    assert (install.VENV / 'bin' / 'colcon').is_file()
+
+
+def test_scripts_that_name_the_old_place_of_a_checkout_are_removed(
+    install: ModuleType, tmp_path: Path
+) -> None:
+    shutil.move(tmp_path / 'here', tmp_path / 'there')
+    in_checkout(install, tmp_path / 'there')
+    install.make_environment()
+    assert not (install.VENV / 'bin' / 'colcon').exists()
+    assert install.PYTHON.is_file()
+    assert install.STAMPS.is_dir()
+
+
+def test_the_environment_of_another_python_is_made_anew(install: ModuleType) -> None:
+    settings = install.VENV / 'pyvenv.cfg'
+    minor = f'version = 3.{sys.version_info.minor}.'
+    settings.write_text(settings.read_text().replace(minor, 'version = 3.9.'))
+    install.make_environment()
+    assert not (install.VENV / 'bin' / 'colcon').exists()
+    subprocess.run([install.PYTHON, '-c', ''], check=True)
+
+
+def test_the_command_of_the_environment_runs_in_a_folder_with_a_space(
+    install: ModuleType, tmp_path: Path
+) -> None:
+    shutil.move(tmp_path / 'here', tmp_path / 'my twin')
+    in_checkout(install, tmp_path / 'my twin')
+    install.link_packages()
+    install.PYTHON.unlink()
+    install.PYTHON.write_text('#!/bin/sh\necho "$@"\n')
+    install.PYTHON.chmod(0o755)
+    command = [install.VENV / 'bin' / 'porotwin', 'check', 'my rig']
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert found.stdout == '-m porotwin_cli check my rig\n'
+
+
+def test_a_link_to_the_command_finds_its_checkout(tmp_path: Path) -> None:
+    checkout = tmp_path / 'checkout'
+    (checkout / 'setup').mkdir(parents=True)
+    shutil.copy(ROOT / 'porotwin', checkout)
+    (checkout / 'setup' / 'install.py').write_text('raise SystemExit(7)')
+    link = tmp_path / 'porotwin'
+    link.symlink_to(checkout / 'porotwin')
+    assert subprocess.run([link], check=False).returncode == 7
