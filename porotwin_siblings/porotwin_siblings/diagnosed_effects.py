@@ -25,7 +25,7 @@ class DiagnosedEffect:
     """An effect with doubt about its parameters.
 
     `numbers` are (name, value, standard deviation) in the units of the effect; `fixed` are the
-    parameters without doubt, such as the name of a well.
+    parameters without doubt: the name of a well, or a number without an interval.
     """
 
     name: str
@@ -75,6 +75,8 @@ def _diagnosed(item: dict[str, Any]) -> DiagnosedEffect:
         value = entry['value']
         if isinstance(value, str):
             fixed.append((name, value))
+        elif entry['low'] is None:  # the diagnosis did not fit it, or found no interval
+            fixed.append((name, float(value)))
         else:
             deviation = (entry['high'] - entry['low']) / INTERVAL_DEVIATIONS
             numbers.append((name, float(value), float(deviation)))

@@ -41,6 +41,21 @@ def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
     assert described.parameters == {'well': 'injector', 'factor': 0.0}
 
 
+def test_a_number_without_an_interval_is_taken_as_it_is(tmp_path: Path) -> None:
+    diffusion = {'value': 1e-9, 'low': None, 'high': None, 'unit': 'm2/s'}
+    along = {'value': 9e-4, 'low': 6e-4, 'high': 1.2e-3, 'unit': 'm'}
+    dispersion = {
+        'name': 'dispersion',
+        'parameters': {'diffusion': diffusion, 'longitudinal_dispersivity': along},
+    }
+    (found,) = read_diagnosis(written(tmp_path, [dispersion], ['dispersion']))
+    assert [name for name, _, _ in found.numbers] == ['longitudinal_dispersivity']
+    assert found.described(iter([8e-4])).parameters == {
+        'diffusion': 1e-9,
+        'longitudinal_dispersivity': 8e-4,
+    }
+
+
 def test_no_verdict_leaves_nothing(tmp_path: Path) -> None:
     assert read_diagnosis(written(tmp_path, [BUOYANCY], [])) == ()
 
