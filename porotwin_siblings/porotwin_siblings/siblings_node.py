@@ -304,6 +304,8 @@ class SiblingsNode(Node):
                     return
                 self.get_logger().error(f'state {arrived.sequence} failed: {error!r}')
                 self._diagnostics.report(DiagnosticStatus.ERROR, f'siblings failed: {error!r}')
+                with self._changed:  # the rates until this photograph are used up
+                    self._interrupted = True
                 continue
             self._diagnostics.report(DiagnosticStatus.OK, f'state {arrived.sequence} done')
 
@@ -417,7 +419,7 @@ class SiblingsNode(Node):
         check_balance(plan, held, self._rig)
         note = concentration_note([held, plan], self._rig)
         present = self._forecast
-        if present is None or present.horizon != horizon or present.plan != held:
+        if present is None or not present.answers(self.siblings.time, held, horizon):
             present = self._outlook(held, horizon, quick=True)
         response.present = self._as_message(present)
         response.proposed = self._as_message(self._outlook(plan, horizon, quick=True))
