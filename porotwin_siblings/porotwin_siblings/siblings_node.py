@@ -341,8 +341,8 @@ class SiblingsNode(Node):
             if effects is None or effects == self._effects:
                 return False
             self._interrupted = False
-            if self.siblings.started and photograph.time > self.siblings.time:
-                self._rates.take(self.siblings.time, photograph.time)
+            # the rates go on as they do for siblings who stay
+            periods_until(photograph.time, self.siblings, self._rates, interrupted=False)
         siblings = self._make_siblings(self._rig.with_effects(effects))
         siblings.observe(photograph)
         self.siblings, self._effects = siblings, effects

@@ -169,6 +169,14 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.wait(lambda: len(beside.forecasts) == 3)
     assert beside.node.siblings.time == 2e9
 
+    assert beside.node._rates.is_commanded(300.0)
+    beside.effects.publish(ModelEffects(sequence=1))  # a replay begins again, and so does the model
+    assert beside.effects.wait_for_all_acked()
+    beside.photograph(10.0, plume)
+    beside.wait(lambda: len(beside.forecasts) == 4)
+    assert not beside.node.siblings.rig.effects
+    assert not beside.node._rates.is_commanded(300.0)
+
 
 def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
