@@ -10,8 +10,11 @@ from pathlib import Path
 FULL_BYTES = 1_000_000
 """Free space below which a disk counts as full [B]: libraries give no reason for failed writes."""
 
-MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
-"""Faults of writing that another path mends."""
+MAY_NOT = (
+    errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR,
+    errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
+)  # fmt: skip
+"""Faults of writing that another path mends; a folder below a file exists already, as a file."""
 
 
 class InputError(ValueError):
