@@ -35,7 +35,7 @@ from porotwin_core.node import (
 )
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
 from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS, VALIDITY_INTERVALS
-from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rates_in_force import SHORTEST_PERIOD_S, KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
@@ -362,12 +362,15 @@ class SiblingsNode(Node):
         self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
-        """Return how far to look ahead [s]: to the end of the experiment where it is known."""
+        """Return how far to look ahead [s].
+
+        It is to the end of the experiment where it is known, for `LONGEST_HORIZON_S` at most.
+        """
         control = self._rig.control
         if control is None or control.end_min is None or self._began is None:
             return self._horizon
         left = self._began + MINUTE_S * control.end_min - self.siblings.time
-        return left if left > 0.0 else self._horizon
+        return min(left, LONGEST_HORIZON_S) if left > SHORTEST_PERIOD_S else self._horizon
 
     def _outlook(self, plan: Sequence[RateStep], horizon: float, *, quick: bool = False) -> Outlook:
         """Return the expectations under `plan` over `horizon` [s].

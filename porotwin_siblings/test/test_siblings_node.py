@@ -13,7 +13,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import DAY_S, MINUTE_S, from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -198,3 +198,10 @@ def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
         beside.wait(lambda: beside.node._arrived is None)
     beside.wait(lambda: bool(beside.forecasts) and beside.forecasts[-1].header.stamp.sec == 300)
     assert taken == [(0.0, 0), (100.0, 1), (200.0, 0), (300.0, 1)]
+
+    rig = load_rig(RIG)
+    assert rig.control is not None
+    for end_s, ahead in ((2 * DAY_S, DAY_S), (400.0, 100.0), (300.0 + 2.4e-7, 1200.0)):
+        control = rig.control.model_copy(update={'end_min': end_s / MINUTE_S})
+        monkeypatch.setattr(beside.node, '_rig', rig.model_copy(update={'control': control}))
+        assert beside.node._ahead() == pytest.approx(ahead), 'a day at most, and never no time'
