@@ -22,7 +22,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.freshness import PhotographClock
+from porotwin_core.freshness import stamp_doubts
 from porotwin_core.grid import Grid
 from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import (
@@ -34,13 +34,13 @@ from porotwin_core.node import (
     run,
 )
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS, VALIDITY_INTERVALS
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.rates_in_force import SHORTEST_PERIOD_S, KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import believed_start, steady_time
+from porotwin_core.stamps import believed_start
 from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
@@ -123,10 +123,8 @@ class SiblingsNode(Node):
             self, also=f'; after {LONGEST_GAP_INTERVALS} without one, forecasts begin anew'
         )
         self._longest_gap = LONGEST_GAP_INTERVALS * interval
-        self._photographs = PhotographClock(
-            interval=interval, validity=VALIDITY_INTERVALS * interval
-        )
-        self._steady_time = steady_time()
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._doubt = stamp_doubts(interval, simulated=self._simulated)
         self._judges = declare(
             self,
             'judges',
@@ -176,7 +174,6 @@ class SiblingsNode(Node):
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._told_start: float | None = None
         # simulated time counts from the start of the experiment
         self._began = 0.0 if self._simulated else None
@@ -280,12 +277,6 @@ class SiblingsNode(Node):
         with self._changed:
             self._arrived = _Arrived(message.sequence, photograph)
             self._changed.notify_all()
-
-    def _doubt(self, stamp: float) -> str:
-        """Return why `stamp` [s] is not believed; in simulated time all are, as in the hub."""
-        if self._simulated:
-            return ''
-        return self._photographs.judge(stamp, self._steady_time()).doubt
 
     # --- work ---------------------------------------------------------------------------------
 
