@@ -13,12 +13,16 @@ from porotwin_core.effect_parameter import Parameter
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects import effect
+from porotwin_solver.effects.definition.effect import Scope
 
 LEAST_SHARE = 0.1
 """Share of the diagnosed value, counted from the bound of its range, that a drawn one keeps."""
 
 INTERVAL_DEVIATIONS = 3.29
 """Width of an interval of 90 % of a normal distribution, in standard deviations."""
+
+OF_THE_RIG = (Scope.RIG, Scope.WELL, Scope.PLACE)
+"""Scopes of effects that siblings can have."""
 
 ASYMMETRY = 1.1
 """Ratio of the two sides of an interval above which it is that of a logarithm."""
@@ -80,7 +84,9 @@ def within(parameter: Parameter, drawn: float, value: float) -> float:
 
 
 def read_diagnosis(path: Path) -> tuple[DiagnosedEffect, ...]:
-    """Return the effects that the `diagnosis.json` at `path` kept; none without a verdict.
+    """Return the effects of the rig that the `diagnosis.json` at `path` kept, if any.
+
+    Effects of the camera and of the numerical scheme are none: they move no water or tracer.
 
     Raises:
         InputError: the file cannot be read, or lacks a key.
@@ -88,7 +94,7 @@ def read_diagnosis(path: Path) -> tuple[DiagnosedEffect, ...]:
     try:
         data = json.loads(path.read_text(encoding='utf-8'))
         kept = [item for item in data['effects'] if item['name'] in data['combination']]
-        return tuple(_diagnosed(item) for item in kept)
+        return tuple(_diagnosed(item) for item in kept if effect(item['name']).scope in OF_THE_RIG)
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; name a diagnosis.json') from None
     except (ValueError, KeyError, TypeError) as error:

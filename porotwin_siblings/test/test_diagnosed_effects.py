@@ -67,6 +67,17 @@ def test_a_number_that_is_known_to_a_factor_is_drawn_by_its_logarithm(tmp_path: 
     assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (1 / 3.29))
 
 
+def test_effects_of_camera_and_scheme_are_none_of_the_rig(tmp_path: Path) -> None:
+    clock = {'name': 'clock', 'parameters': {'offset': {'value': 9.0, 'low': 8.0, 'high': 10.0}}}
+    scheme = {
+        'name': 'numerical_diffusion',
+        'parameters': {'model_diffusion': {'value': 1e-8, 'low': 5e-9, 'high': 2e-8}},
+    }
+    named = ['buoyancy', 'clock', 'numerical_diffusion']
+    (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, clock, scheme], named))
+    assert found.name == 'buoyancy'
+
+
 def test_no_verdict_leaves_nothing(tmp_path: Path) -> None:
     assert read_diagnosis(written(tmp_path, [BUOYANCY], [])) == ()
 
