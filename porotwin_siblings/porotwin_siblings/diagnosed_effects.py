@@ -102,7 +102,8 @@ def read_diagnosis(path: Path) -> tuple[DiagnosedEffect, ...]:
 
 
 def _diagnosed(item: dict[str, Any]) -> DiagnosedEffect:
-    numbers, fixed = [], []
+    numbers: list[DiagnosedNumber] = []
+    fixed: list[tuple[str, str | float]] = []
     for name, entry in item['parameters'].items():
         value = entry['value']
         if isinstance(value, str):
