@@ -31,7 +31,7 @@ ASYMMETRY = 1.1
 class DiagnosedNumber(NamedTuple):
     """A parameter with doubt: its `mean` and standard `deviation`, in the unit of the effect.
 
-    Both are those of the logarithm for a number that `is_log`.
+    If it `is_log`, both belong to its logarithm.
     """
 
     name: str
@@ -120,7 +120,7 @@ def _diagnosed(item: dict[str, Any]) -> DiagnosedEffect:
 def _with_doubt(name: str, value: float, low: float, high: float) -> DiagnosedNumber:
     """Return a number with its interval of 90 %, from `low` to `high`.
 
-    The diagnosis fits the logarithm of a number that is known to a factor: its interval is wider
+    The diagnosis fits the logarithm of a number known to a factor: its interval is wider
     above. As a plain number half of the siblings would have a hundred times as much.
     """
     if 0.0 < low < value and high - value > ASYMMETRY * (value - low):

@@ -138,7 +138,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     np.testing.assert_allclose(answer.present.zone_tracer, forecast.zone_tracer)
     assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
     told = beside.node._forecast
-    beside.node._forecast = replace(told, start=-30.0)  # that of the photograph before
+    beside.node._forecast = replace(told, start=-30.0)  # of an earlier photograph
     answer = beside.ask([RateStep(0.0, flush)], 1200.0)
     assert answer.present.header == answer.proposed.header
     beside.node._forecast = told
