@@ -89,7 +89,7 @@ class RigPast:
         return compared(before, finding_from(summary, self._recordings, self._date))
 
     def remember(self, summary: Mapping[str, Any]) -> list[str]:
-        """Add the finding in `summary`; return a line if it replaces others."""
+        """Add the finding in `summary`; return a line if it replaces others, or is not added."""
         new = finding_from(summary, self._recordings, self._date)
         replaced = add_finding(self._folder, new)
         lines: list[str] = []
@@ -97,4 +97,9 @@ class RigPast:
         if lost:
             names = ', '.join(sorted(lost))
             lines.append(f'A finding on {names} together with this recording was replaced.')
+        if new not in read_history(self._folder):
+            lines.append(
+                'The history keeps its finding on this recording together with others; this one is '
+                'not added.'
+            )
         return lines

@@ -90,6 +90,9 @@ def test_what_a_replaced_finding_held_besides_is_told(tmp_path: Path) -> None:
     recordings = [Made(tmp_path / 'tuesday', RIG), Made(tmp_path / 'friday', RIG)]
     *_, line = RigPast(tmp_path / 'history', recordings, '2025-11-27').remember(summary(1.15))
     assert 'monday together with this recording was replaced' in line
+    (line,) = past(tmp_path, 'friday', '2025-11-27').remember(summary(1.15))
+    assert 'together with others; this one is not added' in line
+    assert past(tmp_path, 'saturday', '2025-11-28').remember(summary(1.15)) == []
 
 
 def test_a_recording_from_the_future_is_refused(tmp_path: Path) -> None:

@@ -11,15 +11,10 @@ FULL_BYTES = 1_000_000
 """Free space below which a disk counts as full [B]: libraries give no reason for failed writes."""
 
 MAY_NOT = (
-    errno.EACCES,
-    errno.EPERM,
-    errno.EROFS,
-    errno.ENOENT,
-    errno.ENOTDIR,
-    errno.EISDIR,
-    errno.ENAMETOOLONG,
-)
-"""Faults of writing that another path mends."""
+    errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR,
+    errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
+)  # fmt: skip
+"""Faults of writing that another path mends; a folder below a file exists already, as a file."""
 
 
 class InputError(ValueError):

@@ -6,12 +6,14 @@ between two arrivals does not. `docs/clocks.md` states the policy and its limits
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
 from itertools import pairwise
 from typing import NamedTuple
 
-from porotwin_core.stamps import SINCE_1970
+from porotwin_core.photo_interval import VALIDITY_INTERVALS
+from porotwin_core.stamps import SINCE_1970, steady_time
 
 AGREEMENT = 0.5
 """A camera's clock agrees with this machine's if it is ahead by at most this part of the photo
@@ -175,6 +177,19 @@ class PhotographClock:
         lateness = [late for _, late in live]
         short = spans < LEARNING_INTERVALS * self._interval
         return [] if short or _catches_up(lateness, spans) else lateness
+
+
+def stamp_doubts(interval: float, *, simulated: bool) -> Callable[[float], str]:
+    """Return a function of a stamp [s] that says why the hub does not believe it; '' if it does.
+
+    It is called once for each photograph, when it arrives. `interval` is the time between
+    photographs [s]. In `simulated` time all stamps are believed.
+    """
+    if simulated:
+        return lambda _stamp: ''
+    photographs = PhotographClock(interval=interval, validity=VALIDITY_INTERVALS * interval)
+    now = steady_time()
+    return lambda stamp: photographs.judge(stamp, now()).doubt
 
 
 def _catches_up(lateness: list[float], duration: float) -> bool:

@@ -17,6 +17,13 @@ def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:
     assert 'cannot be written (Permission denied); name an output where you may' in str(found)
 
 
+def test_a_folder_below_a_file_and_a_long_name_are_wrong_input(tmp_path: Path) -> None:
+    (tmp_path / 'file').touch()
+    for folder in (tmp_path / 'file', tmp_path / ('long' * 100)):
+        with pytest.raises(InputError, match='name an output where you may'), writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+
+
 @pytest.mark.parametrize(
     'error', [OSError(errno.ENOSPC, ''), OSError(errno.EACCES, ''), RuntimeError('HDF error')]
 )

@@ -123,21 +123,18 @@ def archive_tasks(
             of one.
     """
     check_apart(output, recordings)
-    places = [recording.resolve() for recording in recordings]
+    places = [place_of(recording) for recording in recordings]
     again = next((place for place in places if places.count(place) > 1), None)
     if again is not None:
         raise InputError(f'--each: {again} is named twice; name every recording once')
-    names = [recording.resolve().name for recording in recordings]
+    names = [place.name for place in places]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(
             f"--each: two recordings are called '{twice[0]}'; their reports need folders with "
             'different names, so rename one'
         )
-    return [
-        ArchiveTask(recording.resolve(), output.resolve() / name, rig, preset)
-        for recording, name in zip(recordings, names, strict=True)
-    ]
+    return [ArchiveTask(place, output.resolve() / place.name, rig, preset) for place in places]
 
 
 def diagnose_archive(

@@ -17,8 +17,9 @@ from rclpy.node import Node
 
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
+from porotwin_core.freshness import stamp_doubts
 from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.node import declare, declare_grid, declare_photo_interval, declare_rig, run
 from porotwin_core.parallel import crew
 from porotwin_core.run_topics import follow_run
 from porotwin_core.single_instance import only_one
@@ -68,6 +69,8 @@ class DiagnosisNode(Node):
             self, 'workers', 1, 'simulations at a time', at_least=1, at_most=MOST_WORKERS
         )
         self._output = declare(self, 'output', '', 'folder for diagnoses; empty: a temporary one')
+        simulated = bool(self.get_parameter('use_sim_time').value)
+        self._doubt = stamp_doubts(declare_photo_interval(self), simulated=simulated)
         self._lock = threading.Lock()
         self._busy = threading.Lock()
         self._run = LiveRun(rig, grid, _existing_folder(self._output))
@@ -92,6 +95,8 @@ class DiagnosisNode(Node):
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             stamp = conversions.time_from_msg(message.header.stamp)
+            if doubt := self._doubt(stamp):  # one wrong stamp would end the run
+                raise InputError(doubt)
             deviation = conversions.deviation_from_msg(message.deviation, grid)
             systematic = conversions.deviation_from_msg(message.systematic, grid)
             with self._lock:

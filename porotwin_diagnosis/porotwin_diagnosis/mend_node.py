@@ -24,8 +24,17 @@ from std_msgs.msg import Header
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
+from porotwin_core.freshness import stamp_doubts
 from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import END_S, Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.node import (
+    END_S,
+    Diagnostics,
+    declare,
+    declare_grid,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.service_answer import answer_within
@@ -107,6 +116,8 @@ class MendNode(Node):
             False,
             'for a virtual rig: send mend/seen only after a running diagnosis and an open offer',
         )
+        simulated = bool(self.get_parameter('use_sim_time').value)
+        self._doubt = stamp_doubts(declare_photo_interval(self), simulated=simulated)
         settings = self._declare_settings()
         self._lock = threading.RLock()
         self._mender = Mender(
@@ -208,10 +219,12 @@ class MendNode(Node):
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             if grid != self._grid:
                 raise InputError(f'map on {grid}; the twin runs on {self._grid}')
+            stamp = conversions.time_from_msg(message.header.stamp)
+            if doubt := self._doubt(stamp):  # one wrong stamp would end the run
+                raise InputError(doubt)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
-        stamp = conversions.time_from_msg(message.header.stamp)
         if self._states.is_other_clock(stamp):
             self._run += 1
             self._work.put(self._mender.begin_anew)

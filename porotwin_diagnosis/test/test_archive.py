@@ -66,6 +66,14 @@ def test_a_recording_with_a_report_is_kept_and_a_bad_one_is_named(
     assert json.loads((tmp_path / 'archive' / TABLE).read_text()) == table
 
 
+def test_a_rig_file_means_its_recording(monday: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'archive'
+    (task,) = archive_tasks([monday / 'rig.yaml'], output)
+    assert (task.recording, task.folder) == (monday, output / 'monday')
+    with pytest.raises(InputError, match=r'monday is named twice'):
+        archive_tasks([monday, monday / 'rig.yaml'], output)
+
+
 def test_a_file_is_no_folder_for_reports(monday: Path, tmp_path: Path) -> None:
     (tmp_path / 'archive').touch()
     tasks = archive_tasks([monday], tmp_path / 'archive')

@@ -1,6 +1,7 @@
 """The diagnosis as an action over DDS: refusals, feedback, and cancelling."""
 
 import threading
+import time
 from functools import partial
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from diagnosis_examples import SMALL
 
 from porotwin_core.rig import write_rig
+from porotwin_core.units import DAY_S
 from porotwin_core.wells import WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -38,11 +40,12 @@ def until(condition):
 class Graph:
     """The node and a client of it, each with an executor of its own."""
 
-    def __init__(self, rig):
+    def __init__(self, rig, *, simulated=True):  # stamps of any time are believed
         context = rclpy.Context()
         rclpy.init(context=context)
         grid = SMALL.grid(47, 28)
-        parameters = [Parameter('rig', value=str(rig)), Parameter('grid', value=str(grid))]
+        given = {'rig': str(rig), 'grid': str(grid), 'use_sim_time': simulated}
+        parameters = [Parameter(name, value=value) for name, value in given.items()]
         self.grid = grid
         self.server = DiagnosisNode(context=context, parameter_overrides=parameters)
         self.node = rclpy.create_node('test', context=context)
@@ -102,6 +105,22 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
         publisher.publish(message)
     # messages arrive one after the other, and the setpoint may be the last
     until(lambda: 'the run so far: 3 maps are too few' in graph.refusal())
+
+
+def test_a_photograph_with_a_wrong_stamp_does_not_end_the_run(tmp_path):
+    write_rig(SMALL, tmp_path / 'rig.yaml')
+    graph = Graph(tmp_path / 'rig.yaml', simulated=False)
+    try:
+        publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+        until(partial(graph.server.count_publishers, 'asset/new_state'))
+        now = time.time()
+        for stamp in (now - 60.0, now - 30.0, now + DAY_S, now):
+            tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, stamp)
+            publisher.publish(NewState(tracer=tracer, header=tracer.header))
+        until(lambda: len(graph.server._run) == 3)
+        assert graph.server._run.times == pytest.approx((now - 60.0, now - 30.0, now), abs=1e-3)
+    finally:
+        graph.close()
 
 
 def test_a_folder_with_a_run_in_it_is_refused_and_not_changed(graph, tmp_path):

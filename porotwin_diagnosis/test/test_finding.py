@@ -30,7 +30,7 @@ def test_effects_of_solver_and_camera_are_told_apart():
     found = finding_of(SUMMARY, 'report.html')
     assert found.effects == (weak_pump(),)
     assert [one.name for one in found.camera] == ['clock']
-    assert found.cause == {('rate', 'injector'), ('clock', '')}
+    assert found.cause == (('clock', ''), ('rate', 'injector'))
     assert not found.doubt(0.9)
 
 

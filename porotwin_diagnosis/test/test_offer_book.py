@@ -120,6 +120,17 @@ def test_a_leak_elsewhere_is_another_cause():
     assert changed[-1].state is OfferState.OFFERED
 
 
+def test_two_leaks_are_known_again_in_another_order_and_are_another_cause_than_one():
+    left, right = leak(0.1, 0.1, 20.0), leak(0.8, 0.5, 25.0)
+    both = finding(left, right)
+    assert both.has_the_cause_of(finding(right, left))
+    assert both.has_the_size_of(finding(right, left))
+    assert not both.has_the_size_of(finding(leak(0.8, 0.5, 50.0), left))
+    assert not both.has_the_cause_of(finding(left))
+    assert not finding(left).has_the_cause_of(both)
+    assert not both.has_the_cause_of(finding(left, leak(0.4, 0.5, 25.0)))
+
+
 def test_another_size_of_the_same_cause_replaces_the_offer():
     book = OfferBook(0.9)
     book.consider(finding(weak_pump(0.7)), 1200.0)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.image import imsave
+from PIL import Image
 
 from porotwin_core.rig import Camera
 from porotwin_diagnosis.decision.verdict import Verdict
@@ -59,5 +60,10 @@ def test_without_corners_the_photograph_is_bare(denser):
 
 
 def test_a_broken_file_is_refused(denser):
-    with pytest.raises((OSError, ValueError, SyntaxError)):
-        photograph(b'no photograph', denser)
+    buffer = io.BytesIO()
+    Image.new('RGB', (16, 9)).save(buffer, 'BMP')
+    size = buffer.getvalue()[18:26]
+    damaged = buffer.getvalue().replace(size, b'\xff\xff\xff\x0f' * 2)
+    for content in (b'no photograph', damaged):
+        with pytest.raises((OSError, ValueError, SyntaxError)):
+            photograph(content, denser)

@@ -31,6 +31,15 @@ def test_measured_rates_replace_setpoints_of_their_interval():
     assert len(table) == 4, 'no commanded rate is lost'
 
 
+def test_a_setpoint_at_the_end_of_a_measurement_holds_from_then_on():
+    table = RateTable(WELLS)
+    for start, rate in ((0.0, 1e-7), (30.0, 2e-7)):
+        table.add_commanded(start, injecting(rate))
+    table.add_measured(0.0, 30.0, injecting(0.9e-7))
+    rows = Schedule.from_rates(table.rows(60.0)).rows
+    assert [(row.time, row.rate.rate) for row in rows] == [(0.0, 0.9e-7), (30.0, 2e-7)]
+
+
 def test_the_last_rates_stay_in_force_in_a_new_run():
     table = RateTable(WELLS)
     table.begin_anew(5.0)

@@ -69,6 +69,8 @@ def test_every_recording_has_its_own_fields(coarse_denser, tmp_path):
     for name, part in zip(names, summary['by_recording'], strict=True):
         assert_fields_agree(tmp_path / name, part, falls_to=0.5)
     assert not (tmp_path / 'rig.yaml').exists(), 'only with apply'
+    write_diagnosis(coarse_denser, tmp_path)
+    assert [file.name for file in tmp_path.glob('fields*')] == ['fields.nc'], 'now of one recording'
 
 
 def assert_fields_agree(path, errors, *, falls_to):
@@ -107,7 +109,10 @@ def test_files_that_no_diagnosis_wrote_are_not_replaced(tmp_path):
     (tmp_path / 'report.html').write_text('precious')
     with pytest.raises(InputError, match=r'holds report.html, but no diagnosis.json'):
         checked_folder(tmp_path, [])
-    (tmp_path / 'report.html').unlink()
+    (tmp_path / 'report.html').rename(tmp_path / 'fields.nc')
+    with pytest.raises(InputError, match=r'holds fields.nc, but no diagnosis.json'):
+        checked_folder(tmp_path, [])
+    (tmp_path / 'fields.nc').unlink()
     (tmp_path / 'fields.nc').mkdir()
     with pytest.raises(InputError, match=r'fields.nc: is a folder'):
         checked_folder(tmp_path, [])

@@ -191,7 +191,11 @@ def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:
 def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
     if settings.diagnoses is None:
         return []
-    parameters = {**modelled, 'output': str(settings.diagnoses)}
+    parameters = {
+        **modelled,
+        'photo_interval_s': settings.photo_interval_s,
+        'output': str(settings.diagnoses),
+    }
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
@@ -199,7 +203,8 @@ def _mend_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescri
     """Return the node that lets the twin get better; it needs the diagnosis."""
     if settings.diagnoses is None or settings.mend != 'ask':
         return []
-    return [NodeDescription('mend', 'porotwin_diagnosis', 'mend_node', modelled)]
+    parameters = {**modelled, 'photo_interval_s': settings.photo_interval_s}
+    return [NodeDescription('mend', 'porotwin_diagnosis', 'mend_node', parameters)]
 
 
 def page_node(settings: GraphSettings) -> list[NodeDescription]:

@@ -96,14 +96,28 @@ class VirtualRigNode(Node):
         self._worker.start()
 
     def _make_session(self, rig: Rig) -> AssetSession:
-        seed = declare(self, 'seed', 7, 'seed of the sand, the camera and its noise')
+        seed = declare(self, 'seed', 7, 'seed of the sand, the camera and its noise', at_least=0)
         form = f'NAME:PARAMETER=VALUE,...;... with NAME one of {", ".join(EFFECTS)}'
         effects = parse_effects(declare(self, 'effects', '', f'true effects: {form}'))
         for name in (effect.name for effect in effects):
             if name in EFFECTS and EFFECTS[name].needs_recording:
                 raise InputError(f"effect '{name}': not on a live rig; make a recording instead")
-        width = declare(self, 'photo_width_px', 1600, 'width of the photographs [px]')
-        delivery = declare(self, 'producer_delivery', 0.99, 'metered over commanded rate')
+        width = declare(
+            self,
+            'photo_width_px',
+            1600,
+            'width of the photographs [px]',
+            at_least=100,
+            at_most=20_000,
+        )
+        delivery = declare(
+            self,
+            'producer_delivery',
+            0.99,
+            'metered over commanded rate',
+            at_least=0.0,
+            at_most=2.0,
+        )
         producer = rig.control.producer if rig.control is not None else None
         pumps = Pumps({producer: delivery}) if producer is not None else Pumps()
         camera = camera_before(rig, width)

@@ -218,6 +218,8 @@ def test_truth_is_kept_for_every_photograph(lock_step: tuple[Twin, str, Path]) -
         ({'effects': 'magnetism'}, "'magnetism' is not known"),
         ({'speed': 'quick'}, "speed 'quick'"),
         ({'duration_s': -1.0}, 'duration_s'),
+        ({'seed': -1}, "'seed' of virtual_rig is -1"),
+        ({'photo_width_px': 0}, "'photo_width_px' of virtual_rig is 0"),
     ],
 )
 def test_wrong_parameter_ends_with_one_line(

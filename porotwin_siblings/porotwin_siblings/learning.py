@@ -83,7 +83,7 @@ class Learning:
         *,
         alike: float,
     ) -> None:
-        """Update belief and inflation.
+        """Update belief and inflation; a photograph that hides all blocks tells nothing.
 
         Args:
             photograph: the newest one, on any grid of the rig.
@@ -104,6 +104,8 @@ class Learning:
         )
         predicted = self._blocks.means(expected, seen).T
         observed = self._blocks.means(map_, seen)
+        if not observed.size:  # a hand before the camera: no block shows enough
+            return
         noise = self._blocks.means(random, seen)
         variance = RELATED_BLOCKS * max(1.0, alike) * (noise + MODEL_DEVIATION**2)
         self.belief = self.belief.updated(

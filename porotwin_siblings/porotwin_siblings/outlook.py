@@ -52,3 +52,7 @@ class Outlook:
     mean: FloatArray
     deviation: FloatArray
     ranked: tuple[int, ...]
+
+    def answers(self, start: float, plan: tuple[RateStep, ...], horizon: float) -> bool:
+        """Return whether these are the expectations from `start` [s] on under this question."""
+        return (self.start, self.plan, self.horizon) == (start, plan, horizon)

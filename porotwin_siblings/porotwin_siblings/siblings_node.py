@@ -22,7 +22,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.freshness import PhotographClock
+from porotwin_core.freshness import stamp_doubts
 from porotwin_core.grid import Grid
 from porotwin_core.model_effects import ToldEffects
 from porotwin_core.node import (
@@ -34,13 +34,13 @@ from porotwin_core.node import (
     run,
 )
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS, VALIDITY_INTERVALS
-from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.rates_in_force import SHORTEST_PERIOD_S, KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import believed_start, steady_time
+from porotwin_core.stamps import believed_start
 from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
@@ -123,10 +123,8 @@ class SiblingsNode(Node):
             self, also=f'; after {LONGEST_GAP_INTERVALS} without one, forecasts begin anew'
         )
         self._longest_gap = LONGEST_GAP_INTERVALS * interval
-        self._photographs = PhotographClock(
-            interval=interval, validity=VALIDITY_INTERVALS * interval
-        )
-        self._steady_time = steady_time()
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._doubt = stamp_doubts(interval, simulated=self._simulated)
         self._judges = declare(
             self,
             'judges',
@@ -176,7 +174,6 @@ class SiblingsNode(Node):
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._told_start: float | None = None
         # simulated time counts from the start of the experiment
         self._began = 0.0 if self._simulated else None
@@ -281,12 +278,6 @@ class SiblingsNode(Node):
             self._arrived = _Arrived(message.sequence, photograph)
             self._changed.notify_all()
 
-    def _doubt(self, stamp: float) -> str:
-        """Return why `stamp` [s] is not believed; in simulated time all are, as in the hub."""
-        if self._simulated:
-            return ''
-        return self._photographs.judge(stamp, self._steady_time()).doubt
-
     # --- work ---------------------------------------------------------------------------------
 
     def _work(self) -> None:
@@ -304,6 +295,8 @@ class SiblingsNode(Node):
                     return
                 self.get_logger().error(f'state {arrived.sequence} failed: {error!r}')
                 self._diagnostics.report(DiagnosticStatus.ERROR, f'siblings failed: {error!r}')
+                with self._changed:  # the rates until this photograph are used up
+                    self._interrupted = True
                 continue
             self._diagnostics.report(DiagnosticStatus.OK, f'state {arrived.sequence} done')
 
@@ -339,8 +332,8 @@ class SiblingsNode(Node):
             if effects is None or effects == self._effects:
                 return False
             self._interrupted = False
-            if self.siblings.started and photograph.time > self.siblings.time:
-                self._rates.take(self.siblings.time, photograph.time)
+            # the rates go on as they do for siblings who stay
+            periods_until(photograph.time, self.siblings, self._rates, interrupted=False)
         siblings = self._make_siblings(self._rig.with_effects(effects))
         siblings.observe(photograph)
         self.siblings, self._effects = siblings, effects
@@ -360,12 +353,15 @@ class SiblingsNode(Node):
         self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
-        """Return how far to look ahead [s]: to the end of the experiment where it is known."""
+        """Return how far to look ahead [s].
+
+        It is to the end of the experiment where it is known, for `LONGEST_HORIZON_S` at most.
+        """
         control = self._rig.control
         if control is None or control.end_min is None or self._began is None:
             return self._horizon
         left = self._began + MINUTE_S * control.end_min - self.siblings.time
-        return left if left > 0.0 else self._horizon
+        return min(left, LONGEST_HORIZON_S) if left > SHORTEST_PERIOD_S else self._horizon
 
     def _outlook(self, plan: Sequence[RateStep], horizon: float, *, quick: bool = False) -> Outlook:
         """Return the expectations under `plan` over `horizon` [s].
@@ -417,7 +413,7 @@ class SiblingsNode(Node):
         check_balance(plan, held, self._rig)
         note = concentration_note([held, plan], self._rig)
         present = self._forecast
-        if present is None or present.horizon != horizon or present.plan != held:
+        if present is None or not present.answers(self.siblings.time, held, horizon):
             present = self._outlook(held, horizon, quick=True)
         response.present = self._as_message(present)
         response.proposed = self._as_message(self._outlook(plan, horizon, quick=True))

@@ -118,9 +118,9 @@ class Unknowns:
             *_of_reservoirs(rig),
             *(Unknown(f'wave {i} {j}', 0.0, WAVE_DEVIATION / max(i, j)) for i, j in WAVES),
             *(
-                Unknown(f'{effect.name} {name}', value, deviation)
+                Unknown(f'{effect.name} {one.name}', one.mean, one.deviation)
                 for effect in diagnosed
-                for name, value, deviation in effect.numbers
+                for one in effect.numbers
             ),
         ]
         return cls(tuple(wells), tuple(listed), tuple(diagnosed))

@@ -30,15 +30,52 @@ def written(folder: Path, effects: list[dict], combination: list[str]) -> Path:
 def test_kept_effects_are_read_with_their_intervals(tmp_path: Path) -> None:
     (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, RATE], ['buoyancy']))
     assert found.name == 'buoyancy'
-    ((name, value, deviation),) = found.numbers
-    assert (name, value) == ('density_difference', 4.0)
-    assert deviation == pytest.approx(1.0 / 3.29)
+    (number,) = found.numbers
+    assert (number.name, number.value) == ('density_difference', 4.0)
+    assert number.deviation == pytest.approx(1.0 / 3.29)
 
 
 def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
     (found,) = read_diagnosis(written(tmp_path, [RATE], ['rate']))
     described = found.described(iter([-0.5]))
     assert described.parameters == {'well': 'injector', 'factor': 0.0}
+
+
+@pytest.mark.parametrize('end', [None, 1e-9])
+def test_a_number_without_an_interval_is_taken_as_it_is(tmp_path: Path, end: float | None) -> None:
+    diffusion = {'value': 1e-9, 'low': end, 'high': end, 'unit': 'm2/s'}
+    along = {'value': 9e-4, 'low': 6e-4, 'high': 1.2e-3, 'unit': 'm'}
+    dispersion = {
+        'name': 'dispersion',
+        'parameters': {'diffusion': diffusion, 'longitudinal_dispersivity': along},
+    }
+    (found,) = read_diagnosis(written(tmp_path, [dispersion], ['dispersion']))
+    assert [one.name for one in found.numbers] == ['longitudinal_dispersivity']
+    assert found.described(iter([8e-4])).parameters == {
+        'diffusion': 1e-9,
+        'longitudinal_dispersivity': 8e-4,
+    }
+
+
+def test_a_number_that_is_known_to_a_factor_is_drawn_by_its_logarithm(tmp_path: Path) -> None:
+    across = {'value': 7e-6, 'low': 1e-7, 'high': 0.1, 'unit': 'm'}
+    dispersion = {'name': 'dispersion', 'parameters': {'transverse_dispersivity': across}}
+    (found,) = read_diagnosis(written(tmp_path, [dispersion], ['dispersion']))
+    (number,) = found.numbers
+    assert number.value == pytest.approx(7e-6)
+    drawn = found.described(iter([number.mean + number.deviation])).parameters
+    assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (1 / 3.29))
+
+
+def test_effects_of_camera_and_scheme_are_none_of_the_rig(tmp_path: Path) -> None:
+    clock = {'name': 'clock', 'parameters': {'offset': {'value': 9.0, 'low': 8.0, 'high': 10.0}}}
+    scheme = {
+        'name': 'numerical_diffusion',
+        'parameters': {'model_diffusion': {'value': 1e-8, 'low': 5e-9, 'high': 2e-8}},
+    }
+    named = ['buoyancy', 'clock', 'numerical_diffusion']
+    (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, clock, scheme], named))
+    assert found.name == 'buoyancy'
 
 
 def test_no_verdict_leaves_nothing(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from porotwin_core.wells import RateStep, WellRate
 from porotwin_siblings.course import CourseOrder, run_course
 from porotwin_siblings.expected_cost import chosen_judges
 from porotwin_siblings.outlook import Outlook, answers
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.traits import RESERVOIRS, Traits
 
@@ -129,6 +130,18 @@ def test_an_unknown_cause_spreads_the_siblings(threads: Executor) -> None:
     wrong = np.roll(siblings.state, 3, axis=1)
     siblings.observe(photograph(900.0, wrong), [period(600.0, 900.0)])
     assert siblings.learning.inflation > 1.0
+
+
+def test_a_photograph_that_hides_nearly_all_sand_tells_nothing(threads: Executor) -> None:
+    fine = RIG.grid(96, 56)
+    siblings = Siblings(RIG, GRID, executor=threads, map_grid=fine)
+    siblings.observe(photograph(0.0, np.zeros(fine.shape)))
+    hidden = np.full(fine.shape, np.nan)
+    hidden[3, 3] = 0.0
+    siblings.observe(Photograph.plain(300.0, hidden), [period(0.0, 300.0)])
+    assert siblings.time == 300.0
+    assert siblings.learning.inflation == 1.0
+    assert siblings.rate_factors()['injector'][0] == pytest.approx(1.0)
 
 
 def test_an_interruption_keeps_what_was_learnt(threads: Executor) -> None:

@@ -1,7 +1,8 @@
 """The node of the siblings, called over DDS in the same process."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from porotwin_core.cost_term import CostTerm
+from porotwin_core.errors import InputError
+from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import DAY_S, MINUTE_S, from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -21,6 +24,7 @@ from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
+from porotwin_siblings.photograph import Photograph  # noqa: E402
 from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -133,6 +137,11 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert not answer.outcome.message
     np.testing.assert_allclose(answer.present.zone_tracer, forecast.zone_tracer)
     assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
+    told = beside.node._forecast
+    beside.node._forecast = replace(told, start=-30.0)  # of an earlier photograph
+    answer = beside.ask([RateStep(0.0, flush)], 1200.0)
+    assert answer.present.header == answer.proposed.header
+    beside.node._forecast = told
     wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)
     assert "well 'absent' is not in the rig" in wrong.outcome.message
 
@@ -159,3 +168,40 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.photograph(2e9, plume)  # a clock that jumps: nothing is computed over half a century
     beside.wait(lambda: len(beside.forecasts) == 3)
     assert beside.node.siblings.time == 2e9
+
+    assert beside.node._rates.is_commanded(300.0)
+    beside.effects.publish(ModelEffects(sequence=1))  # a replay begins again, and so does the model
+    assert beside.effects.wait_for_all_acked()
+    beside.photograph(10.0, plume)
+    beside.wait(lambda: len(beside.forecasts) == 4)
+    assert not beside.node.siblings.rig.effects
+    assert not beside.node._rates.is_commanded(300.0)
+
+
+def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside.wait(lambda: beside.states.get_subscription_count() > 0)
+    siblings, empty = beside.node.siblings, np.zeros((24, 40))
+    observe, taken = siblings.observe, []
+
+    def observed(photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
+        taken.append((photograph.time, len(periods)))
+        if photograph.time == 100.0:
+            raise InputError('a course cannot be run')
+        observe(photograph, periods)
+
+    monkeypatch.setattr(siblings, 'observe', observed)
+    for number, time_ in enumerate((0.0, 100.0, 200.0, 300.0), start=1):
+        beside.photograph(time_, empty)
+        beside.wait(lambda number=number: len(taken) == number)
+        beside.wait(lambda: beside.node._arrived is None)
+    beside.wait(lambda: bool(beside.forecasts) and beside.forecasts[-1].header.stamp.sec == 300)
+    assert taken == [(0.0, 0), (100.0, 1), (200.0, 0), (300.0, 1)]
+
+    rig = load_rig(RIG)
+    assert rig.control is not None
+    for end_s, ahead in ((2 * DAY_S, DAY_S), (400.0, 100.0), (300.0 + 2.4e-7, 1200.0)):
+        control = rig.control.model_copy(update={'end_min': end_s / MINUTE_S})
+        monkeypatch.setattr(beside.node, '_rig', rig.model_copy(update={'control': control}))
+        assert beside.node._ahead() == pytest.approx(ahead), 'a day at most, and never no time'

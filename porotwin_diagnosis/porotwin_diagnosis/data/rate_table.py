@@ -74,12 +74,13 @@ class RateTable:
         """
         self._check(rates)
         times = self._start[: self._count]
-        replaced = start <= times
+        replaced = (start <= times) & (times < end)  # a setpoint at the end holds from then on
         if start == end:
+            replaced = times == start
             if self._told is not None:
-                replaced |= times > max(self._told, start - MOST_DELAY_S)
+                replaced |= (max(self._told, start - MOST_DELAY_S) < times) & (times < start)
             self._told = start
-        inside = self._commanded[: self._count] & replaced & (times <= end)
+        inside = self._commanded[: self._count] & replaced
         self._keep(np.flatnonzero(~inside))
         self.add(start, rates, commanded=False)
         self._measured_from = start

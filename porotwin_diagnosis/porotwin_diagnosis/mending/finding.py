@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,10 @@ SAME_PLACE_M = 0.1
 SAME_SIZE = 0.3
 """Difference of two sizes of an effect that is no news, as a share of the larger one."""
 
-Cause = frozenset[tuple[str, str]]
-"""Names of effects, each with its well or an empty text: a verdict without its numbers."""
+Cause = tuple[tuple[str, str], ...]
+"""Sorted names of effects, each with its well or an empty text: a verdict without its numbers."""
+
+Effects = tuple[EffectDescription, ...]
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class Finding:
 
     verdict: str
     confidence: float
-    effects: tuple[EffectDescription, ...]
-    camera: tuple[EffectDescription, ...]
+    effects: Effects
+    camera: Effects
     error_before: float
     error_after: float
     closed: float
@@ -62,49 +64,33 @@ class Finding:
     @property
     def cause(self) -> Cause:
         """The effects without their numbers, to recognise a second verdict with the same cause."""
-        return frozenset(
-            (one.name, str(one.parameters.get('well', ''))) for one in (*self.effects, *self.camera)
-        )
+        return tuple(sorted(map(_cause_of, self._named)))
 
     def has_the_cause_of(self, other: 'Finding') -> bool:
         """Whether both findings name the same effects, wells and, within `SAME_PLACE_M`, places."""
         return self.cause == other.cause and all(
-            math.dist(*places) <= SAME_PLACE_M
-            for places in zip(self._places, other._places, strict=True)
+            _distance(*pair) <= SAME_PLACE_M for pair in self._pairs(other)
         )
 
     def has_the_size_of(self, other: 'Finding') -> bool:
         """Whether all numbers of two findings with one cause differ by `SAME_SIZE` at most."""
-        ours, theirs = self._sizes, other._sizes
-        return ours.keys() == theirs.keys() and all(
-            abs(size - theirs[key]) <= SAME_SIZE * max(abs(size), abs(theirs[key]))
-            for key, size in ours.items()
-        )
+        return all(_have_one_size(*pair) for pair in self._pairs(other))
 
     @property
-    def _sorted(self) -> list[EffectDescription]:
-        """All named effects in an order that does not depend on their numbers."""
-        named = (*self.effects, *self.camera)
-        return sorted(named, key=lambda one: (one.name, str(one.parameters.get('well', ''))))
+    def _named(self) -> Effects:
+        return (*self.effects, *self.camera)
 
-    @property
-    def _places(self) -> list[tuple[float, float]]:
-        """The places (x, z) [m] of the effects that have one."""
-        return [
-            (float(one.parameters['x']), float(one.parameters['z']))
-            for one in self._sorted
-            if {'x', 'z'} <= one.parameters.keys()
-        ]
+    def _pairs(self, other: 'Finding') -> Iterator[tuple[EffectDescription, EffectDescription]]:
+        """Yield each effect with the nearest one of the same name and well in `other`.
 
-    @property
-    def _sizes(self) -> dict[tuple[int, str], float]:
-        """The distance of every number, but those of places, from the value of no effect."""
-        return {
-            (index, key): value - EFFECTS[one.name].parameters[key].neutral
-            for index, one in enumerate(self._sorted)
-            for key, value in one.parameters.items()
-            if not isinstance(value, str) and key not in ('x', 'z')
-        }
+        Of two leaks, the stronger one comes first: their order may change with their numbers.
+        """
+        left = list(other._named)
+        for one in self._named:
+            same = [item for item in left if _cause_of(item) == _cause_of(one)]
+            nearest = min(same, key=lambda item: _distance(one, item))
+            left.remove(nearest)
+            yield one, nearest
 
     @property
     def names_a_cause(self) -> bool:
@@ -143,6 +129,37 @@ class Finding:
             )
         parts += [_of_camera(one) for one in self.camera]
         return ' '.join(parts)
+
+
+def _cause_of(one: EffectDescription) -> tuple[str, str]:
+    return one.name, str(one.parameters.get('well', ''))
+
+
+def _distance(one: EffectDescription, other: EffectDescription) -> float:
+    """Return the distance [m] of two effects with one name; 0 if it has no place."""
+    if not {'x', 'z'} <= one.parameters.keys():
+        return 0.0
+    return math.hypot(*(float(one.parameters[x]) - float(other.parameters[x]) for x in 'xz'))
+
+
+def _have_one_size(one: EffectDescription, other: EffectDescription) -> bool:
+    """Return whether the numbers of two effects, but those of places, are nearly the same.
+
+    They count by their distances from the value of no effect.
+    """
+    ours, theirs = _sizes(one), _sizes(other)
+    return ours.keys() == theirs.keys() and all(
+        abs(size - theirs[key]) <= SAME_SIZE * max(abs(size), abs(theirs[key]))
+        for key, size in ours.items()
+    )
+
+
+def _sizes(one: EffectDescription) -> dict[str, float]:
+    return {
+        key: value - EFFECTS[one.name].parameters[key].neutral
+        for key, value in one.parameters.items()
+        if not isinstance(value, str) and key not in ('x', 'z')
+    }
 
 
 def _percent(share: float) -> str:
@@ -208,5 +225,5 @@ def finding_of(summary: dict[str, Any], report: str = '') -> Finding:
     )
 
 
-def _of_scopes(named: Sequence[EffectDescription], *scopes: Scope) -> tuple[EffectDescription, ...]:
+def _of_scopes(named: Sequence[EffectDescription], *scopes: Scope) -> Effects:
     return tuple(one for one in named if effect(one.name).scope in scopes)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from PIL import Image
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Camera, Rig
@@ -43,7 +44,11 @@ def photograph(content: bytes, result: Diagnosis) -> Figure:
     Raises:
         OSError, ValueError, SyntaxError: the file is no picture, or it is broken.
     """
-    picture = imread(io.BytesIO(content), format='jpg')  # the reader finds the real format itself
+    try:
+        # the reader finds the real format itself
+        picture = imread(io.BytesIO(content), format='jpg')
+    except Image.DecompressionBombError as error:  # a damaged size, mostly
+        raise ValueError(str(error)) from None
     height, width = picture.shape[:2]
     scale = min(10.0 / width, MOST_HEIGHT / height)
     figure = Figure(figsize=(scale * width, scale * height))

@@ -78,16 +78,17 @@ def checked_folder(output: Path | str, recordings: Sequence[Path | str]) -> Path
 
 def _check_own_files(folder: Path) -> None:
     """Check that no file of a report in `folder` was written by somebody else."""
-    for path in sorted(filter(lambda path: _is_of_report(path.name), folder.iterdir())):
+    found = sorted(filter(lambda path: _is_of_report(path.name), folder.iterdir()))
+    for path in found:
         if path.is_dir():
             raise InputError(f'{path}: is a folder; name another folder for the report, or move it')
     if (folder / SUMMARY).is_file():
         return
-    for name in (REPORT, FINDINGS):  # diagnosis.json is written before them
-        if (folder / name).exists():
+    for path in found:  # diagnosis.json is written before them
+        if path.name != RIG_FILE:
             raise InputError(
-                f'{folder}: holds {name}, but no {SUMMARY}, so that no diagnosis wrote it; name '
-                'another folder for the report, or move that file'
+                f'{folder}: holds {path.name}, but no {SUMMARY}, so that no diagnosis wrote it; '
+                'name another folder for the report, or move that file'
             )
 
 
@@ -123,7 +124,7 @@ def write_diagnosis(
 
     Files: `diagnosis.json`, `fields.nc` (and `fields_2.nc`, ... of further recordings),
     `findings.json`, `report.html`. With `apply` also `rig.yaml`: the rig description with the
-    effects that were found. The page, and the rig.yaml of an earlier diagnosis, are removed first.
+    effects that were found. Page, fields and rig.yaml of an earlier diagnosis are removed first.
     `compare` returns lines on how the finding fits to earlier ones; they become `history`.
     """
     progress('writing the report', 0.98)
@@ -131,6 +132,9 @@ def write_diagnosis(
     summary['history'] += compare(summary)
     (folder / REPORT).unlink(missing_ok=True)
     _remove_own_rig(folder)
+    for path in list(folder.iterdir()):
+        if _is_of_fields(path.name):  # there may have been more recordings
+            path.unlink()
     write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + '\n')
     parts = zip(result.recordings, result.gap.each, result.held_out, strict=True)
     for number, (recording, strength, part) in enumerate(parts, 1):
@@ -164,8 +168,11 @@ def _write_own_rig(rig: Rig, folder: Path) -> None:
 
 
 def _is_of_report(name: str) -> bool:
-    named = name in (SUMMARY, FINDINGS, REPORT, RIG_FILE)
-    return named or re.fullmatch(r'fields(_\d+)?\.nc', name) is not None
+    return name in (SUMMARY, FINDINGS, REPORT, RIG_FILE) or _is_of_fields(name)
+
+
+def _is_of_fields(name: str) -> bool:
+    return re.fullmatch(r'fields(_\d+)?\.nc', name) is not None
 
 
 def _is_own(path: Path) -> bool:
