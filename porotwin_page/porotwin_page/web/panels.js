@@ -26,15 +26,26 @@ function panelElement(declaration) {
   return root;
 }
 
+/* Draws one panel. A fault in its script is shown there, and ends no other panel. */
+export function draw(root, render, content) {
+  try {
+    render(content);
+    delete root.dataset.fault;
+  } catch (error) {
+    console.error(error);
+    root.dataset.fault = 'This panel cannot be drawn. Reload the page.';
+  }
+}
+
 /* Returns a function that draws all panels from their contents by name. */
 export async function assemble(declarations, page) {
   const renders = await Promise.all(declarations.map(async (declaration) => {
     const root = panelElement(declaration);
     find(`#${declaration.region}`).append(root);
     const drawing = await drawingOf(declaration);
-    return [declaration.name, drawing.create(root, declaration, page)];
+    return [declaration.name, root, drawing.create(root, declaration, page)];
   }));
   return (contents) => {
-    for (const [name, render] of renders) render(contents[name]);
+    for (const [name, root, render] of renders) draw(root, render, contents[name]);
   };
 }
