@@ -101,6 +101,14 @@ def test_a_wrong_picture_is_refused_in_one_line(pixels, message, tmp_path: Path)
     assert '\n' not in str(caught.value)
 
 
+def test_a_picture_of_too_many_pixels_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('PIL.Image.MAX_IMAGE_PIXELS', 1000)  # Pillow refuses twice as many
+    with pytest.raises(InputError, match='save it smaller'):
+        read_zone(painted(tmp_path, top_left_corner(90, 60)), 'zone', WIDTH, HEIGHT)
+
+
 def test_a_file_that_is_no_picture_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'zone.png').write_text('no picture')
     with pytest.raises(InputError, match='not a readable picture'):

@@ -7,13 +7,13 @@ with the same rig and preset. So an interrupted archive continues where it stopp
 import json
 import logging
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import CancelledError, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError, writing
-from porotwin_core.parallel import Crew
+from porotwin_core.parallel import Crew, SchedulerLost
 from porotwin_core.rig import Rig
 from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.examine import examine
@@ -172,8 +172,13 @@ def diagnose_archive(
         name = futures[future].folder.name
         try:
             future.result()
+        except (SchedulerLost, CancelledError):  # no fault of this recording
+            raise
         except (InputError, OSError) as error:  # the others are diagnosed all the same
             refused[name] = str(error)
+        except Exception as error:  # a fault of the program; hours of work go on
+            LOG.exception('%s: failed', name)
+            refused[name] = f'failed: {error!r}'
         done(name)
     table = [_row(task, refused.get(task.folder.name)) for task in listed]
     rows = {row['report']: row for row in [*_earlier_rows(output / TABLE), *table]}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_core.parallel import crew
+from porotwin_core.parallel import SchedulerLost, crew
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_diagnosis import archive
 from porotwin_diagnosis.archive import TABLE, ArchiveTask, archive_tasks, diagnose_archive
@@ -187,6 +187,40 @@ def test_a_report_that_is_made_again_is_told(
         f'{output / "monday"}: the report was made with the preset fast; it is diagnosed again'
     ]
     assert 'maps' in table[0]['refused'], 'it was tried'
+
+
+@pytest.mark.parametrize(
+    ('fault', 'told'),
+    [(ZeroDivisionError('of nothing'), 'failed: ZeroDivisionError'), (OSError('no disk'), 'no d')],
+)
+def test_a_fault_in_one_recording_costs_no_other_its_diagnosis(
+    monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception, told: str
+) -> None:
+    tuesday = recorded(tmp_path / 'runs' / 'tuesday')
+
+    def work(task: ArchiveTask) -> None:
+        if task.recording == monday:
+            raise fault
+        reported(task)
+
+    monkeypatch.setattr(ArchiveTask, 'work', work)
+    output = tmp_path / 'archive'
+    with crew(workers=1, threads=True) as pool:
+        table = diagnose_archive(archive_tasks([monday, tuesday], output), output, pool)
+    assert table[0]['refused'].startswith(told)
+    assert table[1]['verdict'] == 'rate'
+
+
+def test_a_lost_scheduler_is_no_fault_of_a_recording(
+    monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def work(_task: ArchiveTask) -> None:
+        raise SchedulerLost('scheduler tcp://head:8786: went away')
+
+    monkeypatch.setattr(ArchiveTask, 'work', work)
+    output = tmp_path / 'archive'
+    with crew(workers=1, threads=True) as pool, pytest.raises(SchedulerLost):
+        diagnose_archive(archive_tasks([monday], output), output, pool)
 
 
 def test_a_recording_that_changes_meanwhile_is_refused(

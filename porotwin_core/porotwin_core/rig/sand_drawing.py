@@ -91,6 +91,8 @@ def draw_image(
     try:
         with Image.open(io.BytesIO(content)) as picture:
             pixels = np.asarray(picture.convert('RGB'), dtype=float)
+    except Image.DecompressionBombError as error:
+        raise InputError(f'{path}: {error}; save it smaller') from None
     except (UnidentifiedImageError, OSError):
         raise InputError(f'{path}: not a readable picture; save it as PNG') from None
     height, width = pixels.shape[:2]

@@ -69,6 +69,8 @@ def _from_picture(file: Path, raster: Grid) -> FloatArray:
     try:
         with Image.open(file) as picture:
             layers = picture.convert('LA')
+    except Image.DecompressionBombError as error:
+        raise InputError(f'{file}: {error}; save it smaller') from None
     except (UnidentifiedImageError, OSError):
         raise InputError(f'{file}: not a readable picture; save it as PNG') from None
     columns, rows = layers.size
