@@ -103,10 +103,12 @@ def blind_check(
             composed on it.
 
     Raises:
-        InputError: the folder holds a check with other truths, `baseline` has no photograph, or a
-            worker does not see the folder.
+        InputError: the folder holds a check with other truths or is a file, `baseline` has no
+            photograph, or a worker does not see the folder.
     """
     folder = Path(output).resolve()  # the workers may have another working folder
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f'{folder}: is a file; name a folder for the cases')
     folder.mkdir(parents=True, exist_ok=True)
     work: Work = make_and_diagnose
     if source == 'photographs':

@@ -10,6 +10,7 @@ from threading import Event
 import pytest
 from diagnosis_examples import all_but
 
+from porotwin_core.errors import InputError
 from porotwin_core.parallel import SchedulerLost
 from porotwin_validation import blind_study
 from porotwin_validation.blind_cases import draw_case
@@ -124,3 +125,9 @@ def test_a_fault_of_the_check_itself_ends_it(tmp_path):
         work_through(
             tmp_path, [draw_case(0, 1)], ThreadPoolExecutor(1), lambda *_: None, work=broken
         )
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / 'blind').touch()
+    with pytest.raises(InputError, match='is a file; name a folder'):
+        blind_check(tmp_path / 'blind', cases=1)
