@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,16 +101,45 @@ def promising_groups(
         adapting = orth(np.stack(list(run(response, perturbed(beside))), axis=1))
         matrix -= adapting @ (adapting.T @ matrix)
     gram, moments = matrix.T @ matrix, matrix.T @ residual
-    best: dict[frozenset[str], tuple[float, Group]] = {}
-    for chosen in _groups(blocks, size):
-        gain, group = _gain(chosen, gram, moments)
-        labels = frozenset(block.candidate.label for block in chosen)
-        if gain > best.get(labels, (0.0,))[0]:
-            best[labels] = gain, group
-    return [group for _, group in sorted(best.values(), key=lambda item: -item[0])[:most]]
+    best: dict[frozenset[str], _Explanation] = {}
+    for groups in _groups(blocks, size):
+        found = _best(groups, gram, moments)
+        labels = frozenset(block.candidate.label for block in found.blocks)
+        if found.gain > (best[labels].gain if labels in best else 0.0):
+            best[labels] = found
+    order = sorted(best.values(), key=lambda found: -found.gain)
+    return [found.started() for found in order[:most]]
 
 
-def _groups(blocks: Sequence[_Block], size: int) -> Iterator[tuple[_Block, ...]]:
+class _Groups(NamedTuple):
+    """Groups with the same labels: the blocks `everywhere`, with each of the tuples `placed`."""
+
+    everywhere: tuple[_Block, ...]
+    placed: Sequence[tuple[_Block, ...]]
+    columns: NDArray[np.intp]
+    """The columns of `placed`, (groups, places)."""
+
+
+class _Explanation(NamedTuple):
+    """A group of blocks, its reduced gain, and the amounts of all of its columns."""
+
+    gain: float
+    blocks: tuple[_Block, ...]
+    amounts: FloatArray
+
+    def started(self) -> Group:
+        """Return the candidates with the starts that the amounts give."""
+        ends = np.cumsum([len(block.columns) for block in self.blocks])
+        parts = zip(self.blocks, np.split(self.amounts, ends[:-1]), strict=True)
+        return tuple(
+            with_strength(block.candidate, float(part[0]))
+            if has_place(block.candidate.effect)
+            else _moved(block.candidate, part)
+            for block, part in parts
+        )
+
+
+def _groups(blocks: Sequence[_Block], size: int) -> Iterator[_Groups]:
     """Yield the groups of blocks that may act together, with at most `MOST_PLACED` places.
 
     An effect is there once, but it may have two wells or two places.
@@ -117,11 +147,24 @@ def _groups(blocks: Sequence[_Block], size: int) -> Iterator[tuple[_Block, ...]]
     local = [block for block in blocks if has_place(block.candidate.effect)]
     everywhere = [block for block in blocks if not has_place(block.candidate.effect)]
     for count in range(MOST_PLACED[size] + 1):
+        placed = _by_labels(combinations(local, count))
         for others in combinations(everywhere, size - count):
             members = [block.candidate for block in others]
-            apart = (may_act(one, members[:n]) for n, one in enumerate(members))
-            if all(apart):
-                yield from ((*others, *places) for places in combinations(local, count))
+            if all(may_act(one, members[:n]) for n, one in enumerate(members)):
+                yield from (_Groups(others, *alike) for alike in placed)
+
+
+def _by_labels(
+    places: Iterator[tuple[_Block, ...]],
+) -> list[tuple[list[tuple[_Block, ...]], NDArray[np.intp]]]:
+    """Return the tuples of blocks that have the same labels together, with their columns."""
+    sorted_out: dict[tuple[str, ...], list[tuple[_Block, ...]]] = {}
+    for blocks in places:
+        sorted_out.setdefault(tuple(block.candidate.label for block in blocks), []).append(blocks)
+    return [
+        (alike, np.array([[block.columns[0] for block in blocks] for blocks in alike], np.intp))
+        for alike in sorted_out.values()
+    ]
 
 
 def may_act(candidate: Candidate, members: Sequence[Candidate]) -> bool:
@@ -168,26 +211,25 @@ def _blocks(
     return blocks, changes
 
 
-def _gain(blocks: Sequence[_Block], gram: FloatArray, moments: FloatArray) -> tuple[float, Group]:
-    """Return the reduced gain of `blocks`, and the candidates with the starts that it needs.
+def _best(groups: _Groups, gram: FloatArray, moments: FloatArray) -> _Explanation:
+    """Return the group with the largest reduced gain; all are solved at once.
 
     The gain is zero where a leak or a zone would need the opposite sign.
     """
-    columns = np.concatenate([block.columns for block in blocks])
-    square = gram[np.ix_(columns, columns)]
-    ridge = RIDGE * max(float(np.trace(square)) / len(columns), 1e-30)
-    found = np.linalg.solve(square + ridge * np.eye(len(columns)), moments[columns])
-    parts = np.split(found, np.cumsum([len(block.columns) for block in blocks])[:-1])
-    gain = float(found @ moments[columns]) * PARTNER_GAIN_PER_PARAMETER ** len(columns)
-    started: list[Candidate] = []
-    for block, part in zip(blocks, parts, strict=True):
-        if not has_place(block.candidate.effect):
-            started.append(_moved(block.candidate, part))
-        elif part[0] > 0.0:
-            started.append(with_strength(block.candidate, float(part[0])))
-        else:
-            return 0.0, ()
-    return gain, tuple(started)
+    shared = np.concatenate([block.columns for block in groups.everywhere] or [[]]).astype(np.intp)
+    count = len(groups.placed)
+    columns = np.hstack([np.broadcast_to(shared, (count, len(shared))), groups.columns])
+    each = columns.shape[1]
+    squares, own = gram[columns[:, :, None], columns[:, None, :]], moments[columns]
+    ridge = RIDGE * np.maximum(np.trace(squares, axis1=1, axis2=2) / each, 1e-30)
+    squares[:, range(each), range(each)] += ridge[:, None]
+    amounts = np.linalg.solve(squares, own[..., None])[..., 0]
+    gains = np.sum(amounts * own, axis=1) * PARTNER_GAIN_PER_PARAMETER**each
+    gains[np.any(amounts[:, len(shared) :] <= 0.0, axis=1)] = 0.0
+    best = int(np.argmax(gains))
+    return _Explanation(
+        float(gains[best]), (*groups.everywhere, *groups.placed[best]), amounts[best]
+    )
 
 
 def _moved(candidate: Candidate, steps: FloatArray) -> Candidate:
