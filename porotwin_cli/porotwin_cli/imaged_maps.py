@@ -69,7 +69,7 @@ class ImagedMaps:
     refused: list[str] = field(default_factory=list)
     same_files: list[SameFiles] = field(default_factory=list)
 
-    def add(self, photo: Photo, doubt: Doubt, remarks: str | Sequence[str]) -> None:
+    def add(self, photo: Photo, doubt: Doubt, remarks: Sequence[str]) -> None:
         """Add the map of `photo`."""
         self.doubts.append(doubt)
         self.entries.append(
@@ -164,5 +164,5 @@ def _imaged_before(output: Path, rig: Rig, photos: Sequence[Photo]) -> ImagedMap
     for photo, fields in zip(photos, open_maps(output, rig).with_deviations(), strict=False):
         values, deviation, systematic = fields
         assert deviation is not None and systematic is not None
-        found.add(photo, plume_doubt(values, deviation, systematic), 'imaged by an earlier call')
+        found.add(photo, plume_doubt(values, deviation, systematic), ['imaged by an earlier call'])
     return found

@@ -47,7 +47,7 @@ def one_call_for_each_output(
 
 @contextmanager
 def maps_are_kept(output: Path) -> Iterator[None]:
-    """Let a fault of the block, which writes a picture, tell that the maps are in `output`.
+    """Let a fault of the block, which writes more, tell that the maps are in `output`.
 
     Raises:
         OSError: the disk is full or fails.

@@ -262,7 +262,11 @@ def load_calibration(path: Path | str) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path | str) -> None:
-    """Write the calibration as YAML to `path`, and its pictures to the same folder."""
+    """Write the calibration as YAML to `path`, and its pictures to the same folder.
+
+    Raises:
+        OSError: one of the files cannot be written.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     data: dict[str, Any] = {
@@ -282,18 +286,23 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     if calibration.signal.absorbance is not None:
         data['signal']['absorbance'] = [round(value, 4) for value in calibration.signal.absorbance]
     if calibration.sands is not None:
-        cv2.imwrite(str(path.with_name('sands.png')), calibration.sands)
+        _write_picture(path.with_name('sands.png'), calibration.sands)
         data['sands'] = {
             'file': 'sands.png',
             'factors': [round(value, 4) for value in calibration.factors],
             'deviations': [round(value, 4) for value in calibration.factor_deviations],
         }
     if calibration.hidden is not None:
-        cv2.imwrite(str(path.with_name('hidden.png')), calibration.hidden)
+        _write_picture(path.with_name('hidden.png'), calibration.hidden)
         data['hidden'] = {'file': 'hidden.png'}
     if calibration.blur_px is not None:
         data['blur_px'] = round(calibration.blur_px, 3)
     path.write_text(yaml_text(data), encoding='utf-8')
+
+
+def _write_picture(file: Path, picture: Labels) -> None:
+    """Write a grey picture as PNG; OpenCV itself tells no fault of writing."""
+    file.write_bytes(cv2.imencode('.png', picture)[1].tobytes())
 
 
 def _check_sands(calibration: Calibration) -> None:

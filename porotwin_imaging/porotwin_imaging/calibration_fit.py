@@ -47,6 +47,7 @@ from porotwin_imaging.compared_injection import ComparedInjection, compare_injec
 from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
 from porotwin_imaging.front_response import FrontFit, FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line
+from porotwin_imaging.photo_names import named
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.plume_evidence import plume_evidence
 from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
@@ -338,16 +339,16 @@ def _photographed_plumes(injection: _Injection, contrast: Contrast | None) -> _P
 def _diluted(
     injection: _Injection, plumes: _Plumes, dilutions: Sequence[DilutionPhoto]
 ) -> list[tuple[float, float]]:
-    """Return concentration and signal [-] of each known dilution."""
-    seen = [
-        (
-            one.concentration,
-            _signal(
-                plumes.choice.signal, compare_with_baseline(one.read(), injection.seen.baseline)
-            ),
-        )
-        for one in dilutions
-    ]
+    """Return concentration and signal [-] of each known dilution.
+
+    Raises:
+        InputError: a photograph of one cannot be used; its time is named.
+    """
+    seen = []
+    for one in dilutions:
+        with named(f'dilution {one.concentration:g} at {one.time:g} s'):
+            compared = compare_with_baseline(one.read(), injection.seen.baseline)
+        seen.append((one.concentration, _signal(plumes.choice.signal, compared)))
     return diluted_signals(seen, plumes.labels, plumes.factor_map, injection.settings.core)
 
 

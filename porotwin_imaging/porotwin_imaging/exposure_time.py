@@ -17,18 +17,22 @@ from porotwin_core.errors import InputError
 
 _EXIF_DIRECTORY = 0x8769
 _ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG = 0x9003, 0x9291, 0x9011
-_OFFSET = re.compile(r'[+-]\d\d:\d\d')
+_OFFSET = re.compile(r'([+-]\d\d):?(\d\d)')
+"""Hours with their sign, and minutes; some programs leave the colon out."""
 HEADER_BYTES = 1 << 18
-"""Bytes that contain the EXIF data, which lies in the first 64 kB of a JPEG."""
+"""Bytes that contain the EXIF data of a JPEG, which lies in its first 64 kB; a TIFF may have it at
+its end."""
 
 
 def exif_time(data: bytes) -> float | None:
     """Return the exposure time of the photograph `data` [s since 1970, UTC], None if it has none.
 
+    The first `HEADER_BYTES` of a JPEG are enough.
+
     Raises:
         InputError: the camera wrote an impossible time.
     """
-    written = _written(io.BytesIO(data[:HEADER_BYTES]))
+    written = _written(io.BytesIO(data))
     if written is None:
         return None
     try:
@@ -52,8 +56,8 @@ def exif_words(path: Path) -> str:
     if written is None:
         return ''
     fraction = f'.{written.digits}' if written.digits else ''
-    offset = written.offset if _OFFSET.fullmatch(written.offset) else ''
-    return f'{written.moment}{fraction}{offset}'
+    offset = _OFFSET.fullmatch(written.offset)
+    return f'{written.moment}{fraction}{":".join(offset.groups()) if offset else ""}'
 
 
 class _Written(NamedTuple):
@@ -85,14 +89,14 @@ def _written(file: BinaryIO) -> _Written | None:
 
 
 def _zone(offset: str) -> timezone | None:
-    """Return the zone written as `+01:00`, or None for local time.
+    """Return the zone written as `+01:00` or `+0100`, or None for local time.
 
     Raises:
         ValueError: the offset is a day or more.
     """
-    try:
-        sign, hours, minutes = offset[0], int(offset[1:3]), int(offset[4:6])
-    except (IndexError, ValueError):
+    found = _OFFSET.fullmatch(offset)
+    if found is None:
         return None
-    shift = timedelta(hours=hours, minutes=minutes)
-    return timezone(-shift if sign == '-' else shift)
+    hours, minutes = found.groups()
+    shift = timedelta(hours=int(hours[1:]), minutes=int(minutes))
+    return timezone(-shift if hours.startswith('-') else shift)

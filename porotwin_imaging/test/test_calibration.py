@@ -48,6 +48,12 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
     assert factors[-1, 0] == 1.0
 
 
+def test_a_picture_that_cannot_be_written_is_told(tmp_path) -> None:
+    (tmp_path / 'sands.png').mkdir()
+    with pytest.raises(IsADirectoryError):
+        save_calibration(Calibration(sands=np.zeros((3, 5), np.uint8)), tmp_path / 'c.yaml')
+
+
 @pytest.mark.parametrize(
     ('text', 'complaint'),
     [

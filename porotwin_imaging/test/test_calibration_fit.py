@@ -117,6 +117,12 @@ def test_dilutions_are_the_anchor_where_there_are_some(
     write_fit(fit, tmp_path)  # the pictures need no pump log
 
 
+def test_a_dilution_that_cannot_be_used_is_named(injection) -> None:
+    broken = DilutionPhoto(600.0, lambda: b'no photograph', 0.5)
+    with pytest.raises(InputError, match=r'dilution 0\.5 at 600 s: photograph'):
+        fit_calibration(injection.rig, [injection.empty], injection.states, dilutions=[broken])
+
+
 def test_photographs_without_tracer_are_refused(laboratory, no_tracer, empty_photograph) -> None:
     states = [(60.0 * n, laboratory.photograph(no_tracer, seed=n)) for n in (2, 3)]
     with pytest.raises(InputError, match='no photograph shows tracer'):

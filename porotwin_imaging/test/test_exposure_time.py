@@ -34,6 +34,8 @@ def test_exif_with_subseconds_and_zone() -> None:
     assert exif_time(data) == pytest.approx(MOMENT + 0.25, abs=1e-6)
     west = with_exif(original='2021:09:03 08:35:06', offset='-05:30')
     assert exif_time(west) == pytest.approx(MOMENT)
+    without_colon = with_exif(original='2021:09:03 08:35:06', offset='-0530')
+    assert exif_time(without_colon) == pytest.approx(MOMENT)
 
 
 def test_exif_without_zone_is_local_time() -> None:
@@ -80,6 +82,10 @@ def test_damaged_metadata_gives_no_time() -> None:
         (
             {'original': '2021:09:03 14:05:06', 'subsecond': '25', 'offset': '+02:00'},
             '2021-09-03 14:05:06.25+02:00',
+        ),
+        (
+            {'original': '2021:09:03 14:05:06', 'offset': '+0530'},
+            '2021-09-03 14:05:06+05:30',
         ),
         ({'original': '2021:09:03 14:05:06', 'offset': 'local'}, '2021-09-03 14:05:06'),
         ({'original': '0000:00:00 00:00:00'}, ''),

@@ -4,7 +4,9 @@ import io
 import os
 import shutil
 import socket
+import struct
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import cv2
@@ -13,6 +15,7 @@ import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
+from porotwin_imaging.exposure_time import HEADER_BYTES
 from porotwin_imaging.photo_forwarding import PhotoForwarder
 from porotwin_imaging.sent_photos import SentPhotos
 from porotwin_imaging.sources.camera_source import CameraPhoto
@@ -201,6 +204,22 @@ def test_a_photograph_with_an_impossible_exif_time_gets_its_file_time(folder) ->
         'clock',
         "photograph '2.jpg': EXIF time '0001:01:01 00:00:00' is impossible; set the camera's clock",
     ]
+
+
+def test_the_exif_time_at_the_end_of_a_tiff_counts(folder) -> None:
+    exif = Image.Exif()
+    exif[0x8769] = details = exif.get_ifd(0x8769)
+    details.update({0x9003: '2021:09:03 14:05:06', 0x9011: '+00:00'})
+    file = io.BytesIO()
+    Image.new('RGB', (400, 300), (90, 90, 90)).save(file, 'TIFF', exif=exif)
+    data = file.getvalue()
+    assert len(data) > HEADER_BYTES
+    (first,) = struct.unpack_from('<I', data, 4)
+    (count,) = struct.unpack_from('<H', data, first)
+    directory = data[first : first + 2 + 12 * count + 4]
+    folder.put('a.tif', data[:4] + struct.pack('<I', len(data)) + data[8:] + directory)
+    folder.poll(3)
+    assert folder.times['a.tif'] == datetime(2021, 9, 3, 14, 5, 6, tzinfo=UTC).timestamp()
 
 
 def test_an_exif_time_that_is_not_trusted_gives_no_order(folder) -> None:

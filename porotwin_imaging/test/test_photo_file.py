@@ -49,6 +49,17 @@ def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
     assert np.abs(found.pixels.astype(int) - coarse).max() <= 6
 
 
+@pytest.mark.parametrize('kind', ['.png', '.tif'])
+@pytest.mark.parametrize('reduction', [2, 4, 8])
+def test_coarser_decoding_averages_whole_blocks(kind: str, reduction: int) -> None:
+    picture = pixels()[:, :-3]  # the last block is not whole
+    found = photo_file.decode(encoded(kind, picture), reduction).pixels
+    assert found.shape == (240 // reduction, -(-357 // reduction), 3)
+    inner = 357 // reduction
+    blocks = picture[:, : inner * reduction].reshape(-1, reduction, inner, reduction, 3)
+    assert np.abs(found[:, :inner] - blocks.mean(axis=(1, 3))).max() <= 1
+
+
 @pytest.mark.parametrize('kind', ['JPEG', 'PNG', 'TIFF'])
 @pytest.mark.parametrize('turned', [1, 3, 6])
 @pytest.mark.parametrize('reduction', [1, 2])

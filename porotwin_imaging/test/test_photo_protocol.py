@@ -1,10 +1,12 @@
 """The protocol `imaging.csv`: it may grow, and its faults are reported."""
 
+import errno
 from pathlib import Path
 
 import pytest
 
 from porotwin_core.errors import InputError
+from porotwin_imaging.sources import photo_protocol
 from porotwin_imaging.sources.photo_protocol import GrowingProtocol, read_protocol
 
 HEADER = 'time_s,path,role\n'
@@ -50,3 +52,21 @@ def test_a_protocol_may_come_late_and_grow_and_each_fault_is_reported_once(tmp_p
     assert 'write time_s,path,role' in problem.reason
     assert growing.refresh() == (False, [])
     assert list(growing.entries) == [tmp_path / 'photos' / 'x.jpg']
+
+
+def test_a_protocol_that_cannot_be_read_for_a_moment_is_told_once_and_read_later(
+    protocol, monkeypatch
+) -> None:
+    def failing(_: Path) -> None:
+        raise OSError(errno.EIO, 'Input/output error')
+
+    protocol.write_text(HEADER + '0,x.jpg,baseline\n')
+    growing = GrowingProtocol(protocol.parent)
+    with monkeypatch.context() as patched:
+        patched.setattr(photo_protocol, 'read_protocol', failing)
+        changed, (problem,) = growing.refresh()
+        assert not changed
+        assert 'cannot be read: Input/output error' in problem.reason
+        assert growing.refresh() == (False, [])
+    assert growing.refresh() == (True, [])
+    assert list(growing.entries) == [protocol.parent / 'x.jpg']

@@ -66,10 +66,12 @@ def command(
         sureness_words,
         typical_doubt,
     )
-    from porotwin_cli.output_files import check_output, maker
+    from porotwin_cli.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_cli.same_photos import told
+    from porotwin_core.errors import writing
     from porotwin_core.parallel import crew
+    from porotwin_core.whole_folder import whole_folder
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration, save_calibration
     from porotwin_imaging.covered_baseline import uncovered
@@ -104,12 +106,14 @@ def command(
     for remark in (*baseline.remarks, *((str(cover),) if cover else ())):
         say(remark)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
-    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
-    made = write_maps(writing, rig, photos.states, baseline, pool)
-    if learnt and used:  # not before, because a call that goes on would find it
-        save_calibration(used, learnt / 'calibration.yaml')
-        say(_learnt_words(learnt, corrected))
-    _draw(picture, output, rig, calibrated=calibration is not None)
+    parts = MapParts(output, rig, map_grid, source=source, origin=origin)
+    made = write_maps(parts, rig, photos.states, baseline, pool)
+    with maps_are_kept(output):
+        if learnt and used:  # not before, because a call that goes on would find it
+            with writing(learnt), whole_folder(learnt) as unfinished:
+                save_calibration(used, unfinished / 'calibration.yaml')
+            say(_learnt_words(learnt, corrected))
+        _draw(picture, output, rig, calibrated=calibration is not None)
     names = [str(entry['photo']) for entry in made.entries]
     masses = _remarks_about_masses(output, rig, recording.known_rates if used else None, names)
     for line in (*told(made.same_files), *filter(None, masses.values())):

@@ -1,5 +1,6 @@
 """./porotwin image."""
 
+import errno
 import json
 import shutil
 from pathlib import Path
@@ -16,7 +17,7 @@ from porotwin_cli import imaged_maps
 from porotwin_cli.commands.image import command
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
-from porotwin_imaging import mass_course
+from porotwin_imaging import calibration, mass_course
 from porotwin_imaging.calibration import Calibration, load_calibration, save_calibration
 from porotwin_recording import topic_names
 from porotwin_recording.concentration import open_maps
@@ -72,6 +73,24 @@ def test_a_call_that_goes_on_finds_no_learnt_calibration_of_the_interrupted_one(
     assert (learnt / 'calibration.yaml').is_file()
 
 
+def test_a_disk_that_is_full_after_the_maps_leaves_no_part_of_a_learnt_calibration(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, learnt, maps = tmp_path / 'calibration.yaml', tmp_path / 'learnt', tmp_path / 'maps.nc'
+    save_calibration(Calibration(), given)
+
+    def full(_: Calibration, path: Path) -> None:
+        path.parent.mkdir(exist_ok=True)
+        path.with_name('sands.png').write_bytes(b'part')
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr(calibration, 'save_calibration', full)
+    with pytest.raises(OSError, match=r'no space left.*the maps are complete in .*maps\.nc'):
+        command(experiment, maps, '40x24', given, learnt)
+    assert maps.is_file()
+    assert not learnt.exists()
+
+
 @pytest.fixture
 def large_bag(experiment: Path, tmp_path: Path) -> Path:
     """The photographs of `experiment` as a bag of two files; each claims 20 MB, mostly a hole."""
@@ -108,6 +127,7 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
     assert result.returncode == 0, result.stderr
     assert 'going on behind 3 maps' in result.stderr
     answer = json.loads(result.stdout)
+    assert all(isinstance(entry['remarks'], list) for entry in answer['maps'])
     again, refused = answer['maps'], whole.pop(1)
     (reason,) = answer['refused']
     assert reason.startswith(f'{refused["photo"]}: ')

@@ -23,7 +23,7 @@ from porotwin_core.errors import InputError
 from porotwin_imaging.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.file_names import natural_order, printable
 from porotwin_imaging.photo_clock import TimeEvidence, Trust, own_time
-from porotwin_imaging.photo_file import MOST_BYTES, is_complete, is_photograph
+from porotwin_imaging.photo_file import MOST_BYTES, TIFF_STARTS, is_complete, is_photograph
 from porotwin_imaging.sent_photos import FileMark, SentPhoto, digest_of
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
@@ -211,7 +211,10 @@ class FolderSource:
         problems = []
         exif = None
         try:
-            exif = exif_time(read_regular_file(self.folder / name, HEADER_BYTES))
+            data = read_regular_file(self.folder / name, HEADER_BYTES)
+            if data.startswith(TIFF_STARTS):
+                data = read_regular_file(self.folder / name)
+            exif = exif_time(data)
         except OSError:  # reading the whole file will fail and be reported
             pass
         except InputError as error:

@@ -59,6 +59,7 @@ class GrowingProtocol:
     def __init__(self, folder: Path) -> None:
         self._paths = (folder / FILE_NAME, folder.parent / FILE_NAME)
         self._stamp: tuple[Path, int, int] | None = None
+        self._fault = ''
         self.entries: dict[Path, ProtocolEntry] = {}
 
     def refresh(self) -> tuple[bool, list[PhotoProblem]]:
@@ -66,14 +67,26 @@ class GrowingProtocol:
         for path in self._paths:
             try:
                 status = path.stat()
-                stamp = (path, status.st_mtime_ns, status.st_size)
-                if stamp == self._stamp:
-                    return False, []
-                self._stamp = stamp
-                self.entries = read_protocol(path)
-            except InputError as error:
-                return False, [PhotoProblem(FILE_NAME, str(error))]
             except OSError:  # no protocol here
                 continue
+            stamp = (path, status.st_mtime_ns, status.st_size)
+            if stamp == self._stamp:
+                return False, []
+            try:
+                self.entries = read_protocol(path)
+            except InputError as error:
+                self._stamp = stamp
+                return False, [PhotoProblem(FILE_NAME, str(error))]
+            except OSError as error:  # tried again, because a share may be away for a moment
+                return False, self._told_once(f'{path}: cannot be read: {error.strerror}')
+            self._stamp, self._fault = stamp, ''
             return True, []
         return False, []
+
+    def _told_once(self, fault: str) -> list[PhotoProblem]:
+        """Return the problem of a protocol that cannot be read, the first time."""
+        if fault == self._fault:
+            return []
+        self._fault = fault
+        remedy = 'until it can, roles and times are those without it; allow this user to read it'
+        return [PhotoProblem(FILE_NAME, f'{fault}; {remedy}')]
