@@ -57,7 +57,7 @@ class LiveTraining:
         Learnt physics of the current model stays; the network learns the remainder.
 
         Raises:
-            InputError: too few pairs.
+            InputError: too few pairs, or none with tracer to judge.
             TrainingCancelledError: `cancelled` returned True.
         """
         settings = architecture.training.with_epochs(epochs)
@@ -72,6 +72,7 @@ class LiveTraining:
         if sum(len(run.frames.times) for run in kept) < JUDGED_PAIRS:
             return model, current is None
         judge = Judge(self.solver, kept, pairs.time_step)
+        judge.check()
         model = gated(model, judge)
         gate = model.provenance['gate']
         if current is None:
@@ -98,7 +99,7 @@ def _is_better(error: float, other: float) -> bool:
 
 
 def not_used(output: Path) -> Path:
-    """Return the file for weights that did not replace those in `output`."""
+    """Return the file for weights that did not replace those in the file `output`."""
     return output.with_name(f'{output.stem}{NOT_USED}{output.suffix}')
 
 
