@@ -46,6 +46,7 @@ from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.cut import cut
 from porotwin_recording.experiment_folder import Progress, write_folder
 from porotwin_recording.one_writer import one_writer
+from porotwin_recording.photo_source import content_mark
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import open_recording
@@ -175,10 +176,8 @@ def export_bag(
     recording = open_recording(bag, segment=segment)
     if times is not None:
         recording = cut(recording, *times)
-    maps = 0 if recording.maps is None else len(recording.maps)
     source = (
-        f'{recording.source.resolve()}, times {times}, {maps} maps, '
-        f'{len(recording.photos)} photographs'
+        f'{recording.source.resolve()}, segment {segment}, times {times}, {content_mark(recording)}'
     )
     with _kept_after_interrupt(Path(folder), source) as path:
         write_folder(path, recording, progress=progress)

@@ -1,5 +1,6 @@
 """Tests of imported maps: npz, CSV, NetCDF and zarr."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import netCDF4
@@ -65,6 +66,32 @@ def test_an_interrupted_dataset_goes_on(
     found, _ = imported(tmp_path / name)
     np.testing.assert_array_equal(found.concentration, recording.concentration)
     assert sorted(path.name for path in tmp_path.iterdir() if path.name.startswith('.')) == []
+
+
+@pytest.mark.parametrize(('kind', 'name'), [('zarr', 'maps.zarr'), ('netcdf', 'maps.nc')])
+def test_an_interrupted_dataset_begins_again_with_other_maps(
+    tmp_path: Path, kind, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dataset_export, 'MAPS_AT_ONCE', 2)
+    folder, data = tmp_path / 'origin', bench_experiment()
+    write_folder(folder, data)
+
+    def stop(done: int, _: int) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset(open_recording(folder), tmp_path / name, kind, progress=stop)
+    for file in folder.iterdir():
+        if file.is_file():
+            file.unlink()
+    assert data.maps is not None
+    read = data.maps.read
+    halved = replace(data.maps, read=lambda first, stop: 0.5 * read(first, stop))
+    write_folder(folder, replace(data, maps=halved))
+    export_dataset(open_recording(folder), tmp_path / name, kind)
+    found, _ = imported(tmp_path / name)
+    np.testing.assert_array_equal(found.concentration, open_recording(folder).concentration)
 
 
 def test_npz_in_percent_and_minutes_with_the_first_row_at_the_top(
