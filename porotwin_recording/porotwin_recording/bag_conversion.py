@@ -228,12 +228,14 @@ def _header(stamp: int, frame: str = RIG_FRAME) -> Header:
 
 
 def _opening(data: RecordedData) -> Iterator[_StampedMessage]:
-    first = min([0.0, *(photo.time for photo in data.photos)])
+    first_map = 0.0 if data.maps is None else min(0.0, float(data.maps.times[0]))
+    first = min([first_map, *(photo.time for photo in data.photos)])
     yield _StampedMessage(_stamp(first), topic_names.RIG, rig_to_msg(data.rig))
     start = CleanState(
         header=_header(IMPORT_START), cause=CleanState.START, reason='imported experiment begins'
     )
-    yield _StampedMessage(IMPORT_START, topic_names.CLEAN_STATE, start)
+    # behind a map it would begin another sequence
+    yield _StampedMessage(_stamp(first_map), topic_names.CLEAN_STATE, start)
 
 
 def _changes(schedule: Schedule) -> Iterator[tuple[float, dict[str, WellRate]]]:
