@@ -127,6 +127,35 @@ def test_a_long_table_in_any_order_with_decimal_commas(
     np.testing.assert_allclose(found.concentration, recording.concentration, rtol=1e-6)
 
 
+@pytest.mark.parametrize('unknown', ['', 'NaN'])
+def test_unknown_values_of_a_table_are_unknown_in_the_maps(tmp_path: Path, unknown: str) -> None:
+    """Other programs write a row for every cell, also for one that a photograph does not show."""
+    grid = bench_rig().grid(3, 2)
+    rows = [
+        f'{time},{x},{z},{unknown if column == 0 else 0.5}'
+        for time in (0, 30)
+        for column, x in enumerate(grid.x)
+        for z in grid.z
+    ]
+    path = tmp_path / 'maps.CSV'
+    path.write_text('\n'.join(['time [s],x,z,concentration', *rows]))
+    found, _ = imported(path)
+    np.testing.assert_array_equal(found.concentration[1], [[np.nan, 0.5, 0.5]] * 2)
+
+
+@pytest.mark.parametrize('count', [11, 12, 13])
+def test_edges_in_place_of_centres_are_refused_whatever_the_round_off(
+    tmp_path: Path, count: int
+) -> None:
+    rig = bench_rig()
+    edges, path = np.linspace(0.0, rig.width_m, count), tmp_path / 'maps.npz'
+    np.savez(
+        path, maps=np.full((2, 3, count), 0.5), time_s=[0, 30], x=edges, z=rig.grid(count, 3).z
+    )
+    with pytest.raises(InputError, match='centres of its cells run from'):
+        imported(path)
+
+
 def test_maps_of_another_rig_and_broken_files_are_refused(
     tmp_path: Path, recording: Recording
 ) -> None:
@@ -361,3 +390,7 @@ def test_two_values_at_one_place_and_a_file_that_is_no_npz_are_named(tmp_path: P
     (tmp_path / 'text.npz').write_text('0,1,2')
     with pytest.raises(InputError, match=r'not readable as npz \(no npz\).* numpy\.savez'):
         imported(tmp_path / 'text.npz')
+    with (tmp_path / 'one.npz').open('wb') as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(InputError, match='not readable as npz'):
+        imported(tmp_path / 'one.npz')

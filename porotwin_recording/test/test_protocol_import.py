@@ -66,6 +66,17 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
         assert words in text, words
 
 
+def test_hidden_copies_of_photographs_are_no_photographs(folder: Path) -> None:
+    """A file server and macOS put small files of the same names beside them."""
+    images = folder / 'images'
+    (images / '@eaDir').mkdir()
+    for number in (7, 8, 9):
+        (images / f'._DSC_{number:05d}.JPG').write_bytes(b'from macOS')
+        (images / '@eaDir' / f'DSC_{number:05d}.JPG').write_bytes(b'small')
+    recording, _ = imported(folder)
+    assert [photo.read()[-1] for photo in recording.photos] == [7, 8, 9]
+
+
 def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None:
     protocol = folder / 'injection_protocol.csv'
     protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
