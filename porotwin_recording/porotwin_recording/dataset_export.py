@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError, write_error
 from porotwin_core.units import to_ml_h
+from porotwin_recording.map_files import zarr_address
 from porotwin_recording.one_writer import one_writer
 from porotwin_recording.photo_source import content_mark
 from porotwin_recording.recording import Recording
@@ -196,8 +197,8 @@ class _Begun:
         if (found := self._interrupted()) is not None:
             return found
         self.remove()
-        zarr = f'file://{self.path.resolve()}#mode=zarr,xarray,file'
-        address = zarr if self._kind == 'zarr' else str(self.path)
+        is_zarr = self._kind == 'zarr'
+        address = zarr_address(self.path, 'zarr,xarray,file') if is_zarr else str(self.path)
         with contextlib.closing(netCDF4.Dataset(address, 'w')) as dataset:
             _define(dataset, self._recording, self._kind)
         return _MAPS[self._kind](self.path)

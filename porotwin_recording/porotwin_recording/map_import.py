@@ -24,6 +24,7 @@ from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, read_foreign_table
 from porotwin_recording.foreign_units import LENGTHS, time_factor, unit_in
+from porotwin_recording.map_files import zarr_address
 from porotwin_recording.recorded_data import RecordedData
 
 ARRAY_FILES = ('.npz', '.nc', '.zarr')
@@ -491,7 +492,7 @@ def _netcdf(path: Path) -> _Arrays:
     """Return the maps of a NetCDF file or a zarr folder, which the same library reads."""
     if (path / 'zarr.json').is_file():
         raise InputError(f'{path}: is zarr of version 3; write it with zarr_format=2, or as NetCDF')
-    address = f'file://{path.resolve()}#mode=zarr,file' if path.is_dir() else str(path)
+    address = zarr_address(path, 'zarr,file') if path.is_dir() else str(path)
     try:
         with contextlib.closing(netCDF4.Dataset(address)) as dataset:
             dataset.set_auto_mask(not path.is_dir())  # zarr fills with 0, which is no gap
