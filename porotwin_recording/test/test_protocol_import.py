@@ -248,6 +248,14 @@ def test_protocols_of_which_only_one_names_its_zone_are_refused(folder: Path) ->
     assert [p.time for p in recording.photos] == [-7260.0, -7170.0, -7140.0]
 
 
+def test_a_duration_in_place_of_an_end_is_refused(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(
+        'well,start,Duration [s],rate_ml/min\nin,2024-05-31 10:00:00,120,2\n'
+    )
+    with pytest.raises(InputError, match=r'Duration \[s\] is not read; add a column end'):
+        imported(folder)
+
+
 def test_a_producing_row_needs_no_concentration(folder: Path) -> None:
     lines = [
         line + end
