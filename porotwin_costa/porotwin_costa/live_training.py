@@ -21,7 +21,7 @@ from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import LEAST_ERROR, Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
-from porotwin_costa.training import ProgressFn, train
+from porotwin_costa.training import ProgressFn, TrainingCancelledError, train
 
 NOT_USED = '_not_used'
 """Ending of the name of a file with weights that did not replace those in use."""
@@ -74,6 +74,8 @@ class LiveTraining:
         judge = Judge(self.solver, kept, pairs.time_step)
         judge.check()
         model = gated(model, judge)
+        if cancelled():  # the free runs took a while
+            raise TrainingCancelledError('stopped after its last epoch')
         gate = model.provenance['gate']
         if current is None:
             return model, True  # its gate keeps it from doing harm
