@@ -373,9 +373,9 @@ class CostaNode(Node):
             cancelled=lambda: handle.is_cancel_requested,
         )
         model.for_physics(self._present_rig, self._grid, self._preset)
-        output = Path(goal.output) if is_better else not_used(Path(goal.output))
         if goal.output:
-            model.save(output)
+            output = Path(goal.output)
+            model.save(output if is_better else not_used(output))
         if is_better:
             self._use(model, goal.output)
         verdict = 'in use' if is_better else 'not better on the newest pairs, the old one stays'

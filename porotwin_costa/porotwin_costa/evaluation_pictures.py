@@ -32,11 +32,21 @@ def write_pictures(evaluation: Evaluation, grid: Grid, folder: Path) -> list[Pat
         _curves(evaluation, folder / name, title, plain, corrected)
         for name, (title, plain, corrected) in curves.items()
     ]
+    labels = _labels(evaluation)
     for frame in evaluation.shown:
-        label = Path(frame.experiment).name
-        path = folder / f'fields_{label}_{frame.time:.0f}s.png'
+        path = folder / f'fields_{labels[frame.experiment]}_{frame.time:.0f}s.png'
         files.append(_fields(frame, grid, path))
     return files
+
+
+def _labels(evaluation: Evaluation) -> dict[str, str]:
+    """Return a name for every experiment: its file's, with a number if others have the same."""
+    paths = list(dict.fromkeys(frame.experiment for frame in evaluation.frames))
+    names = [Path(path).name for path in paths]
+    return {
+        path: name if names.count(name) == 1 else f'{name}_{number}'
+        for number, (path, name) in enumerate(zip(paths, names, strict=True), start=1)
+    }
 
 
 def _curves(evaluation: Evaluation, path: Path, title: str, plain: str, corrected: str) -> Path:

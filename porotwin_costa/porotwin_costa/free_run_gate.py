@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver, StepModel
@@ -122,13 +123,24 @@ class Judge:
     @property
     def alone(self) -> FloatArray:
         """The errors of all kept runs of the model alone [-]."""
-        return np.concatenate(self._alone)
+        return _joined(self._alone)
+
+    def check(self) -> None:
+        """Check that there is something to judge.
+
+        Raises:
+            InputError: no kept map shows tracer, so that no error is defined.
+        """
+        if not len(self.alone):
+            raise InputError(
+                'no map that is kept to judge COSTA shows tracer; name recordings whose last maps '
+                'hold some'
+            )
 
     def errors(self, model: CorrectiveModel) -> RunErrors:
         """Return the errors of all kept runs with `model`, and without."""
         correct = corrector(model, self._solver)
-        corrected = [self._errors(run, correct) for run in self._runs]
-        return RunErrors(self.alone, np.concatenate(corrected))
+        return RunErrors(self.alone, _joined([self._errors(run, correct) for run in self._runs]))
 
     def physics_error(self, physics: LearntPhysics) -> float:
         """Return the mean error of all kept runs of the model with `physics`, no network [-]."""
@@ -139,10 +151,10 @@ class Judge:
         ) -> FloatArray:
             return np.clip(better.predict(previous, rates, time_step), 0.0, 1.0)
 
-        return float(np.mean(np.concatenate([self._errors(run, correct) for run in self._runs])))
+        return float(np.mean(_joined([self._errors(run, correct) for run in self._runs])))
 
     def at_rates(self, model: CorrectiveModel, factor: float) -> RunErrors:
-        """Return the errors at `factor` times the rates; see the module."""
+        """Return the errors at `factor` times the rates, none of runs too short; see the module."""
         runs = [faster(run, factor, self._time_step) for run in self._runs]
         judge = Judge(
             self._solver, [run for run in runs if len(run.frames.times) > 2], self._time_step
@@ -197,6 +209,11 @@ class Judge:
         if correct is None:
             return predicted
         return correct(self._plain, state, predicted, rates, time_step)
+
+
+def _joined(errors: Sequence[FloatArray]) -> FloatArray:
+    """Return the errors of all runs, flat; empty without a run."""
+    return np.concatenate([np.zeros(0), *errors])
 
 
 CorrectorFn = Callable[[StepModel, FloatArray, FloatArray, WellRates, float], FloatArray]

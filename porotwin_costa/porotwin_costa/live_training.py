@@ -21,7 +21,7 @@ from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import LEAST_ERROR, Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
-from porotwin_costa.training import ProgressFn, train
+from porotwin_costa.training import ProgressFn, TrainingCancelledError, train
 
 NOT_USED = '_not_used'
 """Ending of the name of a file with weights that did not replace those in use."""
@@ -57,7 +57,7 @@ class LiveTraining:
         Learnt physics of the current model stays; the network learns the remainder.
 
         Raises:
-            InputError: too few pairs.
+            InputError: too few pairs, or none with tracer to judge.
             TrainingCancelledError: `cancelled` returned True.
         """
         settings = architecture.training.with_epochs(epochs)
@@ -72,7 +72,10 @@ class LiveTraining:
         if sum(len(run.frames.times) for run in kept) < JUDGED_PAIRS:
             return model, current is None
         judge = Judge(self.solver, kept, pairs.time_step)
+        judge.check()
         model = gated(model, judge)
+        if cancelled():  # the free runs took a while
+            raise TrainingCancelledError('stopped after its last epoch')
         gate = model.provenance['gate']
         if current is None:
             return model, True  # its gate keeps it from doing harm
@@ -98,7 +101,7 @@ def _is_better(error: float, other: float) -> bool:
 
 
 def not_used(output: Path) -> Path:
-    """Return the file for weights that did not replace those in `output`."""
+    """Return the file for weights that did not replace those in the file `output`."""
     return output.with_name(f'{output.stem}{NOT_USED}{output.suffix}')
 
 

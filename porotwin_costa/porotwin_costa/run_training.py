@@ -101,7 +101,7 @@ def train_from_runs(
         say: told every decision.
 
     Raises:
-        InputError: too few maps, or the model cannot run.
+        InputError: too few maps, none with tracer to judge, or the model cannot run.
     """
     usual = architecture.training.epochs
     settings = architecture.training.with_epochs(epochs)
@@ -110,6 +110,7 @@ def train_from_runs(
         raise InputError('no free run can be judged: give three consecutive maps at least')
     solver = experiments.solver_on(experiments.grid)
     judge = Judge(solver, kept, experiments.time_step)
+    judge.check()
     learnt = LearntPhysics()
     if architecture.learns_physics:
         learnt = learn_physics(

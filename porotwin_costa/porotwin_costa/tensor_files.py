@@ -10,7 +10,7 @@ import safetensors
 import safetensors.numpy
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.whole_file import whole_file
 
 _PICKLES = (b'\x80', b'PK\x03\x04')
@@ -41,8 +41,8 @@ def write_tensors(
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as unfinished:
             safetensors.numpy.save_file(contiguous, unfinished, metadata)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+    except (OSError, ValueError, safetensors.SafetensorError) as error:  # the last: a full disk
+        raise InputError(str(write_error(path, error))) from None
 
 
 def read_header(path: Path, file_format: str) -> dict[str, Any]:

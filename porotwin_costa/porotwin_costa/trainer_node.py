@@ -99,7 +99,6 @@ class TrainerNode(Node):
         self._pairs_folder = _dataset_folder(
             declare(self, 'dataset', '', 'folder for the training pairs; must be given')
         )
-        self._dropped = 0
         self._pending: deque[Pair] = deque(maxlen=PENDING_PAIRS)
         self._request_time = 0.0
         self._effects: tuple[EffectDescription, ...] = ()
@@ -126,6 +125,7 @@ class TrainerNode(Node):
             first_experiment=int(known.experiment.max()) + 1 if known else 0,
             preset=self._preset,
         )
+        self._dropped = 0
         self._retraining = Retraining(self._every, len(known) if known else 0)
         self._pending.clear()
         self._pair: Pair | None = None

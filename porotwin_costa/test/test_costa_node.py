@@ -183,6 +183,11 @@ def test_the_loaded_model_decides_which_network_is_trained(
         assert result.outcome.code == Outcome.OK, result.outcome.message
         # the same training again is no better, so that the old weights stay in use
         assert CorrectiveModel.load(not_used(output)).architecture == small
+        handle, _ = client.action(**{**goal, 'output': ''})  # its weights go nowhere
+        result = client.wait(handle.get_result_async()).result
+        assert result.outcome.code == Outcome.OK, result.outcome.message
+        refused = client.call(SaveModel, 'costa/save', SaveModel.Request(path=''))
+        assert refused.outcome.code == Outcome.INVALID_INPUT
         other = tmp_path / 'other.safetensors'
         handle, _ = client.action(**{**goal, 'output': str(other)}, architecture='paper')
         client.wait(handle.get_result_async())

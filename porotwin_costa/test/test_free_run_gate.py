@@ -8,6 +8,7 @@ import torch
 from costa_examples import injecting
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
+from porotwin_core.errors import InputError
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.wells import Schedule
 from porotwin_costa.corrective_model import CorrectiveModel
@@ -75,6 +76,24 @@ def test_a_network_that_moves_tracer_during_a_pause_is_not_trusted(grid, silent)
     model = replace(silent, trust=1.0)
     assert judge.rests(replace(model, network=AddingTracer(at_rest=False)))
     assert not judge.rests(replace(model, network=AddingTracer(at_rest=True)))
+
+
+@pytest.mark.parametrize('count', [3, 4])
+def test_a_kept_run_that_is_too_short_for_other_rates_is_judged(grid, silent, count):
+    frames = moving_frames(grid, count, speed=0.8 * SPEED)
+    judge = Judge(MovingTracers(), [KeptRun(frames, 0.0)], STEP_S)
+    harmless = replace(silent, network=AddingTracer(at_rest=False), learnt=SLOWER)
+    found = gated(harmless, judge)
+    assert found.trust == 1.0
+    assert 2.0 not in found.provenance['gate']['rates_passed']
+
+
+def test_kept_runs_without_tracer_are_refused(grid):
+    frames = moving_frames(grid, 10)
+    empty = replace(frames, concentration=np.zeros_like(frames.concentration))
+    Judge(MovingTracers(), [KeptRun(frames, 0.0), KeptRun(empty, 0.0)], STEP_S).check()
+    with pytest.raises(InputError, match='no map that is kept to judge COSTA shows tracer'):
+        Judge(MovingTracers(), [KeptRun(empty, 0.0)], STEP_S).check()
 
 
 def test_one_frame_that_is_worse_is_harmful():

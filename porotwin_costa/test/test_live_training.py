@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from toy_solver import POROSITY, SPEED, STEP_S, MovingTracer, MovingTracers, moving_frames
 
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.live_training import LiveTraining, frames_of_pairs, not_used
 from porotwin_costa.networks import architecture
+from porotwin_costa.training import TrainingCancelledError
 
 
 def _pairs(rig, grid, frames):
@@ -40,3 +42,18 @@ def test_a_good_model_is_not_replaced_by_a_worse_one(rig, grid, tmp_path):
     assert not is_better
     assert again.learnt == right
     assert not_used(tmp_path / 'a.b').name == 'a_not_used.b'
+
+
+def test_a_training_that_is_cancelled_after_its_last_epoch_gives_no_model(rig, grid):
+    frames = [moving_frames(grid, 30, speed=0.8 * SPEED, at=at) for at in (0.2, 0.3)]
+    epochs = []
+    with pytest.raises(TrainingCancelledError, match='stopped after its last epoch'):
+        LiveTraining(rig, '', MovingTracers()).retrained(
+            _pairs(rig, grid, frames),
+            None,
+            architecture('local'),
+            epochs=1,
+            seed=3,
+            progress=epochs.append,
+            cancelled=lambda: bool(epochs),
+        )

@@ -1,5 +1,7 @@
 """Tensor files: read back, and refused if they are something else."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import safetensors.numpy
@@ -31,3 +33,15 @@ def test_another_format_is_refused(tmp_path):
     write_tensors(path, {'value': np.zeros(1)}, 'test-1', {})
     with pytest.raises(InputError, match='made as test-1, needs test-2'):
         read_header(path, 'test-2')
+
+
+def test_a_full_disk_and_an_empty_path_are_told_in_one_line(tmp_path, monkeypatch):
+    def full(*_):
+        raise safetensors.SafetensorError('I/O error: No space left on device (os error 28)')
+
+    with pytest.raises(InputError, match='cannot be written'):
+        write_tensors(Path(), {'value': np.zeros(1)}, 'test', {})
+    monkeypatch.setattr(safetensors.numpy, 'save_file', full)
+    with pytest.raises(InputError, match='No space left on device'):
+        write_tensors(tmp_path / 'file.safetensors', {'value': np.zeros(1)}, 'test', {})
+    assert not list(tmp_path.iterdir())

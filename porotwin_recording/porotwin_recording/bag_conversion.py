@@ -46,6 +46,7 @@ from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.cut import cut
 from porotwin_recording.experiment_folder import Progress, write_folder
 from porotwin_recording.one_writer import one_writer
+from porotwin_recording.photo_source import content_mark
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import open_recording
@@ -175,10 +176,8 @@ def export_bag(
     recording = open_recording(bag, segment=segment)
     if times is not None:
         recording = cut(recording, *times)
-    maps = 0 if recording.maps is None else len(recording.maps)
     source = (
-        f'{recording.source.resolve()}, times {times}, {maps} maps, '
-        f'{len(recording.photos)} photographs'
+        f'{recording.source.resolve()}, segment {segment}, times {times}, {content_mark(recording)}'
     )
     with _kept_after_interrupt(Path(folder), source) as path:
         write_folder(path, recording, progress=progress)
@@ -229,12 +228,14 @@ def _header(stamp: int, frame: str = RIG_FRAME) -> Header:
 
 
 def _opening(data: RecordedData) -> Iterator[_StampedMessage]:
-    first = min([0.0, *(photo.time for photo in data.photos)])
+    first_map = 0.0 if data.maps is None else min(0.0, float(data.maps.times[0]))
+    first = min([first_map, *(photo.time for photo in data.photos)])
     yield _StampedMessage(_stamp(first), topic_names.RIG, rig_to_msg(data.rig))
     start = CleanState(
         header=_header(IMPORT_START), cause=CleanState.START, reason='imported experiment begins'
     )
-    yield _StampedMessage(IMPORT_START, topic_names.CLEAN_STATE, start)
+    # behind a map it would begin another sequence
+    yield _StampedMessage(_stamp(first_map), topic_names.CLEAN_STATE, start)
 
 
 def _changes(schedule: Schedule) -> Iterator[tuple[float, dict[str, WellRate]]]:

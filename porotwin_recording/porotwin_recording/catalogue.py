@@ -127,8 +127,8 @@ def find_recordings(root: Path) -> Iterator[Path]:
 
 
 def _is_part(name: str, folder: Path) -> bool:
-    stem = name.removesuffix(COMPRESSED).removesuffix('.mcap')
-    return stem.startswith(f'{folder.name}_') and stem[len(folder.name) + 1 :].isdecimal()
+    stem, _, number = name.removesuffix(COMPRESSED).removesuffix('.mcap').rpartition('_')
+    return stem == folder.resolve().name and number.isdecimal()
 
 
 def is_experiment(path: Path) -> bool:

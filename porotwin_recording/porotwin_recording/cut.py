@@ -32,7 +32,7 @@ def cut(recording: Recording, start: float, end: float) -> Recording:
     return replace(
         recording,
         commanded=_until(recording.commanded, end),
-        measured=_until(recording.measured, end),
+        measured=_measured_until(recording.measured, end),
         maps=maps or None,
         photos=photos,
     )
@@ -55,6 +55,17 @@ def _until(schedule: Schedule | None, end: float) -> Schedule | None:
     if schedule is None:
         return None
     return Schedule(tuple(row for row in schedule.rows if row.time <= end))
+
+
+def _measured_until(measured: Schedule | None, end: float) -> Schedule | None:
+    """Return the rows of measured rates up to `end` [s], with one there if later ones follow.
+
+    Behind the last measured row the commanded rates count, and these rates were measured to `end`.
+    """
+    kept = _until(measured, end)
+    if measured is None or kept is None or not kept.rows or kept.rows == measured.rows:
+        return kept
+    return Schedule((*kept.rows, replace(kept.rows[-1], time=end)))
 
 
 def _recorded_time(recording: Recording) -> str:

@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError, write_error
 from porotwin_core.units import to_ml_h
+from porotwin_recording.map_files import zarr_address
 from porotwin_recording.one_writer import one_writer
+from porotwin_recording.photo_source import content_mark
 from porotwin_recording.recording import Recording
 
 Format = Literal['zarr', 'netcdf']
@@ -142,19 +144,30 @@ class _ZarrMaps:
         """Write the `maps` from number `first` on."""
         for name, values in maps.items():
             for number, one in enumerate(values, start=first):
-                content = zlib.compress(np.ascontiguousarray(one, '<f4').tobytes(), ZLIB_LEVEL)
-                (self._path / name / f'{number}.0.0').write_bytes(content)
+                self._file(name, number).write_bytes(_packed(one))
 
     def holds(self, first: int, maps: Maps) -> bool:
-        """Return whether the files of `maps` from number `first` on are there."""
+        """Return whether the `maps` from number `first` on are in their files.
+
+        Raises:
+            OSError: a file is missing.
+        """
         return all(
-            (self._path / name / f'{first + number}.0.0').is_file()
+            self._file(name, number).read_bytes() == _packed(one)
             for name, values in maps.items()
-            for number in range(len(values))
+            for number, one in enumerate(values, start=first)
         )
+
+    def _file(self, name: str, number: int) -> Path:
+        return self._path / name / f'{number}.0.0'
 
     def close(self) -> None:
         """Every file is closed."""
+
+
+def _packed(values: NDArray[np.float32]) -> bytes:
+    """Return a map as the bytes of its file."""
+    return zlib.compress(np.ascontiguousarray(values, '<f4').tobytes(), ZLIB_LEVEL)
 
 
 _MAPS: dict[Format, type[_NetcdfMaps] | type[_ZarrMaps]] = {
@@ -177,15 +190,15 @@ class _Begun:
         self.done = 0
         self._mark = target.with_name(f'.{target.name}.done')
         self._recording, self._kind = recording, kind
-        self._source = f'{recording.source.resolve()} {kind} {len(recording.times)} {PROGRAM}'
+        self._source = f'{recording.source.resolve()} {kind} {content_mark(recording)} {PROGRAM}'
 
     def maps(self) -> _NetcdfMaps | _ZarrMaps:
         """Return the maps of an interrupted export of the same recording, or of a new one."""
         if (found := self._interrupted()) is not None:
             return found
         self.remove()
-        zarr = f'file://{self.path.resolve()}#mode=zarr,xarray,file'
-        address = zarr if self._kind == 'zarr' else str(self.path)
+        is_zarr = self._kind == 'zarr'
+        address = zarr_address(self.path, 'zarr,xarray,file') if is_zarr else str(self.path)
         with contextlib.closing(netCDF4.Dataset(address, 'w')) as dataset:
             _define(dataset, self._recording, self._kind)
         return _MAPS[self._kind](self.path)

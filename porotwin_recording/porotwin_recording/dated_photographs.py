@@ -6,7 +6,7 @@ upwards in the names, or writes a time there too.
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +17,7 @@ from porotwin_recording.clock_order import counters, falls
 from porotwin_recording.experiment_folder import CAMERA_ENDINGS
 from porotwin_recording.foreign_time import moments, names_zone
 from porotwin_recording.protocol_answers import ProtocolAnswers
-from porotwin_recording.protocol_photographs import LISTED
+from porotwin_recording.protocol_photographs import LISTED, visible_files
 
 ReadExposure = Callable[[Path], str]
 """Returns the time that a camera wrote into a file, such as 2024-05-31 14:30:00.25+02:00; '' if
@@ -43,8 +43,6 @@ _UNREAD = (
     '.rw2',
 )
 """Endings of photographs that cannot be read."""
-_SYSTEM_FOLDERS = ('@eaDir', '__MACOSX')
-"""Folders of a file server and of macOS that hold small copies of photographs."""
 _SAME_S = 5.0
 """Times in names may differ by this from those in files [s]: a name may tell when a file was
 saved."""
@@ -65,17 +63,7 @@ class DatedPhotographs:
 
 def camera_files(folder: Path) -> list[Path]:
     """Return the files in and below a folder that may be photographs, in the order of names."""
-    return sorted(path for path in _visible_files(folder) if _is_of_camera(path))
-
-
-def _visible_files(folder: Path) -> Iterator[Path]:
-    """Yield the files in and below a folder that no program has put out of sight."""
-    for path in folder.rglob('*'):
-        parts = path.relative_to(folder).parts
-        if path.is_file() and not any(
-            part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts
-        ):
-            yield path
+    return sorted(path for path in visible_files(folder) if _is_of_camera(path))
 
 
 def _is_of_camera(path: Path) -> bool:
@@ -91,7 +79,7 @@ def dated_photographs(
     Raises:
         InputError: times in files do not fit the names, or two photographs have the same time.
     """
-    visible = sorted(_visible_files(folder))
+    visible = sorted(visible_files(folder))
     files = [path for path in visible if _is_of_camera(path)]
     _tell_unread(folder, [path for path in visible if path.suffix.lower() in _UNREAD], told)
     words = [exposure(path) for path in files]

@@ -24,6 +24,7 @@ from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, read_foreign_table
 from porotwin_recording.foreign_units import LENGTHS, time_factor, unit_in
+from porotwin_recording.map_files import zarr_address
 from porotwin_recording.recorded_data import RecordedData
 
 ARRAY_FILES = ('.npz', '.nc', '.zarr')
@@ -49,6 +50,10 @@ LEAST_NOISE = 0.3
 FAR_FROM_SQUARE, NEARLY_SQUARE = 1.3, 1.1
 """Longer over shorter side of a cell: maps are taken as transposed if they have cells beyond the
 first, and transposed ones below the second."""
+
+FARTHEST_CENTRE = 0.49
+"""Largest distance from a coordinate to the centre of its cell, in cells: edges of cells are half a
+cell off, and round-off must not decide about them."""
 
 LONG_AFTER = 10.0
 """Time from a reference date to the first map, in lengths of the recording, above which the date is
@@ -107,10 +112,11 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
     """
     readers = {'.npz': _npz, '.nc': _netcdf, '.zarr': _netcdf}
     told: list[str] = []
-    if path.suffix == '.csv':
+    suffix = path.suffix.lower()
+    if suffix == '.csv':
         arrays = _csv(path, answers.decimal)
-    elif path.suffix in readers:
-        arrays = readers[path.suffix](path)
+    elif suffix in readers:
+        arrays = readers[suffix](path)
     else:
         raise InputError(f'{path}: no file of maps; give one that ends in {", ".join(SUFFIXES)}')
     if arrays.values.ndim != 3 or len(arrays.times) != len(arrays.values):
@@ -397,10 +403,13 @@ def _check_extent(path: Path, arrays: _Arrays, rig: Rig) -> None:
             raise InputError(f"{path}: {name} is in '{arrays.units[name]}'; write m, cm or mm")
         centres = np.sort(np.asarray(values, dtype=float)) * factor
         step = size / len(centres)
-        if np.abs(centres - step * (np.arange(len(centres)) + 0.5)).max() > 0.5 * step:
+        expected = step * (np.arange(len(centres)) + 0.5)
+        if np.abs(centres - expected).max() > FARTHEST_CENTRE * step:
             raise InputError(
                 f'{path}: {name} runs from {centres[0]:g} to {centres[-1]:g} m in {len(centres)} '
-                f'cells, but the rig is {size:g} m; give a map of the whole rig, or mend rig.yaml'
+                f'cells, but the rig is {size:g} m, and the centres of its cells run from '
+                f'{expected[0]:g} to {expected[-1]:g} m; give a map of the whole rig with the '
+                'centres of its cells, or mend rig.yaml'
             )
 
 
@@ -426,7 +435,7 @@ def _npz(path: Path) -> _Arrays:
     try:
         with np.load(path, allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+    except (OSError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
         reason = 'it is damaged' if isinstance(error, OSError | zipfile.BadZipFile) else 'no npz'
         raise InputError(
             f'{path}: not readable as npz ({reason}); copy the file again, or write its arrays of '
@@ -443,15 +452,20 @@ def _npz(path: Path) -> _Arrays:
 
 
 def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
-    """Return the maps of a long table; a value that is not there is missing (NaN)."""
+    """Return the maps of a long table; a value that is empty or not there is missing (NaN)."""
     table = read_foreign_table(path, decimal)
     titles = {quantity: table.needed(*NAMES[quantity]) for quantity in NAMES}
-    columns = {quantity: np.array(table.numbers(titles[quantity])) for quantity in NAMES}
+    title = titles['concentration']
+    words = ['' if word.lower() == 'nan' else word for word in table.columns[title]]
+    seen = [bool(word) for word in words]
+    table = replace(table, columns={**table.columns, title: words})
+    needed = {quantity: seen if quantity == 'concentration' else () for quantity in NAMES}
+    columns = {q: np.array(table.numbers(titles[q], needed[q])) for q in NAMES}
     axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
     values = np.full([len(axes[name][0]) for name in axes], np.nan, dtype=np.float32)
     places = tuple(axes[name][1] for name in axes)
     _refuse_repeated(path, axes, places)
-    values[places] = columns['concentration']
+    values[places] = np.where(seen, columns['concentration'], np.nan)
     units = {name: unit_in(title) for name, title in titles.items()}
     return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
 
@@ -478,7 +492,7 @@ def _netcdf(path: Path) -> _Arrays:
     """Return the maps of a NetCDF file or a zarr folder, which the same library reads."""
     if (path / 'zarr.json').is_file():
         raise InputError(f'{path}: is zarr of version 3; write it with zarr_format=2, or as NetCDF')
-    address = f'file://{path.resolve()}#mode=zarr,file' if path.is_dir() else str(path)
+    address = zarr_address(path, 'zarr,file') if path.is_dir() else str(path)
     try:
         with contextlib.closing(netCDF4.Dataset(address)) as dataset:
             dataset.set_auto_mask(not path.is_dir())  # zarr fills with 0, which is no gap

@@ -1,10 +1,11 @@
-"""What the maps of photographs are made from, as fingerprints: does an earlier work still hold?"""
+"""What maps and exports are made from, as fingerprints: does an earlier work still hold?"""
 
 import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
+from porotwin_recording.experiment_folder import MAPS_FILE
 from porotwin_recording.photos import Photo
 from porotwin_recording.recording import Recording
 
@@ -30,13 +31,23 @@ def fingerprints(recording: Recording) -> dict[str, str]:
     }
 
 
+def content_mark(recording: Recording) -> str:
+    """Return a short hash of all files that hold the content of `recording`.
+
+    Experiments of one bag have the same.
+    """
+    maps = recording.source / MAPS_FILE
+    held = maps if maps.is_file() else recording.source
+    return _short_hash([fingerprints(recording), _changes(held)])
+
+
 def _identity(photo: Photo) -> list[Any]:
     return [photo.time, photo.role, photo.name, photo.concentration]
 
 
 def _changes(file: Path) -> list[list[Any]]:
     """Return path, size [B] and time of the last change [ns] of a file, or of a bag's files."""
-    files = [file] if file.is_file() else sorted(file.glob('*.mcap'))
+    files = [file] if file.is_file() else sorted(file.rglob('*.mcap*'))
     stats = [(one, one.stat()) for one in files]
     return [[str(one.resolve()), stat.st_size, stat.st_mtime_ns] for one, stat in stats]
 

@@ -118,7 +118,9 @@ def import_protocols(
     told += [
         f'{name}: not read, only protocols and photographs are; ./porotwin import {folder / name} '
         'TARGET reads maps'
-        for name in sorted(path.name for path in folder.iterdir() if path.suffix in ARRAY_FILES)
+        for name in sorted(
+            path.name for path in folder.iterdir() if path.suffix.lower() in ARRAY_FILES
+        )
     ]
     return told
 

@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -25,6 +26,9 @@ IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 LISTED = f'list the photographs with their times in {IMAGING_PROTOCOL} (columns path, datetime)'
 """Remedy for times that cannot be used."""
 
+_SYSTEM_FOLDERS = ('@eaDir', '__MACOSX')
+"""Folders of a file server and of macOS that hold small copies of photographs."""
+
 LONG_BEFORE_H = 6
 """Time before the first injection at which a baseline is odd [h]."""
 
@@ -39,8 +43,7 @@ def protocol_photographs(
     table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
     column = table.needed('datetime', 'time', 'date')
     times = protocol_moments(table, column, answers, told)
-    found_names = (path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
-    files = sorted(path for path in found_names if path.is_file())
+    files = sorted(path for path in visible_files(folder) if path.suffix.lower() in IMAGES)
     title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
     by_name = title == table.find('path', 'file', 'filename')
     found, missing = [], []
@@ -62,6 +65,16 @@ def protocol_photographs(
             f"out, the first is '{missing[0]}'"
         )
     return sorted(found)
+
+
+def visible_files(folder: Path) -> Iterator[Path]:
+    """Yield the files in and below a folder that no program has put out of sight."""
+    for path in folder.rglob('*'):
+        parts = path.relative_to(folder).parts
+        if path.is_file() and not any(
+            part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts
+        ):
+            yield path
 
 
 def _check_order(

@@ -168,6 +168,11 @@ def _ends(
                 '--time-zone, such as Europe/Oslo, the zone of the times that name none'
             )
         return protocol_moments(table, title, answers, told)
+    if (duration := table.find('duration')) is not None:  # the rate would go on behind it
+        raise InputError(
+            f'{table.path}: {table.spelt(duration)} is not read; add a column end with dates and '
+            'times'
+        )
     told.append(f'{table.path}: no column end: every rate holds until the next row of its well')
     of_well: dict[str, list[datetime]] = defaultdict(list)
     for begin, well in sorted(zip(starts, wells, strict=True)):

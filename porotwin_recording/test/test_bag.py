@@ -15,6 +15,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import write_rig
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.bag_conversion import export_bag
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.recording import open_recording
@@ -119,9 +120,12 @@ def test_the_longest_of_several_experiments_is_read_unless_one_is_chosen(
         open_recording(bag, segment=3)
 
 
-def test_a_new_baseline_begins_another_experiment(tmp_path: Path) -> None:
+@pytest.fixture
+def two_experiments(tmp_path: Path) -> Path:
+    """A bag with two experiments of a baseline, a photograph and a map; the photographs differ."""
+
     def photo(stamp: int) -> object:
-        return stamped(CompressedImage(data=b'\xff\xd8'), stamp * SECOND)
+        return stamped(CompressedImage(data=b'\xff\xd8' + bytes([stamp])), stamp * SECOND)
 
     messages = [('/lab/rig/description', rig_to_msg(controlled_rig()))]
     for begin in (100, 200):
@@ -132,6 +136,24 @@ def test_a_new_baseline_begins_another_experiment(tmp_path: Path) -> None:
             ('/lab/asset/new_state', state(begin * SECOND, 0.5)),
         ]
     write_live_bag(tmp_path / 'run.mcap', messages)
+    return tmp_path / 'run.mcap'
+
+
+def test_an_interrupted_export_keeps_no_photograph_for_another_experiment(
+    two_experiments: Path, tmp_path: Path
+) -> None:
+    def stop(done: int, total: int) -> None:
+        if done == total:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_bag(two_experiments, tmp_path / 'out', segment=1, progress=stop)
+    export_bag(two_experiments, tmp_path / 'out', segment=2)
+    photos = open_recording(tmp_path / 'out').photos
+    assert [photo.read()[-1] for photo in photos] == [190, 200]
+
+
+def test_a_new_baseline_begins_another_experiment(two_experiments: Path, tmp_path: Path) -> None:
     for segment in (1, 2):
         recording = open_recording(tmp_path / 'run.mcap', segment=segment)
         assert recording.times.tolist() == [0.0]

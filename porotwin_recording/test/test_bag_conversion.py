@@ -168,6 +168,15 @@ def test_an_import_that_fails_leaves_nothing(folder: Path, tmp_path: Path, name:
     assert_same(open_recording(tmp_path / name), open_recording(folder))
 
 
+def test_maps_from_before_time_zero_keep_their_times(folder: Path, tmp_path: Path) -> None:
+    data = open_recording(folder)
+    times = np.round(data.times - 60.0, 9)
+    early = replace(data, maps=replace(data.present_maps, times=times), photos=())
+    write_folder(tmp_path / 'early', early)
+    import_experiment(tmp_path / 'early', tmp_path / 'run')
+    assert_same(open_recording(tmp_path / 'run'), open_recording(tmp_path / 'early'))
+
+
 @pytest.mark.parametrize('same', [True, False])
 def test_an_interrupted_export_goes_on(folder: Path, tmp_path: Path, same: bool) -> None:
     import_experiment(folder, tmp_path / 'run')

@@ -79,6 +79,16 @@ def test_the_entries_of_a_folder_and_of_its_bag_agree(tmp_path: Path) -> None:
     assert folder.size_bytes > 1000
 
 
+def test_the_parts_of_a_bag_are_one_bag_from_inside_its_folder_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'run').mkdir()
+    for number in (0, 1):  # without metadata.yaml, as a killed recorder leaves them
+        large_bag(tmp_path / 'run' / f'run_{number}.mcap', photographs=1)
+    monkeypatch.chdir(tmp_path / 'run')
+    assert list(find_recordings(Path())) == [Path()]
+
+
 def test_effects_and_diagnoses_are_told(tmp_path: Path) -> None:
     rig = bench_rig().model_copy(update={'effects': (EffectDescription(name='decay'),)})
     mended = ModelEffects(effects=[Effect(name='leak')])

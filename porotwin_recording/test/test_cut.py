@@ -1,10 +1,13 @@
 """A part of a recording holds what was recorded between two times, and all rates before."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from recording_examples import SCHEDULE, bench_rig
 
 from porotwin_core.errors import InputError
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.cut import cut
 from porotwin_recording.experiment_folder import write_folder
@@ -39,6 +42,18 @@ def test_rates_before_the_part_stay_and_later_ones_go(recording):
     assert cut(recording, 60.0, 90.0).commanded == SCHEDULE
     early = cut(recording, 0.0, 30.0).commanded
     assert [row.time for row in early.rows] == [0.0, 0.0]
+
+
+def test_rates_of_a_part_were_measured_to_its_end(recording):
+    """A pump that had stopped does not run again, because the commands go on."""
+    asked = [(time, {'in': WellRate(time + 1e-7, 1.0)}) for time in (0.0, 30.0, 60.0, 90.0)]
+    stopped = [(0.0, {'in': WellRate(1e-7, 1.0)}), (10.0, {'in': WellRate(0.0, 1.0)})]
+    measured = Schedule((*Schedule.from_rates(stopped).rows, ScheduleRow(90.0, 'in', WellRate())))
+    whole = replace(recording, commanded=Schedule.from_rates(asked), measured=measured)
+    for end in (60.0, 75.0):
+        part = cut(whole, 0.0, end)
+        assert [part.delivered.at(time)['in'].rate for time in (5.0, 30.0, 60.0)] == [1e-7, 0, 0]
+    assert cut(whole, 0.0, 90.0).measured == measured
 
 
 def test_a_part_of_a_part_is_the_part(recording, tmp_path):

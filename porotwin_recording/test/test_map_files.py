@@ -8,8 +8,10 @@ import pytest
 from recording_examples import bench_experiment
 
 from porotwin_core.errors import InputError
+from porotwin_recording.dataset_export import export_dataset
 from porotwin_recording.experiment_folder import read_folder, write_folder
 from porotwin_recording.map_files import files_with_maps
+from porotwin_recording.recording import open_recording
 
 
 def test_maps_are_found_by_their_variable_and_not_by_their_name(tmp_path: Path) -> None:
@@ -30,3 +32,13 @@ def test_a_folder_with_misnamed_maps_alone_names_them(tmp_path: Path) -> None:
         (tmp_path / name).unlink(missing_ok=True)
     with pytest.raises(InputError, match=r'tracer\.nc holds its maps, name it concentration\.nc'):
         read_folder(tmp_path)
+
+
+def test_a_path_that_the_library_misreads_is_refused_for_zarr(tmp_path: Path) -> None:
+    folder = tmp_path / 'run #2, 50 %, größe'
+    write_folder(folder, bench_experiment())
+    recording = open_recording(folder)
+    with pytest.raises(InputError, match="must not contain '#'; name another place"):
+        export_dataset(recording, folder / 'maps.zarr', 'zarr')
+    export_dataset(recording, folder / 'maps.nc', 'netcdf')
+    export_dataset(recording, tmp_path / '50 %, größe.zarr', 'zarr')

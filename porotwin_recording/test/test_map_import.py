@@ -1,5 +1,6 @@
 """Tests of imported maps: npz, CSV, NetCDF and zarr."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import netCDF4
@@ -67,6 +68,32 @@ def test_an_interrupted_dataset_goes_on(
     assert sorted(path.name for path in tmp_path.iterdir() if path.name.startswith('.')) == []
 
 
+@pytest.mark.parametrize(('kind', 'name'), [('zarr', 'maps.zarr'), ('netcdf', 'maps.nc')])
+def test_an_interrupted_dataset_begins_again_with_other_maps(
+    tmp_path: Path, kind, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dataset_export, 'MAPS_AT_ONCE', 2)
+    folder, data = tmp_path / 'origin', bench_experiment()
+    write_folder(folder, data)
+
+    def stop(done: int, _: int) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset(open_recording(folder), tmp_path / name, kind, progress=stop)
+    for file in folder.iterdir():
+        if file.is_file():
+            file.unlink()
+    assert data.maps is not None
+    read = data.maps.read
+    halved = replace(data.maps, read=lambda first, stop: 0.5 * read(first, stop))
+    write_folder(folder, replace(data, maps=halved))
+    export_dataset(open_recording(folder), tmp_path / name, kind)
+    found, _ = imported(tmp_path / name)
+    np.testing.assert_array_equal(found.concentration, open_recording(folder).concentration)
+
+
 def test_npz_in_percent_and_minutes_with_the_first_row_at_the_top(
     tmp_path: Path, recording: Recording
 ) -> None:
@@ -98,6 +125,35 @@ def test_a_long_table_in_any_order_with_decimal_commas(
     path.write_text('\n'.join(['time [s];x [m];z [m];concentration', *lines]))
     found, _ = imported(path)
     np.testing.assert_allclose(found.concentration, recording.concentration, rtol=1e-6)
+
+
+@pytest.mark.parametrize('unknown', ['', 'NaN'])
+def test_unknown_values_of_a_table_are_unknown_in_the_maps(tmp_path: Path, unknown: str) -> None:
+    """Other programs write a row for every cell, also for one that a photograph does not show."""
+    grid = bench_rig().grid(3, 2)
+    rows = [
+        f'{time},{x},{z},{unknown if column == 0 else 0.5}'
+        for time in (0, 30)
+        for column, x in enumerate(grid.x)
+        for z in grid.z
+    ]
+    path = tmp_path / 'maps.CSV'
+    path.write_text('\n'.join(['time [s],x,z,concentration', *rows]))
+    found, _ = imported(path)
+    np.testing.assert_array_equal(found.concentration[1], [[np.nan, 0.5, 0.5]] * 2)
+
+
+@pytest.mark.parametrize('count', [11, 12, 13])
+def test_edges_in_place_of_centres_are_refused_whatever_the_round_off(
+    tmp_path: Path, count: int
+) -> None:
+    rig = bench_rig()
+    edges, path = np.linspace(0.0, rig.width_m, count), tmp_path / 'maps.npz'
+    np.savez(
+        path, maps=np.full((2, 3, count), 0.5), time_s=[0, 30], x=edges, z=rig.grid(count, 3).z
+    )
+    with pytest.raises(InputError, match='centres of its cells run from'):
+        imported(path)
 
 
 def test_maps_of_another_rig_and_broken_files_are_refused(
@@ -334,3 +390,7 @@ def test_two_values_at_one_place_and_a_file_that_is_no_npz_are_named(tmp_path: P
     (tmp_path / 'text.npz').write_text('0,1,2')
     with pytest.raises(InputError, match=r'not readable as npz \(no npz\).* numpy\.savez'):
         imported(tmp_path / 'text.npz')
+    with (tmp_path / 'one.npz').open('wb') as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(InputError, match='not readable as npz'):
+        imported(tmp_path / 'one.npz')

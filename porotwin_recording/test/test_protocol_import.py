@@ -66,6 +66,17 @@ def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
         assert words in text, words
 
 
+def test_hidden_copies_of_photographs_are_no_photographs(folder: Path) -> None:
+    """A file server and macOS put small files of the same names beside them."""
+    images = folder / 'images'
+    (images / '@eaDir').mkdir()
+    for number in (7, 8, 9):
+        (images / f'._DSC_{number:05d}.JPG').write_bytes(b'from macOS')
+        (images / '@eaDir' / f'DSC_{number:05d}.JPG').write_bytes(b'small')
+    recording, _ = imported(folder)
+    assert [photo.read()[-1] for photo in recording.photos] == [7, 8, 9]
+
+
 def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None:
     protocol = folder / 'injection_protocol.csv'
     protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
@@ -235,6 +246,14 @@ def test_protocols_of_which_only_one_names_its_zone_are_refused(folder: Path) ->
         imported(folder)
     recording, _ = imported(folder, replace(PLAIN, time_zone='Europe/Oslo'))
     assert [p.time for p in recording.photos] == [-7260.0, -7170.0, -7140.0]
+
+
+def test_a_duration_in_place_of_an_end_is_refused(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(
+        'well,start,Duration [s],rate_ml/min\nin,2024-05-31 10:00:00,120,2\n'
+    )
+    with pytest.raises(InputError, match=r'Duration \[s\] is not read; add a column end'):
+        imported(folder)
 
 
 def test_a_producing_row_needs_no_concentration(folder: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, print_json, say
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, check_writable
 from porotwin_core.preset_names import PRESET_WORDS
 
 
@@ -44,10 +44,16 @@ def command(
 
     if output is not None and output.exists() and not output.is_dir():
         raise InputError(f'--output {output}: is a file; give a folder for table and pictures')
+    if output is not None:
+        check_writable(output)
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
-    nominal = with_effects(experiments[0].rig, effect)
-    learned.for_physics(nominal, learned.grid, preset)
+    for recording in experiments:
+        nominal = with_effects(recording.rig, effect)
+        try:
+            learned.for_physics(nominal, learned.grid, preset)
+        except InputError as error:
+            raise InputError(f'{recording.source}: {error}') from None
     if learned.doubt:
         say(f'{model}: {learned.doubt}')
     say(learned.summary)

@@ -121,7 +121,7 @@ def command(
             f'{target}: lies inside {source}, whose next import would find the photographs twice; '
             'name a folder elsewhere'
         )
-    has_maps = source.suffix in SUFFIXES
+    has_maps = source.suffix.lower() in SUFFIXES
     if has_maps:
         _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
     elif source.is_dir() and is_lab_folder(source):

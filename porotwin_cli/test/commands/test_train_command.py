@@ -31,6 +31,14 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
         assert refused.returncode == 2, refused.stderr
         assert "model corrects preset 'upwind', not 'fast'" in refused.stderr
 
+    cut = porotwin('export', experiment, tmp_path / 'part', '--times', '0:150')
+    assert cut.returncode == 0, cut.stderr
+    text = (tmp_path / 'part' / 'rig.yaml').read_text()
+    (tmp_path / 'part' / 'rig.yaml').write_text(text.replace('porosity: 0.', 'porosity: 0.1'))
+    both = porotwin('evaluate', tmp_path / 'm', experiment, tmp_path / 'part', *arguments[:2])
+    assert both.returncode == 2, both.stdout
+    assert 'part: model corrects rig' in both.stderr
+
 
 def _up(experiment: Path, folder: Path) -> list[str | Path]:
     rig = ['--rig', experiment / 'rig.yaml', '--grid', '94x56', '--model', folder / 'm']
