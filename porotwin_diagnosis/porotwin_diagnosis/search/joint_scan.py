@@ -216,7 +216,8 @@ def _best(groups: _Groups, gram: FloatArray, moments: FloatArray) -> _Explanatio
 
     The gain is zero where a leak or a zone would need the opposite sign.
     """
-    shared = np.concatenate([block.columns for block in groups.everywhere] or [[]]).astype(np.intp)
+    none = np.zeros(0, np.intp)
+    shared = np.concatenate([none, *(block.columns for block in groups.everywhere)])
     count = len(groups.placed)
     columns = np.hstack([np.broadcast_to(shared, (count, len(shared))), groups.columns])
     each = columns.shape[1]
