@@ -306,7 +306,8 @@ def set_up() -> int:
             with ThreadPoolExecutor() as pool:
                 chains = [pool.submit(do_all, chain) for chain in BESIDE]
                 while wait(chains, timeout=STILL_S).not_done:
-                    say(f'setup: at work on {" and ".join(sorted(AT_WORK))} ...')
+                    parts = ' and '.join(sorted(AT_WORK))
+                    say(f'setup: at work on {parts}, {time.monotonic() - start:.0f} s so far ...')
             for chain in chains:
                 chain.result()
         except SetupError as error:

@@ -67,7 +67,8 @@ def sureness_words(doubts: Sequence[Doubt], factor_deviations: Sequence[float]) 
     guessed = guessed_sands(factor_deviations)
     if guessed:
         lines.append(
-            f'{guessed} of {len(factor_deviations)} sands have factors guessed from their '
-            'brightness; inject there to measure them (4_sands.png of the calibration shows where)'
+            f'factors of sands guessed from their brightness: {guessed} of '
+            f'{len(factor_deviations)}; inject there to measure them '
+            '(4_sands.png of the calibration shows where)'
         )
     return lines

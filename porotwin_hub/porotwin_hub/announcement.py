@@ -77,8 +77,11 @@ def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, 
     for well, rate in rates.items():
         line = f'  {well:12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
         if well in changed:
-            known = well in before
-            line += f'   <-- was {to_ml_h(before[well].rate) + 0.0:.1f}' if known else '   <-- set'
+            last = before.get(well)
+            if last is None or _step(rate, last) < 0.5 * PUMP_STEP_ML_H:
+                line += '   <-- set'
+            else:
+                line += f'   <-- was {to_ml_h(last.rate) + 0.0:.1f}'
         lines.append(line)
     return '\n'.join(lines)
 

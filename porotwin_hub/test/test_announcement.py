@@ -53,6 +53,7 @@ def test_an_expired_setpoint_is_announced_with_the_safe_rates_of_every_well() ->
     )
     assert words.changed == ('control1', 'producer', 'control2')
     assert words.text.count('<--') == 3
+    assert words.text.endswith('0.0 ml/h   <-- set')  # it was off before: no "was 0.0"
 
 
 def test_times_are_times_of_the_day_or_of_the_experiment() -> None:

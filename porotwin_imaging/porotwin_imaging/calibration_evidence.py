@@ -164,7 +164,7 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
     guessed = [one.label(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
     warning = (
         f'; sand {", ".join(guessed)} not reached by the plume (4_sands.png shows where): '
-        'guessed from their brightness'
+        f'guessed from {"its" if len(guessed) == 1 else "their"} brightness'
         if guessed
         else ''
     )

@@ -191,7 +191,7 @@ def _map(axes: Any, baseline: Baseline, values: Array, title: str, scale: str) -
     """Draw a map; `scale` names its values."""
     image = axes.imshow(values, origin='lower', extent=_extent(baseline), cmap='viridis', vmin=0)
     axes.figure.colorbar(image, ax=axes, shrink=0.7, label=scale)
-    _label(axes, f'{title}; white: no sand visible')
+    _label(axes, f'{title}; white: left out')
 
 
 def _signal(axes: Any, fit: CalibrationFit) -> None:

@@ -151,7 +151,8 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
         why = f'it ends at {end:g} s, and rates.csv changes {changed}'
         yield Remark(name, '', why, 'add the later lines; until then the commanded rates count')
     stopped = data.commanded.rows[-1].time
-    if rows[0].time > max(stopped, 0.0):
+    goes_on = any(rate.rate for rate in data.commanded.at(stopped).values())
+    if rows[0].time > max(stopped, 0.0) and not goes_on:
         why = f'it begins at {rows[0].time:g} s, after the last row of rates.csv at {stopped:g} s'
         yield Remark(name, '', why, 'compare the dates and clocks of both')
     yield from _other_fluid(data.commanded, data.measured, name)

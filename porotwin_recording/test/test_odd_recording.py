@@ -202,6 +202,14 @@ def test_measured_rates_that_cover_everything_are_not_odd() -> None:
     assert not [one for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key]
 
 
+def test_rates_that_are_confirmed_after_the_last_command_are_not_odd() -> None:
+    data = measured((115.0, 'in', 523.2), (115.0, 'out', -523.2))
+    assert data.commanded is not None
+    running = Schedule(data.commanded.rows[:2])  # the pumps go on: the last rows are no end
+    found = remarks_about_recording(replace(data, commanded=running))
+    assert not [one for one in found if 'measured' in one.key]
+
+
 @pytest.mark.parametrize(
     ('steps', 'odd'),
     [
