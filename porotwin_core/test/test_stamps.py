@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.stamps import believed_start, time_in_words
+from porotwin_core.stamps import believed_age, believed_start, time_in_words
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,14 @@ def test_the_start_of_an_experiment_is_believed_where_its_photograph_is(
     told: float | None, began: float | None, stamp: float, expected: float
 ) -> None:
     assert believed_start(told, began, stamp) == expected
+
+
+@pytest.mark.parametrize(('now', 'age'), [(130.0, 30.0), (90.0, 0.0), (200.0, 0.0)])
+def test_a_setpoint_of_a_camera_with_another_clock_counts_as_new(now: float, age: float) -> None:
+    assert believed_age(100.0, now, 90.0) == age
+
+
+def test_in_simulated_time_a_setpoint_may_overtake_the_clock() -> None:
+    """The node has missed a tick of /clock; the setpoint holds until the same time all the same."""
+    assert believed_age(100.0, 42.0, 90.0, simulated=True) == -58.0
+    assert believed_age(100.0, 200.0, 90.0, simulated=True) == 100.0

@@ -41,8 +41,8 @@ class OperatorNode(Node):
         """
         super().__init__('operator', **kwargs)
         rig = declare_rig(self)
-        simulated = bool(self.get_parameter('use_sim_time').value)
-        self._now = clock or (self._simulated_time if simulated else steady_time())
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._now = clock or (self._simulated_time if self._simulated else steady_time())
         self._book = SetpointBook(rig)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
         self._voice: Voice | None = None
@@ -93,12 +93,13 @@ class OperatorNode(Node):
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
         now, validity = float(self.get_clock().now().nanoseconds) * 1e-9, until - taken
+        age = believed_age(taken, now, validity, simulated=self._simulated)
         return ShownSetpoint(
             sequence=message.sequence,
             rates=conversions.rates_from_msg(message.wells),
             stamp=taken,
             valid_until=until,
-            validity=validity - believed_age(taken, now, validity),
+            validity=validity - age,
         )
 
     def _on_cycle(self, message: CycleReport) -> None:

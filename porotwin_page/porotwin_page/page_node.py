@@ -253,13 +253,14 @@ class PageNode(Node):
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
         now, today = self._graph_time(), self.get_clock().now().nanoseconds * 1e-9
+        age = believed_age(taken, today, until - taken, simulated=self._simulated)
         setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
             time=taken,
             valid_until=until,
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
-            arrival=None if now is None else now - believed_age(taken, today, until - taken),
+            arrival=None if now is None else now - age,
             clock=time.time(),
             doubt=self._doubt_on_publishers(),
         )
