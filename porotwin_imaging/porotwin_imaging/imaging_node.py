@@ -60,6 +60,7 @@ class ImagingNode(Node):
             declare_grid(self, rig),
             calibration=load_calibration(calibration) if calibration else None,
             longest_gap_s=longest_gap or None,
+            replayed=bool(self.get_parameter('use_sim_time').value),
         )
         kept = declare(
             self,

@@ -55,6 +55,7 @@ class ImagingSession:
         grid: the grid of the maps.
         calibration: conversion of signal to concentration, or None for the default scale.
         longest_gap_s: longest time without photographs [s]; None: from the usual interval.
+        replayed: whether the photographs are those of a recording, which may be played again.
 
     Raises:
         InputError: the rig has no camera, or an impossible one, or the calibration is of another
@@ -68,6 +69,7 @@ class ImagingSession:
         *,
         calibration: Calibration | None = None,
         longest_gap_s: float | None = None,
+        replayed: bool = False,
     ) -> None:
         Geometry.of(rig)  # a wrong camera is reported before the first photograph
         if calibration is not None:
@@ -78,6 +80,7 @@ class ImagingSession:
         self.baseline: Baseline | None = None
         self.baseline_photos: list[bytes] = []
         self._longest_gap_s = longest_gap_s
+        self._replayed = replayed
         self._sequence = SequenceState()
         self._states = 0
         self._baselines_taken: set[str] = set()
@@ -123,7 +126,11 @@ class ImagingSession:
             raise InputError('no baseline yet: give a photograph taken before the injection')
         digest = digest_of(data)
         placement, self._sequence = place(
-            time, digest, self._sequence, longest_gap_s=self._longest_gap_s
+            time,
+            digest,
+            self._sequence,
+            longest_gap_s=self._longest_gap_s,
+            replayed=self._replayed,
         )
         if placement.action == 'ignore':
             raise InputError(placement.reason)

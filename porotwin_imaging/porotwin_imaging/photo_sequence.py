@@ -52,7 +52,12 @@ class Placement:
 
 
 def place(
-    time: float, digest: str, state: SequenceState, *, longest_gap_s: float | None = None
+    time: float,
+    digest: str,
+    state: SequenceState,
+    *,
+    longest_gap_s: float | None = None,
+    replayed: bool = False,
 ) -> tuple[Placement, SequenceState]:
     """Return the place of a photograph, and the memory with the photograph taken note of.
 
@@ -61,7 +66,11 @@ def place(
         digest: digest of the file.
         state: memory of the sequence.
         longest_gap_s: longest time without photographs [s]; None: from the usual interval.
+        replayed: whether the photographs are those of a recording, which may be played again.
     """
+    if replayed and _begins_again(time, state):
+        reason = f'the recording begins again at {time:.3f} s'
+        return Placement('start', reason=reason), SequenceState()
     if digest in state.digests:
         return Placement('ignore', reason=f'photograph at {time:.3f} s is a duplicate'), state
     if not state.times:
@@ -82,6 +91,13 @@ def accept(time: float, digest: str, placement: Placement, state: SequenceState)
     """Return the memory after the photograph has become a state."""
     before = () if placement.action == 'start' else state.times
     return SequenceState((*before, time)[-REMEMBERED:], (*state.digests, digest)[-REMEMBERED:])
+
+
+def _begins_again(time: float, state: SequenceState) -> bool:
+    """Return whether a photograph at `time` [s] is the first one of the sequence, or before it."""
+    if not state.times or time > state.times[0] + SAME_STAMP_S:
+        return False
+    return time < state.times[-1] - SAME_STAMP_S
 
 
 def _place_earlier(time: float, state: SequenceState) -> tuple[Placement, SequenceState]:

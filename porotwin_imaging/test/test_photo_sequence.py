@@ -41,3 +41,19 @@ def test_duplicates_are_left_out() -> None:
     assert place(0.0, 'b', state)[0].action == 'ignore'
     assert 'duplicate' in place(30.0, 'a', state)[0].reason
     assert place(0.0, 'a', SequenceState())[0].action == 'start'
+
+
+def test_a_recording_that_is_played_again_begins_again_with_its_first_photograph() -> None:
+    state, found = SequenceState(), []
+    for time in (0.0, 30.0, 60.0, 0.0, 30.0, 60.0):
+        placement, state = place(time, f'photograph at {time}', state, replayed=True)
+        if placement.action != 'ignore':
+            state = accept(time, f'photograph at {time}', placement, state)
+        found.append(placement.action)
+    assert found == ['start', 'next', 'next'] * 2
+
+
+def test_a_duplicate_of_the_last_photograph_is_left_out_of_a_replay_too() -> None:
+    placement, state = place(0.0, 'a', SequenceState(), replayed=True)
+    state = accept(0.0, 'a', placement, state)
+    assert place(0.0, 'a', state, replayed=True)[0].action == 'ignore'
