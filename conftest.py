@@ -3,6 +3,7 @@
 import fcntl
 import itertools
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -60,7 +61,13 @@ def _release(number: int) -> None:
 
 
 def pytest_configure() -> None:
-    """Separate the nodes of these tests from a rig's nodes and from other tests."""
+    """Separate the nodes of these tests from a rig's nodes and from other tests.
+
+    A shell lets its background jobs ignore Ctrl-C, and all processes that they start. Tests press
+    Ctrl-C, so it counts here.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
