@@ -18,7 +18,7 @@ export function ratesText(rates, before) {
   if (!entries.length) return 'rates not known';
   const changed = before ? entries.filter(([well, rate]) => rate !== before[well]) : entries;
   if (!changed.length) return 'the same rates';
-  return changed.map(([well, rate]) => `${well} ${number(rate, 1)}`).join(', ');
+  return `${changed.map(([well, rate]) => `${well} ${number(rate, 1)}`).join(', ')} ml/h`;
 }
 
 /* The rates of the line before `index` with the same kind of event: lines are newest first. */
@@ -39,7 +39,7 @@ export function create(root) {
       const rates = ratesText(line.rates_ml_h, ratesBefore(lines, i));
       const span = (className, textContent) => element('span', { className, textContent });
       return element('li', { className: line.event }, span('time', clockTime(line.clock_s)),
-        span('event', eventText(line)), span('rates', `${rates} ml/h`));
+        span('event', eventText(line)), span('rates', rates));
     }));
   };
 }

@@ -16,8 +16,8 @@ test('a line has the rates that changed since the line of the same kind before i
     line('setpoint', { a: 1, b: -2 }), line('reported', { a: 1, b: -1 }),
     line('expired', { a: 0, b: -2 }),
   ];
-  assert.equal(ratesText(lines[0].rates_ml_h, ratesBefore(lines, 0)), 'a 1.0');
-  assert.equal(ratesText(lines[1].rates_ml_h, ratesBefore(lines, 1)), 'a 1.0, b −1.0');
+  assert.equal(ratesText(lines[0].rates_ml_h, ratesBefore(lines, 0)), 'a 1.0 ml/h');
+  assert.equal(ratesText(lines[1].rates_ml_h, ratesBefore(lines, 1)), 'a 1.0, b −1.0 ml/h');
   assert.equal(ratesText({ a: 1 }, { a: 1 }), 'the same rates');
   assert.equal(ratesText({}, null), 'rates not known');
 });
