@@ -9,12 +9,13 @@ the maps by the sum of g times the changes of the windows:
     for a while   g = 1 from the start of one window to the end of another
 
 with the time t since the start, the duration T, and one of several periods P. Pumps alone are tried
-for a while: a bottle runs empty, air gets into a tube.
+for a while: a bottle runs empty, air gets into a tube. Words give times of the recording.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -79,11 +80,16 @@ class _Force:
 
 def causes_over_time(runs: FreeRuns) -> Iterator[Cause]:
     """Yield growing and swinging causes; those that the model cannot run are left out."""
-    edges = runs.sample.model_start + np.linspace(0.0, runs.duration, WINDOWS + 1)
-    windows = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    windows = list(pairwise(_edges(runs)))
     for make in (_rates, _drifts, _water_table):
         for force in make(runs, windows):
             yield from _courses(runs, force)
+
+
+def _edges(runs: FreeRuns) -> list[float]:
+    """Return the times [s] of the recording between which the windows lie."""
+    edges = runs.sample.model_start + np.linspace(0.0, runs.duration, WINDOWS + 1)
+    return [float(edge) for edge in edges]
 
 
 def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
@@ -104,8 +110,9 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
         def swung(amounts: Amounts, period: float = period) -> str:
             size = math.hypot(*amounts)
             first = math.atan2(amounts[0], amounts[1]) / (2.0 * math.pi) % 1.0 * period
+            peak = runs.sample.model_start + first * runs.duration
             return (
-                f'{force.said(size)} at {unit.text(first * runs.duration)}, and the opposite half '
+                f'{force.said(size)} at {unit.text(peak)}, and the opposite half '
                 f'a period later, with a period of {unit.text(period * runs.duration)}'
             )
 
@@ -136,12 +143,12 @@ def _cause(
 
 def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
     """Yield the cause from every window to every later one, up to `LONGEST_WHILE` of them."""
-    length, unit = runs.duration / WINDOWS, time_unit(runs.duration)
+    edges, unit = _edges(runs), time_unit(runs.duration)
     for begin in range(WINDOWS):
         for end in range(begin + 1, min(begin + LONGEST_WHILE, WINDOWS) + 1):
 
             def said(amounts: Amounts, begin: int = begin, end: int = end) -> str:
-                first, last = unit.number(begin * length), unit.text(end * length)
+                first, last = unit.number(edges[begin]), unit.text(edges[end])
                 return f'{force.said(amounts[0])} from {first} to {last}'
 
             change = np.sum(force.windows[begin:end], axis=0)
