@@ -8,7 +8,9 @@ from diagnosis_examples import ELEMENT_M, recorded, sample_of
 from scipy.ndimage import shift
 
 from porotwin_core.rig import EffectDescription
+from porotwin_core.wells import Schedule
 from porotwin_diagnosis.advice.causes_of_the_camera import causes_of_the_camera
+from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.data.sample import coarsened
@@ -88,6 +90,32 @@ def test_a_remainder_without_a_form_is_refused(quiet):
     assert form.kind is None
     unseen = replace(sample, observed=np.full_like(sample.observed, np.nan))
     assert form_of(unseen).terms == ()
+
+
+def test_words_give_times_of_a_recording_that_begins_in_the_middle(quiet):
+    sample = coarse(quiet)
+    began = float(sample.times[0])
+    later = replace(sample, initial=sample.observed_or_zero[0], start=began + 1200.0)
+    runs = FreeRuns(Forward(replace(later, end=began + 4800.0), refinement=1))
+    pump = next(cause for cause in causes_over_time(runs) if cause.name.endswith('for a while'))
+    assert pump.words([-0.5]).endswith(
+        f'from {(began + 1200) / 60:.0f} to {began / 60 + 25:.0f} min'
+    )
+
+
+def test_a_run_that_changes_too_late_is_the_usual_run_also_in_a_slow_rig(quiet):
+    sample = coarse(quiet)
+    slow = Schedule(
+        tuple(
+            replace(row, time=50.0 * row.time, rate=replace(row.rate, rate=0.02 * row.rate.rate))
+            for row in sample.schedule.rows
+        )
+    )
+    sample = replace(sample, schedule=slow, times=50.0 * sample.times, end=50.0 * sample.end)
+    runs = FreeRuns(Forward(sample, refinement=1))
+    late = (2.0 * sample.end, 3.0 * sample.end)
+    (maps,) = runs.changed_within([late], lambda physics: replace(physics, decay_rate=1.0))
+    np.testing.assert_allclose(maps, runs.maps, atol=1e-6)
 
 
 def test_no_form_of_the_camera_is_physically_impossible(quiet):

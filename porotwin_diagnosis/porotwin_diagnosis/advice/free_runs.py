@@ -14,6 +14,7 @@ from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_solver.engine import State
+from porotwin_solver.free_run_step import longest_free_step
 from porotwin_solver.model import Model
 from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import refine
@@ -129,7 +130,8 @@ class FreeRuns:
             for low, high in pairwise(cuts):
                 model = changed if window[0] <= low < window[1] else usual
                 for start, end, rates in sample.schedule.intervals(low, high):
-                    model.engine.advance(state, rates, end - start)
+                    step = longest_free_step(usual.engine.physics, rates)
+                    model.engine.advance(state, rates, end - start, step)
             now = max(now, target)
             seen = usual.engine.mean_concentration(state)
             shown.append(operator.apply(seen, sample.grid, float(time)))
