@@ -157,6 +157,7 @@ class Engine:
             self._on_device = TorchTransport(device, scheme)
         self._accumulators = FluxAccumulators.zeros(self.grid)
         self._kept_exchanges: dict[float, Exchanges] = {}
+        self._kept_rates: tuple[WellRates, Sources, FaceField] | None = None
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
 
     def mean_concentration(self, state: State) -> FloatArray:
@@ -243,24 +244,13 @@ class Engine:
         count = max(1, math.ceil(duration / longest - STEP_ROUND_OFF))
         return count, duration / count
 
-    def coefficients(
-        self,
-        state: State,
-        rates: WellRates,
-        length: float,
-        *,
-        sources: Sources | None = None,
-        water: FaceField | None = None,
-    ) -> StepCoefficients:
+    def coefficients(self, state: State, rates: WellRates, length: float) -> StepCoefficients:
         """Return the coefficients of a step of `length` [s] from `state`.
-
-        `sources` and `water`, the flux of pure water, follow from `rates` where they are not given.
 
         Raises:
             InputError: as `water_flux` and `coupled_flux`.
         """
-        sources = self.sources_and_sinks.sources(rates) if sources is None else sources
-        water = self.water_flux(rates) if water is None else water
+        sources, water = self._of_rates(rates)
         flux = self.coupled_flux(water, rates, state.mobile)
         return StepCoefficients(
             flux,
@@ -289,25 +279,36 @@ class Engine:
         if self.coupling is None:
             yield from itertools.repeat(self._uncoupled_coefficients(state, rates, length), count)
             return
-        sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
         for _ in range(count):
-            yield self.coefficients(state, rates, length, sources=sources, water=water)
+            yield self.coefficients(state, rates, length)
+
+    def _of_rates(self, rates: WellRates) -> tuple[Sources, FaceField]:
+        """Return the sources and the flux of pure water at `rates`; the latest ones are kept.
+
+        Rates seldom change from one photograph to the next.
+
+        Raises:
+            InputError: as `water_flux`.
+        """
+        kept = self._kept_rates
+        if kept is None or kept[0] != rates:
+            self._kept_rates = kept = None  # frees memory before the new ones need it
+            sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
+            self._kept_rates = kept = dict(rates), sources, water
+        return kept[1], kept[2]
 
     def _uncoupled_coefficients(
         self, state: State, rates: WellRates, length: float
     ) -> StepCoefficients:
         """Return the coefficients where the tracer does not change the flow.
 
-        The latest ones are kept: rates seldom change from one photograph to the next.
+        The latest ones are kept.
         """
         kept = self._kept_step
         if kept is not None and kept[:2] == (length, rates):
             return kept[2]
-        sources, water = None, None
-        if kept is not None and kept[1] == rates:  # only the length is another one
-            sources, water = kept[2].sources, kept[2].flux
         self._kept_step = kept = None  # frees memory before the new ones need it
-        found = self.coefficients(state, rates, length, sources=sources, water=water)
+        found = self.coefficients(state, rates, length)
         self._kept_step = (length, dict(rates), found)
         return found
 

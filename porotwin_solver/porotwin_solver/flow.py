@@ -163,10 +163,23 @@ class Flow:
             imbalance[0, 0] -= imbalance.sum()
         return imbalance
 
-    def _balanced(self, source: FloatArray, flux: FaceField, solve: Solve) -> FaceField:
-        """Return `flux` and the pressure-driven flux that gives it the divergence `source`."""
-        # twice: the second solution removes the round-off of the first one
-        for _ in range(2):
+    def without_divergence(self, flux: FaceField) -> FaceField:
+        """Return `flux` [m^3/s], of little divergence, and the flux that removes the divergence.
+
+        Raises:
+            InputError: as `flux`.
+        """
+        source = np.zeros(self.grid.shape)
+        return self._balanced(source, flux, self._pressures.solve, solutions=1)
+
+    def _balanced(
+        self, source: FloatArray, flux: FaceField, solve: Solve, *, solutions: int = 2
+    ) -> FaceField:
+        """Return `flux` and the pressure-driven flux that gives it the divergence `source`.
+
+        Each of the `solutions` removes what round-off left of the divergence before it.
+        """
+        for _ in range(solutions):
             imbalance = self._imbalance(source, flux)
             pressure = solve(imbalance.ravel()).reshape(self.grid.shape)
             flux = flux + pressure_flux(pressure, self.transmissibility)

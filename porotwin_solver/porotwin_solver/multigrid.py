@@ -11,14 +11,14 @@ is factorised. A level takes 48 B per cell.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 
 from porotwin_core.grid import FloatArray
 from porotwin_solver import multigrid_kernels as kernels
-from porotwin_solver.cell_threads import in_rows
+from porotwin_solver.cell_threads import THREADED_CELLS, in_rows
 from porotwin_solver.face_field import FaceField
 
 Solve = Callable[[FloatArray], FloatArray]
@@ -134,6 +134,32 @@ class GridLevel:
         self._rows(kernels.squares, b, sums)
         return float(np.sum(sums))
 
+    def conjugate_step(
+        self,
+        p: FloatArray,
+        residual: FloatArray,
+        direction: FloatArray,
+        carried: FloatArray,
+        gradient: FloatArray,
+        energy: float,
+    ) -> tuple[float, float]:
+        """Move the potential `p` along the conjugate of the preconditioned residual `gradient`.
+
+        All fields change in place: `carried` is the matrix times the last `direction`, and `energy`
+        the product of the two. Returns their new product, and the sum of squares of the residual.
+        """
+        if self.diagonal.size < THREADED_CELLS:
+            fields = (p, residual, direction, carried, gradient, *self.trans, self.diagonal)
+            found: tuple[float, float] = kernels.conjugate_step(*fields, energy)
+            return found
+        _add_rows(kernels.turn, direction, -self.product(gradient, carried) / energy, gradient)
+        self._rows(kernels.outflow, direction, *self.trans, self.diagonal, carried)
+        energy = self.product(direction, carried)
+        step = self.product(direction, residual) / energy
+        _add_rows(kernels.add, p, step, direction)
+        _add_rows(kernels.add, residual, -step, carried)
+        return energy, self.square(residual)
+
     def _rows(self, kernel: Callable[..., None], *args: object) -> None:
         in_rows(kernel, self.shape[0], self.diagonal.size, *args)
 
@@ -154,30 +180,25 @@ class Multigrid:
         self._solve_coarsest = factorise(self._levels[-1].matrix())
 
     def solve(
-        self, source: FloatArray, *, tolerance: float, most_iterations: int
+        self,
+        source: FloatArray,
+        *,
+        begin: FloatArray | None = None,
+        tolerance: float,
+        most_iterations: int,
     ) -> FloatArray | None:
         """Return the potential (nz, nx) [Pa] for `source` (nz, nx) [m^3/s].
 
-        None if the norm of the residual still exceeds `tolerance` times the norm of the source
-        after `most_iterations`. The conjugate gradients are flexible ones, because the
-        preconditioner varies from step to step (Notay, SIAM J. Sci. Comput. 22 (2000) 1444).
+        The arguments have the meaning of `conjugate_gradients`.
         """
-        level, residual = self._levels[0], source.copy()
-        p, direction = level.potential(), level.potential()
-        carried: FloatArray = np.zeros(level.shape)
-        energy = 1.0
-        wanted = tolerance**2 * level.square(source)
-        for _ in range(most_iterations):
-            if level.square(residual) <= wanted:
-                return p[1:-1, 1:-1]
-            gradient = self._cycle(0, residual)
-            _add_rows(kernels.turn, direction, -level.product(gradient, carried) / energy, gradient)
-            carried = level.outflow(direction)
-            energy = level.product(direction, carried)
-            step = level.product(direction, residual) / energy
-            _add_rows(kernels.add, p, step, direction)
-            _add_rows(kernels.add, residual, -step, carried)
-        return None
+        return conjugate_gradients(
+            self._levels[0],
+            source,
+            partial(self._cycle, 0),
+            begin=begin,
+            tolerance=tolerance,
+            most_iterations=most_iterations,
+        )
 
     def _cycle(self, number: int, b: FloatArray) -> FloatArray:
         """Return an approximate potential for the source `b` on the grid `number`."""
@@ -214,6 +235,39 @@ class Multigrid:
         first *= step - common * second_step / first_energy
         _add_rows(kernels.add, first, second_step, second)
         return first
+
+
+def conjugate_gradients(
+    level: GridLevel,
+    source: FloatArray,
+    precondition: Solve,
+    *,
+    begin: FloatArray | None = None,
+    tolerance: float,
+    most_iterations: int,
+) -> FloatArray | None:
+    """Return the potential (nz, nx) [Pa] of the matrix `level` for `source` (nz, nx) [m^3/s].
+
+    `precondition` returns an approximate potential with a frame for a source (nz, nx). `begin` is a
+    first guess of the potential (nz, nx) [Pa]; zero by default. None if the norm of the residual
+    still exceeds `tolerance` times the norm of the source after `most_iterations`. The conjugate
+    gradients are flexible ones, because the preconditioner may vary from step to step (Notay, SIAM
+    J. Sci. Comput. 22 (2000) 1444).
+    """
+    p, direction = level.potential(), level.potential()
+    residual, carried = source.copy(), np.zeros(level.shape)
+    square = level.square(source)
+    wanted, energy = tolerance**2 * square, 1.0
+    if begin is not None:
+        p[1:-1, 1:-1] = begin
+        residual -= level.outflow(p)
+        square = level.square(residual)
+    for _ in range(most_iterations):
+        if square <= wanted:
+            return p[1:-1, 1:-1]
+        gradient = precondition(residual)
+        energy, square = level.conjugate_step(p, residual, direction, carried, gradient, energy)
+    return None
 
 
 def _add_rows(kernel: Callable[..., None], values: FloatArray, *args: object) -> None:

@@ -8,6 +8,8 @@ spares the question whether a cell has a neighbour.
 
 # mypy: disable-error-code="no-untyped-def"
 
+import numpy as np
+
 from porotwin_solver.compiled import compiled
 
 
@@ -102,3 +104,25 @@ def turn(values, factor, gradient, first, last):
     for i in range(first, last):
         for j in range(values.shape[1]):
             values[i, j] = gradient[i, j] + factor * values[i, j]
+
+
+@compiled
+def conjugate_step(p, residual, direction, carried, gradient, x, z, diagonal, energy):
+    """Make one step of conjugate gradients in place, on all rows.
+
+    `carried` is the matrix times the last `direction`, `energy` their product. Returns the new
+    product, and the sum of squares of the new residual.
+    """
+    rows = len(residual)
+    sums = np.empty(rows)
+    products(gradient, carried, sums, 0, rows)
+    turn(direction, -np.sum(sums) / energy, gradient, 0, rows + 2)
+    outflow(direction, x, z, diagonal, carried, 0, rows)
+    products(direction, carried, sums, 0, rows)
+    energy = np.sum(sums)
+    products(direction, residual, sums, 0, rows)
+    step = np.sum(sums) / energy
+    add(p, step, direction, 0, rows + 2)
+    add(residual, -step, carried, 0, rows)
+    squares(residual, sums, 0, rows)
+    return energy, np.sum(sums)

@@ -26,6 +26,7 @@ def test_multigrid_gives_the_flux_of_the_preconditioned_iteration(rig, monkeypat
     )
     concentration = np.random.default_rng(5).uniform(0.0, 1.0, (60, 90))
     rates = {next(iter(rig.wells)): WellRate(1e-7)}
+    monkeypatch.setattr(coupling, 'TOLERANCE', 1e-8)
     small = Coupling(physics).flux(rates, concentration)
     monkeypatch.setattr(coupling, 'LARGEST_PRECONDITIONED', 0)
     large = Coupling(physics).flux(rates, concentration)
@@ -57,3 +58,17 @@ def test_where_multigrid_does_not_converge_the_factor_of_water_helps(rig, monkey
     monkeypatch.setattr(coupling, 'WORTHWHILE_CYCLES', 1)
     again = Coupling(physics).flux(rates, concentration)
     np.testing.assert_array_equal(again.x, small.x)
+
+
+def test_the_tolerance_changes_a_flux_by_less_than_any_scheme_errs(rig, monkeypatch) -> None:
+    physics = replace(
+        nominal_physics(rig, rig.grid(60, 40)), viscosity_ratio=0.3, density_difference=2.0
+    )
+    concentration = np.zeros(physics.grid.shape)
+    concentration[10:30, 5:30] = 1.0
+    rates = {next(iter(rig.wells)): WellRate(1e-7)}
+    usual = Coupling(physics).flux(rates, concentration)
+    monkeypatch.setattr(coupling, 'TOLERANCE', 1e-12)
+    exact = Coupling(physics).flux(rates, concentration)
+    np.testing.assert_allclose(usual.x, exact.x, atol=1e-6 * np.abs(exact.x).max())
+    np.testing.assert_allclose(usual.divergence(), 0.0, atol=1e-14 * 1e-7)
