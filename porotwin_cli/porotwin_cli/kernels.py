@@ -5,7 +5,7 @@ keeps the results beside the sources and compiles changed functions again by its
 """
 
 from porotwin_cli.workspace import small_rig
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_core.wells import Schedule
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.baseline import make_baseline
@@ -19,6 +19,13 @@ from porotwin_solver.simulation import simulate
 COLUMNS, ROWS = 47, 28
 """A coarse grid of the small rig: kernels compile for types, not for sizes."""
 
+DISPERSIVE = {'longitudinal_dispersivity': 1e-3, 'transverse_dispersivity': 1e-4, 'diffusion': 1e-9}
+MENDED = (
+    EffectDescription(name='viscosity', parameters={'viscosity_ratio': 1.1}),
+    EffectDescription(name='dispersion', parameters=DISPERSIVE),
+)
+"""Effects with kernels of their own, which a running twin may take over."""
+
 PHOTO_WIDTH_PX = 400
 """The smallest photograph that the virtual camera takes."""
 
@@ -30,6 +37,7 @@ def compile_kernels() -> None:
     grid = rig.grid(COLUMNS, ROWS)
     for preset in PRESETS:
         simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, preset=preset)
+    simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, effects=MENDED)
     asset = VirtualRig(rig)
     asset.set_rates(safe)
     asset.advance(1.0)
