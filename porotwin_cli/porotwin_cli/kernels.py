@@ -4,15 +4,20 @@
 keeps the results beside the sources and compiles changed functions again by itself.
 """
 
+import numpy as np
+
 from porotwin_cli.workspace import small_rig
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.wells import Schedule
+from porotwin_core.wells import RateStep, Schedule
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
+from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
 
@@ -37,7 +42,9 @@ def compile_kernels() -> None:
     grid = rig.grid(COLUMNS, ROWS)
     for preset in PRESETS:
         simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, preset=preset)
-    simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, effects=MENDED)
+    model = Model(rig, grid, effects=MENDED)
+    term = CostTerm(0.0, 1.0, linear=np.ones(grid.shape))
+    schedule_cost(model, np.zeros(grid.shape), [RateStep(0.0, safe)], horizon=1.0, terms=[term])
     asset = VirtualRig(rig)
     asset.set_rates(safe)
     asset.advance(1.0)
