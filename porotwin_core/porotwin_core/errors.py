@@ -61,6 +61,16 @@ def writing(path: Path) -> Iterator[None]:
         raise write_error(path, error) from None
 
 
+def refuse_file(folder: Path, purpose: str) -> None:
+    """Check that `folder` is a folder or new; the `purpose` says what it will hold.
+
+    Raises:
+        InputError: it is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f'{folder}: is a file; name a folder for {purpose}')
+
+
 def check_writable(path: Path) -> None:
     """Check that the file or new folder `path` may be written, with the folders it needs.
 

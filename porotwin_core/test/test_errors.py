@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from porotwin_core.errors import InputError, check_writable, write_error, writing
+from porotwin_core.errors import InputError, check_writable, refuse_file, write_error, writing
 
 
 def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:
@@ -53,6 +53,14 @@ def test_a_place_below_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'file').touch()
     with pytest.raises(InputError, match=r'maps\.nc: cannot be written \(Not a directory\)'):
         check_writable(tmp_path / 'file' / 'new' / 'maps.nc')
+
+
+def test_a_file_in_place_of_a_folder_is_refused(tmp_path: Path) -> None:
+    refuse_file(tmp_path, 'reports')
+    refuse_file(tmp_path / 'new', 'reports')
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError, match='file: is a file; name a folder for reports'):
+        refuse_file(tmp_path / 'file', 'reports')
 
 
 def test_a_folder_that_one_may_not_look_into_is_refused(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError, writing
+from porotwin_core.errors import InputError, refuse_file, writing
 from porotwin_core.parallel import Crew, SchedulerLost
 from porotwin_core.rig import Rig
 from porotwin_core.whole_file import write_whole
@@ -158,8 +158,7 @@ def diagnose_archive(
         SchedulerLost: the scheduler went away; the same call continues.
     """
     listed = list(tasks)
-    if output.exists() and not output.is_dir():
-        raise InputError(f'{output}: is a file; name a folder for the reports')
+    refuse_file(output, 'the reports')
     output.mkdir(parents=True, exist_ok=True)
     crew.needs_folder(output)
     refused: dict[str, str] = {}

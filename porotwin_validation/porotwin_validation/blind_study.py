@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, refuse_file
 from porotwin_core.parallel import crew
 from porotwin_core.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
@@ -107,8 +107,7 @@ def blind_check(
             photograph, or a worker does not see the folder.
     """
     folder = Path(output).resolve()  # the workers may have another working folder
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f'{folder}: is a file; name a folder for the cases')
+    refuse_file(folder, 'the cases')
     folder.mkdir(parents=True, exist_ok=True)
     work: Work = make_and_diagnose
     if source == 'photographs':

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, print_json, say
-from porotwin_core.errors import InputError, check_writable
+from porotwin_core.errors import InputError, check_writable, refuse_file
 from porotwin_core.preset_names import PRESET_WORDS
 
 
@@ -42,9 +42,8 @@ def command(
     from porotwin_costa.evaluation_pictures import write_pictures
     from porotwin_solver.learnt_coefficients import LearntModels
 
-    if output is not None and output.exists() and not output.is_dir():
-        raise InputError(f'--output {output}: is a file; give a folder for table and pictures')
     if output is not None:
+        refuse_file(output, 'table and pictures')
         check_writable(output)
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)

@@ -8,7 +8,7 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 from porotwin_core.coarse_grid import COARSE_CELLS
-from porotwin_core.errors import InputError, check_writable
+from porotwin_core.errors import InputError, check_writable, refuse_file
 from porotwin_core.units import percent
 
 if TYPE_CHECKING:
@@ -78,8 +78,7 @@ def command(
             f'{recording}: a file of maps has no rates; give the experiment folder, with the maps '
             'as concentration.nc'
         )
-    if output.exists() and not output.is_dir():
-        raise InputError(f'--output {output}: is a file; give a folder for the picture')
+    refuse_file(output, 'the picture')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = rate_steps(rates, opened.rig, start)

@@ -49,7 +49,7 @@ def test_evaluate_refuses_a_file_as_output_before_it_works(tmp_path: Path) -> No
     (taken := tmp_path / 'table.csv').write_text('')
     result = porotwin('evaluate', tmp_path / 'model', tmp_path, '--output', taken)
     assert result.returncode == 2
-    assert 'is a file; give a folder' in result.stderr
+    assert 'is a file; name a folder' in result.stderr
 
 
 def test_train_refuses_an_unknown_network_before_it_works(experiment: Path, tmp_path: Path) -> None:

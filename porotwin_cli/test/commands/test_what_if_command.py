@@ -49,4 +49,4 @@ def test_a_file_as_output_is_refused_before_the_work(experiment: Path, tmp_path:
     asked = ('--at', '2min', '--rates', 'control1=3', '--output', taken)
     found = porotwin('what-if', experiment, *asked)
     assert found.returncode == 2
-    assert 'is a file; give a folder' in found.stderr
+    assert 'is a file; name a folder' in found.stderr

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from porotwin_core.errors import InputError, check_writable, writing
+from porotwin_core.errors import InputError, check_writable, refuse_file, writing
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
@@ -201,8 +201,7 @@ def prepare_history(folder: Path) -> None:
         raise InputError(f'{folder}: name the folder of the findings, {folder.parent}')
     if (folder / RIG_FILE).is_file():
         raise InputError(f'{folder}: is a recording; name a folder of its own for the findings')
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f'{folder}: is a file; name a folder for the findings on this rig')
+    refuse_file(folder, 'the findings on this rig')
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder / FILE)
