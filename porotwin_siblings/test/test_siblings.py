@@ -184,3 +184,21 @@ def test_a_dask_client_gives_the_same_numbers(threads: Executor) -> None:
         np.testing.assert_array_equal(
             outlook_of(executor).zone_tracer, outlook_of(threads).zone_tracer
         )
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'complaint'),
+    [
+        ({'time': np.nan}, 'its time is nan s'),
+        ({'concentration': np.full(GRID.shape, np.nan)}, 'its map shows no cell'),
+        ({'random': np.full(GRID.shape, np.nan)}, 'a deviation of its map is not finite'),
+        ({'systematic': np.full(GRID.shape, np.inf)}, 'a deviation of its map is not finite'),
+    ],
+)
+def test_a_photograph_that_tells_nothing_is_refused(
+    wrong: dict[str, Any], complaint: str, threads: Executor
+) -> None:
+    siblings = Siblings(RIG, GRID, executor=threads)
+    with pytest.raises(InputError, match=complaint):
+        siblings.observe(photograph(0.0, EMPTY)._replace(**wrong))
+    assert not siblings.started
