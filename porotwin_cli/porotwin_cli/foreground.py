@@ -46,14 +46,16 @@ def run_node(
         file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', str(file)]
         command += ['-r', f'__ns:={namespace}', '-r', f'__node:={name}']
-        process = subprocess.Popen(command, env={**os.environ, PARENT: str(os.getpid())})
+        process = subprocess.Popen(
+            command, env={**os.environ, PARENT: str(os.getpid())}, start_new_session=True
+        )
         while True:
             try:
                 status = process.wait()
                 break
             except KeyboardInterrupt:
-                continue  # Ctrl-C reaches the node as well; it closes its files and ends
-    if status == -signal.SIGINT:  # while it loaded its modules
+                process.terminate()  # it closes its files; one that loads ends without a traceback
+    if status == -signal.SIGTERM:  # while it loaded its modules
         raise KeyboardInterrupt
     if status == WRONG_PARAMETERS:
         raise SystemExit(WRONG_PARAMETERS)

@@ -24,7 +24,7 @@ from porotwin_core.parallel import crew
 from porotwin_core.run_topics import follow_run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
-from porotwin_diagnosis.data.live_run import LiveRun
+from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.progress import WorkClock
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
@@ -173,7 +173,7 @@ class DiagnosisNode(Node):
         """
         if goal.request.recording:
             return self._diagnose_recording(goal, Path(goal.request.recording), output)
-        recording = output / 'run'
+        recording = output / RUN_FOLDER
         if recording.exists():
             raise InputError(f'{recording}: exists already; name another folder for the report')
         try:
@@ -220,6 +220,7 @@ class DiagnosisNode(Node):
         number = 1
         while (folder := Path(self._output) / f'diagnosis_{number:02d}').exists():
             number += 1
+        forget_old_runs(Path(self._output))
         return folder
 
 

@@ -1,5 +1,7 @@
 """The run of a live twin: when it begins, and how it becomes a recording."""
 
+import os
+
 import numpy as np
 import pytest
 from diagnosis_examples import SMALL
@@ -7,7 +9,7 @@ from diagnosis_examples import SMALL
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
-from porotwin_diagnosis.data.live_run import MOST_MAPS, LiveRun
+from porotwin_diagnosis.data.live_run import KEPT_RUNS, MOST_MAPS, LiveRun, forget_old_runs
 from porotwin_recording.recording import open_recording
 
 GRID = SMALL.grid(20, 12)
@@ -140,3 +142,16 @@ def test_deviations_are_written_where_they_are_known(tmp_path):
     plain = run_with_maps(0.0, 30.0)
     plain.add_commanded_rates(0.0, INJECTING)
     assert written(plain, tmp_path / 'plain').maps.deviation is None
+
+
+def test_the_recordings_of_the_newest_diagnoses_are_kept(tmp_path):
+    runs = [tmp_path / f'diagnosis_{number:02d}' / 'run' for number in range(98, 100 + KEPT_RUNS)]
+    for time, run in enumerate(runs):
+        run.mkdir(parents=True)
+        os.utime(run, (time, time))
+    own = tmp_path / 'by_hand' / 'run'
+    own.mkdir(parents=True)
+    forget_old_runs(tmp_path)
+    assert [run.exists() for run in runs] == [False, False] + KEPT_RUNS * [True]
+    assert own.exists()
+    assert runs[0].parent.exists()

@@ -153,7 +153,8 @@ class GraphProcesses:
             self._ending.set()
         running = [name for name in reversed(self._kept) if self.running(name)]
         for name in running:
-            self._kept[name].process.send_signal(signal.SIGINT)
+            # one that is still loading ends without a word, while SIGINT gives a traceback
+            self._kept[name].process.send_signal(signal.SIGTERM)
             self._kept[name].process.send_signal(signal.SIGCONT)  # it may be stopped
         deadline = time.monotonic() + self._end_patience_s
         for name in running:

@@ -1,4 +1,4 @@
-"""The operator's book of setpoints: the announced, the expired, and the confirmed ones."""
+"""The operator's book: the newest setpoint, its expiry, and its confirmation."""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +11,6 @@ from porotwin_hub.announcement import Announcement, announce, announce_expiry, c
 from porotwin_hub.confirmed_rates import question_about, refuse_implausible
 from porotwin_hub.setpoint_expiry import ExpiryWatch
 from porotwin_hub.setpoint_limits import Limits
-
-REMEMBERED_SETPOINTS = 100
-"""Setpoints that can still be confirmed: 50 minutes of photographs every 30 s."""
 
 HAND_SHARE = 0.002
 """Smallest change that a hand sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
@@ -34,7 +31,7 @@ class ShownSetpoint:
 
 
 class SetpointBook:
-    """All announced setpoints; times `now` [s] are by a clock that nobody sets."""
+    """The newest setpoint and the rates at the pumps; times `now` [s]: by a clock nobody sets."""
 
     def __init__(self, rig: Rig) -> None:
         """Begin an empty book for `rig`."""
@@ -42,7 +39,8 @@ class SetpointBook:
         self._limits = Limits.of(rig) if rig.control is not None else None
         greatest_ml_h = to_ml_h(self._limits.max_rate) if self._limits else 0.0
         self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
-        self._announced: dict[int, dict[str, WellRate]] = {}
+        self._newest: tuple[int, dict[str, WellRate]] | None = None
+        """Number and rates of the setpoint that was announced last."""
         self._at_pumps: dict[str, WellRate] = {}
         """Rates that the operator was told to set, or told to have set otherwise: a well keeps its
         rate until a change is told."""
@@ -54,9 +52,9 @@ class SetpointBook:
         """A confirmation that was answered with a question."""
 
     @property
-    def sequences(self) -> tuple[int, ...]:
-        """Numbers of the setpoints that can be confirmed, the oldest first."""
-        return tuple(self._announced)
+    def newest(self) -> int | None:
+        """Number of the setpoint that can be confirmed; None before the first one."""
+        return None if self._newest is None else self._newest[0]
 
     def check(self, setpoint: ShownSetpoint) -> None:
         """Return if a setpoint keeps the limits of the rig and has not expired.
@@ -73,8 +71,6 @@ class SetpointBook:
     def announce(self, setpoint: ShownSetpoint, *, now: float) -> Announcement:
         """Add a setpoint and return it in words.
 
-        A number that is not above all others means that the hub was restarted and counts from one.
-
         Raises:
             InputError: the rates break a limit, the setpoint has expired, or it follows from an
                 older photograph than the one in force.
@@ -86,9 +82,7 @@ class SetpointBook:
                 f'its photograph is no newer than the one of setpoint {last.sequence}, '
                 'which is in force'
             )
-        if setpoint.sequence <= max(self._announced, default=0):
-            self._announced.clear()
-        self._remember(setpoint.sequence, setpoint.rates)
+        self._newest = (setpoint.sequence, setpoint.rates)
         self._in_force, self._since = setpoint, now
         self._expiry.start(setpoint.sequence, now=now, validity=setpoint.validity)
         words = announce(
@@ -107,11 +101,6 @@ class SetpointBook:
         }
         return words
 
-    def _remember(self, sequence: int, rates: dict[str, WellRate]) -> None:
-        self._announced[sequence] = rates
-        while len(self._announced) > REMEMBERED_SETPOINTS:
-            del self._announced[next(iter(self._announced))]
-
     def expire(self, now: float) -> Announcement | None:
         """Return the words for a setpoint that has expired by `now`, once; else None.
 
@@ -125,22 +114,25 @@ class SetpointBook:
         self._in_force = None
         words = announce_expiry(sequence, safe, self._at_pumps, note=note)
         if safe:
-            self._announced[sequence] = self._at_pumps = safe
+            self._newest, self._at_pumps = (sequence, safe), safe
         return words
 
     def confirmed(self, sequence: int, changed: WellRates) -> dict[str, WellRate]:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
 
         Raises:
-            InputError: the setpoint or a well is not known, a rate is not plausible, or the rates
-                do not balance and this was not said before.
+            InputError: the setpoint is not the newest, a well is not known, a rate is not
+                plausible, or the rates do not balance and this was not said before.
         """
-        if sequence not in self._announced:
-            newest = max(self._announced, default=None)
-            known = 'there was none yet' if newest is None else f'the newest is {newest}'
-            raise InputError(f'setpoint {sequence} is not known; {known}')
+        if self._newest is None:
+            raise InputError(f'setpoint {sequence} is not known; there was none yet')
+        newest, announced = self._newest
+        if sequence != newest:
+            raise InputError(
+                f'setpoint {sequence} is not the newest; set and confirm setpoint {newest}'
+            )
         refuse_implausible(changed, self._rig)
-        rates = {**self._announced[sequence], **changed}
+        rates = {**announced, **changed}
         question = question_about(rates, self._rig)
         if question is not None and self._asked != (sequence, rates):
             self._asked = (sequence, rates)

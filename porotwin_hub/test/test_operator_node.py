@@ -146,7 +146,7 @@ def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(
     message.header = conversions.header_at(taken)
     message.valid_until = conversions.time_to_msg(taken + 90.0)
     desk.setpoints.publish(message)
-    desk.spin_until(lambda: desk.operator._book.sequences == (1,))
+    desk.spin_until(lambda: desk.operator._book.newest == 1)
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)

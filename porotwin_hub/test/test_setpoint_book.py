@@ -9,7 +9,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_hub.setpoint_book import REMEMBERED_SETPOINTS, SetpointBook, ShownSetpoint
+from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -66,7 +66,7 @@ def test_after_a_restart_of_the_hub_the_numbers_begin_again(
     assert '<-- was' not in announced(book, 1, safe)
     assert '<-- was 0.0' in announced(book, 2, other)
     assert '<-- was' not in announced(book, 3, other)
-    assert book.sequences == (1, 2, 3)
+    assert book.newest == 3
 
 
 def test_a_setpoint_that_breaks_a_limit_is_refused(book: SetpointBook, safe: Rates) -> None:
@@ -77,7 +77,7 @@ def test_a_setpoint_that_breaks_a_limit_is_refused(book: SetpointBook, safe: Rat
     ):
         with pytest.raises(InputError):
             announced(book, 1, wrong)
-    assert book.sequences == ()
+    assert book.newest is None
 
 
 def test_an_expired_setpoint_is_announced_once_and_stands_for_the_safe_rates(
@@ -122,17 +122,20 @@ def test_an_unknown_setpoint_or_well_cannot_be_confirmed(book: SetpointBook, oth
     with pytest.raises(InputError, match='setpoint 1 is not known; there was none yet'):
         book.confirmed(1, {})
     announced(book, 1, other)
-    with pytest.raises(InputError, match='setpoint 9 is not known; the newest is 1'):
+    with pytest.raises(InputError, match='9 is not the newest; set and confirm setpoint 1'):
         book.confirmed(9, {})
     with pytest.raises(InputError, match="well 'nowhere' is not in the rig"):
         book.confirmed(1, {'nowhere': WellRate(1e-9)})
 
 
-def test_old_setpoints_are_forgotten(book: SetpointBook, safe: Rates) -> None:
-    for sequence in range(1, REMEMBERED_SETPOINTS + 3):
-        announced(book, sequence, safe)
-    assert book.sequences[0] == 3
-    assert len(book.sequences) == REMEMBERED_SETPOINTS
+def test_only_the_newest_setpoint_is_confirmed(
+    book: SetpointBook, safe: Rates, other: Rates
+) -> None:
+    announced(book, 1, safe)
+    announced(book, 2, other)
+    with pytest.raises(InputError, match='1 is not the newest; set and confirm setpoint 2'):
+        book.confirmed(1, {})
+    assert book.confirmed(2, {}) == other
 
 
 def test_rates_that_do_not_balance_are_confirmed_only_after_a_question(
@@ -167,7 +170,7 @@ def test_an_expired_setpoint_or_an_older_photograph_is_not_announced(
     book.announce(shown(1, other, stamp=60.0), now=100.0)
     with pytest.raises(InputError, match='no newer than the one of setpoint 1'):
         book.announce(shown(2, safe, stamp=30.0), now=101.0)
-    assert book.sequences == (1,)
+    assert book.newest == 1
     assert book.expire(200.0) is not None
     book.announce(shown(2, safe, stamp=30.0), now=201.0)
 

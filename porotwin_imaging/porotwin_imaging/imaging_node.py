@@ -4,7 +4,6 @@ Callbacks only queue. One worker reads photograph after photograph. A photograph
 costs one log line and a diagnostic, and the stream continues.
 """
 
-import queue
 import threading
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,8 @@ from porotwin_core.units import DAY_S
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.experiment_start import ExperimentStart
 from porotwin_imaging.file_hash import sha256_of_file
-from porotwin_imaging.imaging_session import ImagedState, ImagingSession
+from porotwin_imaging.imaging_session import WAITING_PHOTOS, ImagedState, ImagingSession
+from porotwin_imaging.photo_queue import PhotoQueue, QueuedPhoto
 from porotwin_imaging.sent_photos import digest_of
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
@@ -70,7 +70,7 @@ class ImagingNode(Node):
         )
         self._start = ExperimentStart(Path(kept) if kept else None)
         self._calibration_hash = sha256_of_file(calibration)
-        self._queue: queue.Queue[tuple[str, float, bytes]] = queue.Queue()
+        self._queue = PhotoQueue(WAITING_PHOTOS)
         self._diagnostics = Diagnostics(self)
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
         self._refreshed = self.create_publisher(StateRefreshed, 'asset/state_refreshed', FIELD)
@@ -93,7 +93,8 @@ class ImagingNode(Node):
                     time,
                 )
                 return
-            self._queue.put((role, time, bytes(message.data)))
+            if left_out := self._queue.put(QueuedPhoto(role, time, bytes(message.data))):
+                self._complain(left_out, time)
 
         self.create_subscription(CompressedImage, topic, store, profile)
 

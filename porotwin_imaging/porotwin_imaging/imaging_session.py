@@ -20,7 +20,7 @@ from porotwin_imaging.sent_photos import digest_of
 from porotwin_imaging.waiting_photos import WaitingPhotos
 
 WAITING_PHOTOS = 64
-"""State photographs that are kept until the baseline arrives."""
+"""State photographs that are kept until the baseline arrives, or until they are read."""
 MOST_BASELINES = 8
 """Baseline photographs that are averaged; more hardly reduce the noise."""
 TRACER_CONCENTRATION = 0.3

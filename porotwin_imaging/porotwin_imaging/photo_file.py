@@ -39,6 +39,9 @@ _MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
 """Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
 _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
+_EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
+_PLAIN_TAGS = {_ORIENTATION_TAG: _UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
+"""Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
 _INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
 """Section of the EXIF data, and its word for Adobe RGB."""
 _SRGB = 'sRGB'
@@ -93,7 +96,7 @@ class DecodedPhoto:
 def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
     """Return decoded pixels, or None if OpenCV cannot decode the file."""
     if data.startswith(TIFF_STARTS):
-        data = _without_orientation(data)
+        data = _with_plain_tags(data)
     flags = DECODING_FLAGS[reduction if data.startswith(JPEG_START) else 1]
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
@@ -122,18 +125,23 @@ def _reduced(pixels: NDArray[Any], reduction: int) -> NDArray[Any]:
     return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
 
 
-def _without_orientation(tiff: bytes) -> bytes:
-    """Return the TIFF with an upright orientation: OpenCV rotates TIFFs despite the flag."""
+def _with_plain_tags(tiff: bytes) -> bytes:
+    """Return the TIFF as upright, and with transparency that is in its colours already.
+
+    OpenCV rotates TIFFs despite the flag, and darkens the colours by the transparency.
+    """
     order = '<' if tiff.startswith(b'II') else '>'
     try:
         (directory,) = struct.unpack_from(order + 'I', tiff, 4)
         (count,) = struct.unpack_from(order + 'H', tiff, directory)
-        for entry in range(directory + 2, directory + 2 + 12 * count, 12):
-            if struct.unpack_from(order + 'H', tiff, entry) == (_ORIENTATION_TAG,):
-                upright = struct.pack(order + 'HH', _UPRIGHT, 0)
-                return tiff[: entry + 8] + upright + tiff[entry + 12 :]
+        entries = range(directory + 2, directory + 2 + 12 * count, 12)
+        tags = {struct.unpack_from(order + 'H', tiff, entry)[0]: entry for entry in entries}
     except struct.error:  # the file is damaged; the decoder reports it
-        pass
+        return tiff
+    for tag, value in _PLAIN_TAGS.items():
+        if tag in tags:
+            place = tags[tag] + 8
+            tiff = tiff[:place] + struct.pack(order + 'HH', value, 0) + tiff[place + 4 :]
     return tiff
 
 
@@ -290,15 +298,18 @@ def decode(
     A JPEG is decoded at the reduced scale directly, at a fraction of the cost of a full decode.
 
     Raises:
-        InputError: the file is truncated or broken, it has a palette of few colours, or the
-            photograph is black or over-exposed.
+        InputError: the file is truncated or broken, it has a palette of few colours or Lab colours,
+            or the photograph is black or over-exposed.
     """
     width, height = photo_size(data)
     if not is_complete(data):
         raise InputError(
             f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
         )
-    if _has_palette(data):
+    mode = _mode(data)
+    if mode == 'LAB':
+        raise InputError('photograph is a TIFF with Lab colours; save it with RGB colours')
+    if mode in ('P', 'PA', '1'):
         raise InputError(
             'photograph has a palette of at most 256 colours, too few for concentrations; save it '
             'with 24 bits, without a palette'
@@ -310,18 +321,21 @@ def decode(
     return DecodedPhoto(pixels, width, height, reduction)
 
 
-def _has_palette(data: bytes) -> bool:
-    """Return whether a PNG or TIFF holds numbers of colours instead of colours."""
+def _mode(data: bytes) -> str:
+    """Return Pillow's mode of a PNG or TIFF, such as 'RGB', or 'P' for numbers of colours.
+
+    It is empty for a JPEG and a damaged file.
+    """
     if not data.startswith((PNG_START, *TIFF_STARTS)):
-        return False
+        return ''
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')
             image = Image.open(io.BytesIO(data))
         with image:
-            return image.mode in ('P', 'PA', '1')
+            return image.mode
     except Exception:  # a damaged header; the decoder reports it
-        return False
+        return ''
 
 
 def _bits(data: bytes) -> int:

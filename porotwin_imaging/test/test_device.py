@@ -108,3 +108,9 @@ def test_a_device_that_may_not_be_used_is_refused(monkeypatch) -> None:
     assert Path('/dev/null').is_char_device()
     with pytest.raises(InputError, match='add this user to the group video'):
         check_device('/dev/null')
+
+
+@pytest.mark.parametrize(('given', 'missing'), [('width', 'height'), ('height', 'width')])
+def test_a_size_of_one_number_is_refused(given: str, missing: str) -> None:
+    with pytest.raises(InputError, match=f'{given} of the photographs without {missing}'):
+        DeviceSource('0', **{given: 1080})

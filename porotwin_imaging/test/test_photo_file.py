@@ -31,6 +31,23 @@ def test_a_palette_of_few_colours_is_refused(kind: str, mode: str) -> None:
         photo_file.decode(file.getvalue())
 
 
+def test_lab_colours_are_refused() -> None:
+    file = io.BytesIO()
+    Image.fromarray(pixels()).convert('L').convert('RGB').save(file, 'TIFF')
+    rgb, lab = (struct.pack('<HHIH', 262, 3, 1, colours) for colours in (2, 8))
+    with pytest.raises(InputError, match='Lab colours; save it with RGB'):
+        photo_file.decode(file.getvalue().replace(rgb, lab))
+
+
+@pytest.mark.parametrize('share', [0, 128, 255])
+def test_transparency_does_not_darken_a_tiff(share: int) -> None:
+    file = io.BytesIO()
+    image = Image.fromarray(pixels()[..., ::-1])
+    image.putalpha(share)
+    image.save(file, 'TIFF')
+    np.testing.assert_array_equal(photo_file.decode(file.getvalue()).pixels, pixels())
+
+
 @pytest.mark.parametrize('kind', ['.jpg', '.png', '.tif'])
 def test_size_and_completeness_by_format(kind: str) -> None:
     data = encoded(kind, pixels())

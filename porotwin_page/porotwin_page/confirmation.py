@@ -89,13 +89,13 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
-    """Return the confirmation in `data`, checked against setpoints and rig of `snapshot`.
+    """Return the confirmation in `data`, checked against setpoint and rig of `snapshot`.
 
     Args:
         data: decoded JSON {"sequence": number, "orders": "setpoint" or "safe",
             "rates_ml_h": {well: rate}, "sure": true or false} with the rates of all wells; `orders`
             (default: setpoint) and `sure` (default: false) may be missing.
-        snapshot: holds the setpoints that the operator may have seen.
+        snapshot: holds the newest setpoint, the only one that may be confirmed.
 
     Raises:
         InputError: one line that names the fault.
@@ -133,13 +133,15 @@ def _short(value: object) -> str:
 def _setpoint(snapshot: GraphSnapshot, sequence: object) -> Setpoint:
     if isinstance(sequence, bool) or not isinstance(sequence, int):
         raise InputError(f'sequence {_short(repr(sequence))}: send the whole number of a setpoint')
-    for setpoint in snapshot.setpoints:
-        if setpoint.sequence == sequence:
-            return setpoint
-    newest = (
-        f'the newest is {snapshot.setpoints[-1].sequence}' if snapshot.setpoints else 'none yet'
-    )
-    raise InputError(f'setpoint {_short(sequence)} is no longer shown; {newest}')
+    newest = snapshot.setpoint
+    if newest is None:
+        raise InputError(f'setpoint {_short(sequence)} is not known; there was none yet')
+    if sequence != newest.sequence:
+        raise InputError(
+            f'setpoint {_short(sequence)} is not the newest; '
+            f'set and confirm setpoint {newest.sequence}'
+        )
+    return newest
 
 
 def _rates(given: object, setpoint: Setpoint, snapshot: GraphSnapshot) -> dict[str, WellRate]:

@@ -104,7 +104,8 @@ def test_a_number_beyond_all_floats_is_refused() -> None:
         ({'sequence': 1.5}, '1.5'),
         ({'sequence': True}, 'True'),
         ({'sequence': '2'}, "'2'"),
-        ({'sequence': 9}, 'setpoint 9 is no longer shown; the newest is 2'),
+        ({'sequence': 9}, 'setpoint 9 is not the newest; set and confirm setpoint 2'),
+        ({**body(), 'sequence': 1}, 'setpoint 1 is not the newest; set and confirm setpoint 2'),
         ({'sequence': 2, 'rate': {}}, "unknown key 'rate'"),
         ({'sequence': 2, 'rates_ml_h': [1]}, 'rate of every well'),
         (body(control9=1), "well 'control9' is not in setpoint 2"),
@@ -132,5 +133,5 @@ def test_every_fault_is_named_in_one_line(data, words) -> None:
 
 
 def test_before_the_first_setpoint_there_is_nothing_to_confirm() -> None:
-    with pytest.raises(InputError, match='none yet'):
+    with pytest.raises(InputError, match='there was none yet'):
         parse({'sequence': 1}, GraphSnapshot())

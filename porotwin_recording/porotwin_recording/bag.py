@@ -4,7 +4,6 @@ import logging
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from porotwin_recording.concentration import (
     without_impossible,
 )
 from porotwin_recording.photos import Photo, Role
+from porotwin_recording.rates import measured_to
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.rig_pauses import with_pauses
 from porotwin_recording.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
@@ -305,15 +305,11 @@ def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
 
 
 def _measured_schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
-    """Return measured rates as `_schedule`, with a last row that tells how long they go on."""
+    """Return measured rates as `_schedule`, with last rows that tell how long they go on."""
     schedule = _schedule(rates, start)
     if schedule is None or not schedule.rows:
         return schedule
-    end = max(0, max(rates) - start) / SECOND
-    last = schedule.rows[-1]
-    if last.time == end:
-        return schedule
-    return Schedule((*schedule.rows, replace(last, time=end, rate=schedule.at(end)[last.well])))
+    return measured_to(schedule, max(0, max(rates) - start) / SECOND)
 
 
 def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> ConcentrationMaps | None:

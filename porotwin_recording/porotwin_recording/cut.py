@@ -8,6 +8,7 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.rates import measured_to
 from porotwin_recording.recording import Recording
 
 
@@ -60,12 +61,12 @@ def _until(schedule: Schedule | None, end: float) -> Schedule | None:
 def _measured_until(measured: Schedule | None, end: float) -> Schedule | None:
     """Return the rows of measured rates up to `end` [s], with one there if later ones follow.
 
-    Behind the last measured row the commanded rates count, and these rates were measured to `end`.
+    From the last measured row on commands count, and these rates were measured to `end`.
     """
     kept = _until(measured, end)
     if measured is None or kept is None or not kept.rows or kept.rows == measured.rows:
         return kept
-    return Schedule((*kept.rows, replace(kept.rows[-1], time=end)))
+    return measured_to(kept, end)
 
 
 def _recorded_time(recording: Recording) -> str:

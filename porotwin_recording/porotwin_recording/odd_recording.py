@@ -9,7 +9,7 @@ import numpy as np
 from porotwin_core.plausibility import Remark
 from porotwin_core.units import HOUR_S, MINUTE_S, to_ml_h
 from porotwin_core.wells import Schedule, WellRate
-from porotwin_recording.rates import remarks_about_rates
+from porotwin_recording.rates import later_commands, remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
 SAME_END = (0.7, 1.3)
@@ -145,7 +145,7 @@ def remarks_about_measured_rates(data: RecordedData) -> Iterator[Remark]:
     )
     if missing:
         yield Remark(name, '', _unmeasured(missing), 'the commanded rates count there')
-    later = [row for row in data.commanded.rows if row.time > end and row.well in measured]
+    later = [row for row in later_commands(data.commanded, data.measured) if row.well in measured]
     if later:
         changed = f"well '{later[0].well}' at {later[0].time:g} s"
         why = f'it ends at {end:g} s, and rates.csv changes {changed}'

@@ -178,7 +178,7 @@ def _logged_rates(
         return _Logged(None, None)
     begin = min([row.start for row in pumped if row.rate.rate] or [row.start for row in pumped])
     asked = schedule_of(since(begin, commanded, told), begin) if commanded else None
-    delivered = schedule_of(since(begin, measured, told), begin) if measured else None
+    delivered = schedule_of(since(begin, measured, told), begin, asked) if measured else None
     if asked is not None and delivered is not None:
         last = max(row.end or row.start for row in measured or ())
         check_measured(folder / MEASURED_PROTOCOL, asked, delivered, is_over=last <= begin)

@@ -350,8 +350,17 @@ def since(begin: datetime, rows: list[PumpedRate], told: list[str]) -> list[Pump
     return [replace(row, start=max(row.start, begin)) for row in kept]
 
 
-def schedule_of(rows: list[PumpedRate], begin: datetime) -> Schedule:
-    """Return the rates over time; a well stops at the end of a rate."""
+def schedule_of(
+    rows: list[PumpedRate], begin: datetime, commanded: Schedule | None = None
+) -> Schedule:
+    """Return the rates over time; a well stops at the end of a rate.
+
+    Args:
+        rows: the rates of a log.
+        begin: time zero.
+        commanded: for a measured log: the commanded rates [m^3/s], which count from the end of the
+            whole log on, if its rates have ends.
+    """
     found: list[ScheduleRow] = []
     starts = {(row.well, row.start) for row in rows}
     for row in rows:
@@ -359,6 +368,14 @@ def schedule_of(rows: list[PumpedRate], begin: datetime) -> Schedule:
         if row.end is not None and (row.well, row.end) not in starts:
             stop = WellRate(0.0, row.rate.concentration)
             found.append(ScheduleRow((row.end - begin).total_seconds(), row.well, stop))
+    ends = [row.end for row in rows if row.end is not None]
+    if commanded is not None and ends and len(ends) == len(rows):
+        end = (max(ends) - begin).total_seconds()
+        at_end = {row.well: WellRate() for row in rows} | commanded.at(end)
+        found = [row for row in found if row.time < end]
+        found += [
+            ScheduleRow(end, well, at_end[well]) for well in dict.fromkeys(row.well for row in rows)
+        ]
     return Schedule(tuple(sorted(found, key=lambda each: each.time)))
 
 

@@ -42,6 +42,30 @@ def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
     return Schedule(tuple(rows))
 
 
+def measured_to(measured: Schedule, end: float) -> Schedule:
+    """Return measured rates [m^3/s] with a row of every well at `end` [s], not before them.
+
+    From the last row of all wells on, the commands of wells without a row there count.
+    """
+    there = {row.well for row in measured.rows if row.time == end}
+    held = [
+        ScheduleRow(end, well, rate) for well, rate in measured.at(end).items() if well not in there
+    ]
+    return Schedule((*measured.rows, *held))
+
+
+def later_commands(commanded: Schedule | None, measured: Schedule) -> list[ScheduleRow]:
+    """Return the commands that count after the `measured` rates, which are not empty.
+
+    They are those from the last measured row of all wells on, without those of a well that is
+    measured at their time.
+    """
+    end = measured.rows[-1].time
+    there = {row.well for row in measured.rows if row.time == end}
+    rows = () if commanded is None else commanded.rows
+    return [row for row in rows if row.time > end or (row.time == end and row.well not in there)]
+
+
 def remarks_about_rates(schedule: Schedule, rig: Rig, name: str = 'rates.csv') -> list[Remark]:
     """Return the remarks about rates that no pump delivers or no rig stands, one for each well.
 

@@ -1,7 +1,6 @@
 """A recording of one experiment, whether a folder or a bag holds it."""
 
 import logging
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
 from porotwin_recording.map_files import files_with_maps
 from porotwin_recording.odd_recording import remarks_about_times
+from porotwin_recording.rates import later_commands
 from porotwin_recording.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')
@@ -50,8 +50,8 @@ class Recording(RecordedData):
     def delivered(self) -> Schedule:
         """Measured rates where they exist, commanded rates elsewhere, well by well.
 
-        The commanded rates of a well count before its first measured row, after the last measured
-        row of all wells, and always if the well is not measured. In a closed rig the producer
+        The commanded rates of a well count before its first measured row, from the last measured
+        row of all wells on, and always if the well is not measured. In a closed rig the producer
         balances all others, as in the hub, because measured rates never add up to zero exactly.
 
         Raises:
@@ -61,12 +61,13 @@ class Recording(RecordedData):
             return self.schedule
         rows = self.measured.rows
         begin = {row.well: row.time for row in reversed(rows)}
-        commanded = [
+        later = later_commands(self.commanded, self.measured)
+        earlier = [
             row
             for row in (() if self.commanded is None else self.commanded.rows)
-            if row.time < begin.get(row.well, math.inf) or row.time > rows[-1].time
+            if row.time < begin.get(row.well, rows[-1].time)
         ]
-        return self._balanced(Schedule((*rows, *commanded)))
+        return self._balanced(Schedule((*rows, *earlier, *later)))
 
     def _balanced(self, schedule: Schedule) -> Schedule:
         """Return `schedule`, balanced by the producer of the control section in a closed rig."""

@@ -336,6 +336,19 @@ def test_a_measured_log_is_not_split_after_its_end(folder: Path) -> None:
     assert (to_ml_h(after.rate), after.concentration) == (pytest.approx(180.0), 0.0)
 
 
+def test_after_the_end_of_a_measured_log_with_ends_the_commanded_rates_count(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(CHASED)
+    (folder / 'measured_protocol.csv').write_text(
+        'start,end,well,rate [ml/min]\n'
+        '2024-05-31 10:00,2024-05-31 10:20,in,2.9\n'
+        '2024-05-31 10:00,2024-05-31 10:19,out,-2.9\n'
+    )
+    recording, _ = imported(folder)
+    for time, wells in ((1150.0, (174.0, 0.0)), (1200.0, (180.0, -180.0)), (2700.0, (0.0, 0.0))):
+        found = [to_ml_h(recording.delivered.at(time)[well].rate) for well in ('in', 'out')]
+        assert found == pytest.approx(wells)
+
+
 def test_measured_rates_before_the_first_command_are_told(folder: Path) -> None:
     (folder / 'measured_protocol.csv').write_text(MEASURED.replace('59:50;0', '59:50;30'))
     recording, told = imported(folder, replace(PLAIN, date_order='day-first'))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.rates import read_rates, write_rates
+from porotwin_recording.rates import later_commands, measured_to, read_rates, write_rates
 
 WELLS = ('in', 'out')
 
@@ -90,3 +90,11 @@ def test_a_table_in_utf_16_is_named(tmp_path: Path) -> None:
     (tmp_path / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n', encoding='utf-16')
     with pytest.raises(InputError, match='save it as CSV UTF-8'):
         read_rates(tmp_path / 'rates.csv', WELLS)
+
+
+def test_rates_that_are_measured_to_a_time_count_there_for_every_well() -> None:
+    on, off = WellRate(1e-7), WellRate()
+    measured = measured_to(Schedule.constant({'in': on, 'out': off}), 60.0)
+    assert measured.rows[2:] == (ScheduleRow(60.0, 'in', on), ScheduleRow(60.0, 'out', off))
+    assert measured_to(measured, 60.0) == measured
+    assert later_commands(Schedule((ScheduleRow(60.0, 'out', on),)), measured) == []

@@ -112,6 +112,16 @@ def test_wells_without_a_measurement_and_times_after_the_last_one_follow_the_com
     ]
 
 
+def test_a_command_at_the_last_measured_time_counts_for_wells_without_a_row_there() -> None:
+    off, on = WellRate(), WellRate(1e-7)
+    commanded = Schedule.from_rates([(0.0, {'in': on, 'out': off}), (60.0, {'in': off, 'out': on})])
+    measured = Schedule(
+        (*Schedule.constant({'in': on, 'out': off}).rows, ScheduleRow(60, 'in', on))
+    )
+    recording = Recording(bench_rig(), commanded=commanded, measured=measured, source=Path('run'))
+    assert recording.delivered.at(60.0) == {'in': on, 'out': on}
+
+
 def test_measured_rates_balance_in_a_closed_rig() -> None:
     closed = controlled_rig().model_copy(update={'boundaries': bench_rig().boundaries})
     assert closed.closed and closed.control is not None

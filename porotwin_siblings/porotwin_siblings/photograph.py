@@ -1,9 +1,11 @@
 """A map from a photograph, with its errors, as the siblings take it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 
 USUAL_DEVIATION = 0.02
@@ -27,3 +29,16 @@ class Photograph(NamedTuple):
         """Return a map (nz, nx) of unknown deviation."""
         usual = np.full(concentration.shape, USUAL_DEVIATION)
         return cls(time, concentration, usual, usual * np.nan_to_num(concentration))
+
+    def check(self) -> None:
+        """Return if it can be learnt from.
+
+        Raises:
+            InputError: its time or a deviation is not known, or its map shows nothing.
+        """
+        if not math.isfinite(self.time):
+            raise InputError(f'its time is {self.time:g} s; give the time of exposure')
+        if not np.isfinite(self.concentration).any():
+            raise InputError('its map shows no cell; is the camera covered?')
+        if not np.isfinite([self.random, self.systematic]).all():
+            raise InputError('a deviation of its map is not finite; give one for every cell')

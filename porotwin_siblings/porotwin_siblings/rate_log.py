@@ -155,9 +155,11 @@ def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tupl
     """Return a plan from `start` [s] over `horizon` [s] as periods.
 
     Raises:
-        InputError: as `check_plan`.
+        InputError: as `check_plan`, or the horizon is not above zero.
     """
     check_plan(plan)
+    if not 0.0 < horizon < math.inf:
+        raise InputError(f'horizon {horizon:g} s: give a finite time above 0 s')
     begins = [step.start for step in plan]
     ends = [*begins[1:], horizon]
     return tuple(

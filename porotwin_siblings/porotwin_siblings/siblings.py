@@ -168,8 +168,10 @@ class Siblings:
             periods: rates since the last photograph, consecutive; empty: it follows from none.
 
         Raises:
-            InputError: a course cannot be run, for example with unbalanced rates.
+            InputError: nothing can be learnt from the photograph, or a course cannot be run, for
+                example with unbalanced rates.
         """
+        photograph.check()
         if not periods:
             self.interrupt()
         # the estimate is in terms of photographs: each sibling believes in another scale

@@ -39,17 +39,16 @@ def photograph_from_msg(message: NewState, map_grid: Grid) -> Photograph:
     systematic = conversions.deviation_from_msg(message.systematic, grid)
     if grid != map_grid:
         raise InputError(f'its map is {grid}, the siblings work on {map_grid}')
-    if not np.isfinite(values).any():
-        raise InputError('its map shows no cell; is the camera covered?')
     if message.noise < 0.0 or np.isinf(message.noise):
         raise InputError(f'its noise is {message.noise:g}; send 0 or more, NaN when not known')
     photograph = Photograph.plain(conversions.time_from_msg(message.header.stamp), values)
-    if deviation is None or systematic is None:
-        return photograph
-    variance = np.maximum(deviation**2 - systematic**2, 0.0)
-    return photograph._replace(
-        random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
-    )
+    if deviation is not None and systematic is not None:
+        variance = np.maximum(deviation**2 - systematic**2, 0.0)
+        photograph = photograph._replace(
+            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
+        )
+    photograph.check()
+    return photograph
 
 
 def _finite(values: FloatArray) -> FloatArray:

@@ -328,7 +328,7 @@ class SiblingsNode(Node):
         What the others had learnt may stand for the same effects under other names.
         """
         with self._changed:
-            effects, self._new_effects = self._new_effects, None
+            effects = self._new_effects  # they stay until siblings have them
             if effects is None or effects == self._effects:
                 return False
             self._interrupted = False

@@ -22,6 +22,10 @@ DISPERSIVITY_M = 4e-4
 DISPERSIVITY_DEVIATION = 1.2
 """Median longitudinal dispersivity [m], about a grain, and the deviation of its logarithm [-]."""
 
+MOST_DISPERSIVITY_M = 0.05
+"""Largest longitudinal dispersivity of a sibling [m], four deviations above the median. Photographs
+that contradict the rates would lead to kilometres, and a course with them does not end."""
+
 TRANSVERSE_SHARE = 0.1
 """Transverse dispersivity over the longitudinal one (Bear, Dynamics of Fluids in Porous Media)."""
 
@@ -153,7 +157,7 @@ class Unknowns:
         waves = tuple(float(value) for value in itertools.islice(rest, len(WAVES)))
         return Traits(
             rate_factors=dict(zip(self.wells, map(float, factors), strict=True)),
-            longitudinal_dispersivity=float(np.exp(dispersivity)),
+            longitudinal_dispersivity=float(np.exp(min(dispersivity, np.log(MOST_DISPERSIVITY_M)))),
             density_difference=float(density),
             porosity_factor=float(np.exp(porosity)),
             background_flux=(float(drift_x), float(drift_z)),

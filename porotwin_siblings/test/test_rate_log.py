@@ -247,3 +247,9 @@ def test_another_concentration_than_that_of_rig_yaml_is_noted() -> None:
     assert 'injector injects a concentration of 0.3 by the rates, 1 by rig.yaml' in note
     resting = {'injector': WellRate(0.0, 0.3)}
     assert concentration_note([[RateStep(0.0, resting)]], RIG) == ''
+
+
+@pytest.mark.parametrize('horizon', [0.0, float('nan'), float('inf')])
+def test_a_forecast_needs_a_horizon(horizon: float) -> None:
+    with pytest.raises(InputError, match='give a finite time above 0 s'):
+        plan_periods([RateStep(0.0, {})], 0.0, horizon)

@@ -16,7 +16,7 @@ from porotwin_siblings.expected_cost import chosen_judges
 from porotwin_siblings.outlook import Outlook, answers
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.siblings import Siblings
-from porotwin_siblings.traits import RESERVOIRS, Traits
+from porotwin_siblings.traits import MOST_DISPERSIVITY_M, RESERVOIRS, Traits
 
 PLAN = [RateStep(0.0, RATES)]
 TIMES = (600.0, 1200.0, 2400.0)
@@ -184,3 +184,30 @@ def test_a_dask_client_gives_the_same_numbers(threads: Executor) -> None:
         np.testing.assert_array_equal(
             outlook_of(executor).zone_tracer, outlook_of(threads).zone_tracer
         )
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'complaint'),
+    [
+        ({'time': np.nan}, 'its time is nan s'),
+        ({'concentration': np.full(GRID.shape, np.nan)}, 'its map shows no cell'),
+        ({'random': np.full(GRID.shape, np.nan)}, 'a deviation of its map is not finite'),
+        ({'systematic': np.full(GRID.shape, np.inf)}, 'a deviation of its map is not finite'),
+    ],
+)
+def test_a_photograph_that_tells_nothing_is_refused(
+    wrong: dict[str, Any], complaint: str, threads: Executor
+) -> None:
+    siblings = Siblings(RIG, GRID, executor=threads)
+    with pytest.raises(InputError, match=complaint):
+        siblings.observe(photograph(0.0, EMPTY)._replace(**wrong))
+    assert not siblings.started
+
+
+def test_photographs_that_contradict_the_rates_lead_to_courses_that_end(threads: Executor) -> None:
+    siblings = Siblings(RIG, GRID, executor=threads)
+    siblings.observe(photograph(0.0, EMPTY))
+    siblings.observe(photograph(300.0, EMPTY), [period(0.0, 300.0)])  # no tracer came
+    spread = [one.longitudinal_dispersivity for one in siblings.learning.members()]
+    assert max(spread) == pytest.approx(MOST_DISPERSIVITY_M)  # it was kilometres
+    assert siblings.outlook(PLAN, 600.0, (600.0,)).zone_tracer.shape == (3, 1)

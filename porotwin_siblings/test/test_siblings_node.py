@@ -12,7 +12,7 @@ import pytest
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_core.rig import EffectDescription, Rig, load_rig
 from porotwin_core.units import DAY_S, MINUTE_S, from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 
@@ -25,6 +25,7 @@ from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
 from porotwin_siblings.photograph import Photograph  # noqa: E402
+from porotwin_siblings.siblings import Siblings  # noqa: E402
 from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -176,6 +177,30 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.wait(lambda: len(beside.forecasts) == 4)
     assert not beside.node.siblings.rig.effects
     assert not beside.node._rates.is_commanded(300.0)
+
+
+def test_new_siblings_whose_making_fails_are_made_at_the_next_photograph(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, make, made = beside.node, beside.node._make_siblings, []
+
+    def fail_once(rig: Rig) -> Siblings:
+        made.append(rig)
+        if len(made) == 1:
+            raise InputError('the cluster is gone')
+        return make(rig)
+
+    monkeypatch.setattr(node, '_make_siblings', fail_once)
+    effect = EffectDescription(name='retardation', parameters={'retardation_factor': 2.0})
+    node._new_effects = (effect,)
+    beside.wait(lambda: beside.states.get_subscription_count() > 0)
+    beside.photograph(0.0, np.zeros((24, 40)))
+    beside.wait(lambda: len(made) == 1)
+    beside.photograph(30.0, np.zeros((24, 40)))
+    beside.wait(lambda: node.siblings.rig.effects == (effect,))
+    beside.photograph(60.0, np.zeros((24, 40)))
+    beside.wait(lambda: node.siblings.time == 60.0)
+    assert len(made) == 2
 
 
 def test_after_a_photograph_that_failed_the_forecasts_begin_anew(

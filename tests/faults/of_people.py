@@ -56,13 +56,13 @@ def no_token(stage: Stage) -> None:
 
 @fault(
     'A confirmation names a setpoint that never was.',
-    Answer('setpoint 9999 is not known'),
+    Answer('setpoint 9999 is not the newest'),
     does='Refuses the confirmation.',
     mends='confirm the setpoint on the page',
 )
 def unknown_setpoint(stage: Stage) -> None:
     answer = stage.call(ConfirmRates, 'operator/confirm', ConfirmRates.Request(sequence=9999))
-    assert 'setpoint 9999 is not known' in answer.outcome.message
+    assert 'setpoint 9999 is not the newest' in answer.outcome.message
 
 
 @fault(

@@ -95,6 +95,7 @@ def command(
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects.definition.words import plain
+    from porotwin_solver.presets import preset_named
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
@@ -110,6 +111,7 @@ def command(
         return
     if date and history is None:
         raise InputError('--date: is the day of a finding in a history; name its folder, --history')
+    preset_named(preset)  # before the folder is made
     own = load_rig(rig) if rig is not None else None
     if each:
         if apply or history is not None:

@@ -179,10 +179,12 @@ def command(
         )
         say(f'{rig_file}: copied into {folder / "rig"}; changes act from the next start on')
         run_until_stopped(settings, folder)
+    begun = settings.record is not None and settings.record.exists()
+    bag = settings.record if begun else None  # none if it was stopped before the recorder ran
     if as_json:
-        print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
+        print_json({'output': folder, 'bag': bag, 'logs': folder / 'log'})
     else:
-        print(f'recorded in {settings.record}' if settings.record else f'logs in {folder}')
+        print(f'recorded in {bag}' if bag else f'logs in {folder}')
 
 
 def _kept(rig: 'Rig', folder: Path) -> Path:

@@ -23,6 +23,15 @@ def test_a_live_diagnosis_takes_no_options_of_the_model(tmp_path: Path) -> None:
     assert 'leave out --rig, --preset, --apply, --each' in result.stderr
 
 
+@pytest.mark.parametrize('each', [[], ['--each']])
+def test_a_wrong_preset_leaves_no_folder(each: list[str], experiment: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'out'
+    result = porotwin('diagnose', experiment, '--output', output, '--preset', 'typo', *each)
+    assert result.returncode == 2
+    assert "'typo'" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_copy_of_a_recording_does_not_count_twice(experiment: Path, tmp_path: Path) -> None:
     copy = tmp_path / 'copy'
     shutil.copytree(experiment, copy)

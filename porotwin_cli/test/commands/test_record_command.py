@@ -46,9 +46,11 @@ def test_ctrl_c_before_the_bag_is_begun_is_an_interrupt(
 
 
 def test_ctrl_c_while_a_node_loads_is_an_interrupt(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / 'slow_node.py').write_text('raise KeyboardInterrupt')
+    press = 'import os, signal, time; os.kill(os.getppid(), signal.SIGINT); time.sleep(60)'
+    (tmp_path / 'slow_node.py').write_text(press)
     monkeypatch.setenv('PYTHONPATH', str(tmp_path))
     with pytest.raises(KeyboardInterrupt):
         run_node('slow_node', 'slow', {})
+    assert capfd.readouterr().err == ''

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from cli_examples import TIMEOUT_S, porotwin
 
+from porotwin_cli import live_twin
 from porotwin_core.rig import load_rig
 from porotwin_core.ros_environment import DomainClaim, domain_of
 
@@ -131,3 +132,13 @@ def test_up_gives_the_trainer_a_folder_of_the_run_and_the_chosen_network(
     kept = Path(parameters['rig'])  # an edited rig.yaml must not reach one node that starts again
     assert kept.parent == output / 'rig'
     assert load_rig(kept).physics_fingerprint == load_rig(experiment).physics_fingerprint
+
+
+def test_up_that_ends_before_its_recorder_runs_names_no_bag(
+    experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_twin, 'run_until_stopped', lambda *_: None)
+    arguments = ['--rig', experiment / 'rig.yaml', '--photos', experiment]
+    result = porotwin('up', *arguments, '--output', tmp_path / 'up', '--page', '')
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == f'logs in {tmp_path / "up"}\n'

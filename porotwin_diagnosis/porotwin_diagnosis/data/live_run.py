@@ -1,5 +1,6 @@
 """The run of a live twin so far, in bounded memory, for a diagnosis as a recording."""
 
+import shutil
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,21 @@ a few dozen."""
 
 LONGEST_GAP_S = 7 * DAY_S
 """Longest time between two photographs of one run [s]. More means that a clock was set."""
+
+
+RUN_FOLDER = 'run'
+"""The recording of a run so far, beside the report on it."""
+
+KEPT_RUNS = 5
+"""Recordings of the newest diagnoses that are kept: one has up to 400 maps, and mending asks for a
+diagnosis every 20 minutes. The bag of the twin holds all."""
+
+
+def forget_old_runs(folder: Path) -> None:
+    """Remove the recordings of all but the newest diagnoses in `folder`; their reports stay."""
+    runs = folder.glob(f'diagnosis_*/{RUN_FOLDER}')
+    for run in sorted(runs, key=lambda path: path.stat().st_mtime)[:-KEPT_RUNS]:
+        shutil.rmtree(run, ignore_errors=True)
 
 
 def is_other_clock(last: float, stamp: float) -> bool:

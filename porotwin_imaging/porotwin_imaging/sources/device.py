@@ -49,6 +49,9 @@ class DeviceSource:
         fixed: fix exposure, white balance and focus.
         clock: returns the exposure time [s].
         open_camera: opens a camera as `cv2.VideoCapture` does.
+
+    Raises:
+        InputError: one of width and height is given alone.
     """
 
     def __init__(
@@ -63,6 +66,11 @@ class DeviceSource:
         clock: Callable[[], float] = time.time,
         open_camera: Callable[[Any], Any] = cv2.VideoCapture,
     ) -> None:
+        if (width == 0) != (height == 0):  # OpenCV takes both together only
+            given, missing = ('width', 'height') if width else ('height', 'width')
+            raise InputError(
+                f'{given} of the photographs without {missing}; give both, or leave both out'
+            )
         self._address = str(device)
         self._name = printable(self._address.rpartition('@')[2])  # without a password
         self._size = (width, height)

@@ -43,6 +43,7 @@ export class Confirmation {
       this.answer = NOTHING;
       this.question = null;
     }
+    if (this.question) this.question.body.sequence = setpoint.sequence;
     this.rates = rates;
   }
 

@@ -152,3 +152,13 @@ test('new rates withdraw the question', async () => {
   setup.confirmation.show(setpoint(130));
   assert.equal(setup.confirmation.question, null);
 });
+
+test('a yes confirms the newest setpoint if its rates are those of the question', async () => {
+  const setup = new Setup();
+  setup.confirmation.show(setpoint(120));
+  await setup.confirmation.send(setpoint(120), {}, async () => ({ question: 'Sure?' }));
+  setup.confirmation.show(setpoint(120, { sequence: 8 }));
+  const sent = [];
+  await setup.confirmation.decide(true, async (body) => sent.push(body));
+  assert.equal(sent[0].sequence, 8);
+});
