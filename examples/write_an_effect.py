@@ -45,7 +45,8 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how permeable the layer is."""
-    return f'the lowest sand is {factor(values["factor"], "more", "less")} permeable'
+    permeable = factor(values['factor'], 'more permeable', 'less permeable', 'as permeable')
+    return f'the lowest sand is {permeable}'
 
 
 EFFECTS['layer'] = Effect(

@@ -11,13 +11,14 @@ def control_words(rig: Rig) -> list[str]:
     control = rig.control
     if control is None:
         return []
-    ramp, least = control.max_change_ml_h, control.min_rate_ml_h
+    most, least = control.max_change_ml_h, control.min_rate_ml_h
     limits = [
         f'{", ".join(control.wells)} up to {control.max_rate_ml_h:g} ml/h each',
         f'{control.max_total_rate_ml_h:g} ml/h together',
         f'in steps of {control.rate_step_ml_h:g} ml/h',
         f'at least {least:g} ml/h where a well pumps' if least else '',
-        'no ramp' if ramp is None else f'at most {ramp:g} ml/h of change from setpoint to setpoint',
+        f'{"any change" if most is None else f"at most {most:g} ml/h of change"} '
+        'from setpoint to setpoint',
         'no end' if control.end_min is None else f'end after {control.end_min:g} min',
     ]
     objective = control.objective

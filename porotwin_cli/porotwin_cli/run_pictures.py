@@ -19,6 +19,9 @@ from porotwin_core.well_colours import well_colours
 DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
 """Line styles of the wells."""
 
+BELOW, ABOVE = 4.0, 1.4
+"""Widths of two lines that may have the same values: both must be seen."""
+
 PAPER_MINUTES = (10, 35, 60, 80)
 """Times of the paper's figures [min]."""
 
@@ -58,19 +61,20 @@ def course_picture(
             minutes, rates, where='post', label=well, color=colours.get(well), ls=style, lw=2
         )
     axes[0].set_ylabel('setpoint [ml/h]')
-    for label, truth, colour in (
-        ('with control', controlled, '#12502f'),
-        ('without control', free, '#b03a2e'),
+    for label, truth, colour, width in (
+        ('with control', controlled, '#12502f', BELOW),
+        ('without control', free, '#b03a2e', ABOVE),
     ):
-        axes[1].plot(truth.times / 60, truth.disallowed(rig) * ML, color=colour, label=label)
+        tracer = truth.disallowed(rig) * ML
+        axes[1].plot(truth.times / 60, tracer, color=colour, label=label, lw=width)
     axes[1].set_ylabel('tracer in the zone [ml]')
     minutes = np.array(account.times) / 60
-    errors = [('physics-based model', account.prediction_error, '-')]
+    errors = [('physics-based model', account.prediction_error, '-', BELOW)]
     if any(account.corrected):
-        errors.append(('with COSTA', account.corrected_error, '-'))
-    errors.append(('expected by the\ndeviations', account.expected_error, ':'))
-    for label, error, line in errors:
-        axes[2].plot(minutes, 100.0 * np.array(error), line, label=label)
+        errors.append(('with COSTA', account.corrected_error, '-', ABOVE))
+    errors.append(('expected by the\ndeviations', account.expected_error, ':', ABOVE))
+    for label, error, line, width in errors:
+        axes[2].plot(minutes, 100.0 * np.array(error), line, label=label, lw=width)
     percent_scale(axes[2])
     axes[2].set_ylabel('error of the prediction\nfor this photograph [%]')
     axes[3].plot(minutes, account.cycle_s, label='state to setpoint')

@@ -27,6 +27,9 @@ def test_limits_and_parts_are_told() -> None:
     assert 'at most 50 ml/h of change' in limits
     assert 'end after 80 min' in limits
     assert 'keep_in (weight 2.0) + least_water; zones: 1 keep in' in objective
+    free = control.model_copy(update={'max_change_ml_h': None})
+    limits = control_words(rig.model_copy(update={'control': free}))[0]
+    assert 'any change from setpoint to setpoint' in limits
     assert control_words(rig.model_copy(update={'control': None})) == []
 
 

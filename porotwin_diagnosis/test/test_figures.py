@@ -48,6 +48,12 @@ def test_the_colour_bars_of_a_flat_rig_lie_below_its_maps(coarse_denser) -> None
         assert all((bar.height > bar.width) == beside for bar in bars)
 
 
+def test_the_error_before_is_seen_where_both_errors_are_the_same(coarse_denser) -> None:
+    before, after = course(coarse_denser).axes[0].lines
+    assert before.get_zorder() == after.get_zorder()  # the later one lies above
+    assert before.get_linewidth() > 2 * after.get_linewidth()
+
+
 def test_a_well_has_its_own_colour_over_time(coarse_denser) -> None:
     _, rates = course(coarse_denser).axes
     colours = well_colours(coarse_denser.recordings[0].rig)

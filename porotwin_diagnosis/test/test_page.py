@@ -31,6 +31,7 @@ def test_a_found_effect_is_said_in_words_with_its_interval(coarse_denser, tmp_pa
     assert text.count('data:image/png;base64,') == 4
     assert '0.873 … 0.887' in text
     assert 'weigh the water that fills the rig' in text
+    assert '<td>inject tracer</td>' in text
 
 
 def test_a_page_fits_a_telephone_and_needs_no_other_file(coarse_denser, tmp_path):

@@ -51,7 +51,7 @@ def test_nothing_is_pumped_during_the_rest(sample):
 
 
 def test_a_chase_replaces_tracer_by_water(sample):
-    other = changed('chase')(sample)
+    other = changed('water after tracer')(sample)
     assert volume(other) == pytest.approx(volume(sample))
     assert 0.0 < volume(other, with_tracer=True) < volume(sample, with_tracer=True)
 

@@ -31,6 +31,14 @@ def test_the_sentence_and_the_table_state_the_same_number():
     assert interval('leak', 'rate', large) == ('1230 ml/h', '1220 … 1250 ml/h')
 
 
+def test_a_strong_factor_is_the_number_of_its_interval():
+    zone = {name: {'value': 0.1} for name in ('x', 'z', 'radius')}
+    tight = {'value': 0.1203, 'low': 0.04, 'high': 0.37}
+    assert interval('heterogeneity', 'permeability_factor', tight) == ('0.12', '0.04 … 0.37')
+    words = phrase('heterogeneity', {**zone, 'permeability_factor': tight})
+    assert words.endswith('is 0.12 times as permeable as the nominal sand')
+
+
 def test_directions_follow_the_sign():
     assert 'lighter' in phrase('buoyancy', {'density_difference': {'value': -0.4}})
     assert '18 s ahead of' in phrase('clock', {'offset': {'value': -18.0}})

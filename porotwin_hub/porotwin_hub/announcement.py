@@ -34,6 +34,7 @@ def announce(
     before: WellRates,
     *,
     note: str = '',
+    reason: str = '',
     step_ml_h: float = PUMP_STEP_ML_H,
 ) -> Announcement:
     """Return the words for setpoint `sequence`, with every rate in ml/h.
@@ -43,6 +44,7 @@ def announce(
         rates: the rates to set [m^3/s].
         before: the rates at the pumps [m^3/s]; a well that is missing there counts as changed.
         note: follows the number, such as the time of the photograph.
+        reason: why these rates, in one line; may be empty.
         step_ml_h: the smallest change that a hand can set [ml/h]; smaller ones do not count.
     """
     changed = tuple(
@@ -51,7 +53,8 @@ def announce(
         if well not in before or _step(rate, before[well]) >= step_ml_h - 0.5 * PUMP_STEP_ML_H
     )
     speech = ' '.join(_order(well, rates[well]) for well in changed) or 'No change.'
-    title = f'setpoint {sequence}{note}'
+    why = f'\n  why: {reason}' if reason else ''
+    title = f'setpoint {sequence}{note}{why}'
     return Announcement(_table(title, rates, before, changed), speech, changed)
 
 

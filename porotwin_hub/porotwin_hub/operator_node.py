@@ -100,6 +100,7 @@ class OperatorNode(Node):
             stamp=taken,
             valid_until=until,
             validity=validity - age,
+            reason=message.reason,
         )
 
     def _on_cycle(self, message: CycleReport) -> None:

@@ -20,7 +20,7 @@ HAND_SHARE = 0.002
 class ShownSetpoint:
     """A setpoint for the operator: rates [m^3/s], and stamps [s] by the clock of the photographs.
 
-    `validity` [s] is the rest of it on arrival.
+    `validity` [s] is the rest of it on arrival. `reason` tells why these rates, in one line.
     """
 
     sequence: int
@@ -28,6 +28,7 @@ class ShownSetpoint:
     stamp: float
     valid_until: float
     validity: float
+    reason: str = ''
 
 
 class SetpointBook:
@@ -93,6 +94,7 @@ class SetpointBook:
                 f' (photograph {clock_time(setpoint.stamp)}, '
                 f'valid until {clock_time(setpoint.valid_until)})'
             ),
+            reason=setpoint.reason,
             step_ml_h=self._step_ml_h,
         )
         self._at_pumps = {

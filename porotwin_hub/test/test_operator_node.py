@@ -110,6 +110,7 @@ def setpoint(sequence: int, rates: dict[str, WellRate], *, validity: float = 90.
         sequence=sequence,
         valid_until=conversions.time_to_msg(5.0 + validity),
         wells=conversions.rates_to_msg(rates),
+        reason='held: no answer',
     )
 
 
@@ -123,7 +124,8 @@ def test_setpoints_are_announced_confirmed_and_expire(
         shown.append(capsys.readouterr().out)
         return text in ''.join(shown)
 
-    desk.spin_until(lambda: shows('setpoint 1 (photograph 0:00:05, valid until 0:01:35)\n'))
+    first = 'setpoint 1 (photograph 0:00:05, valid until 0:01:35)\n  why: held: no answer\n'
+    desk.spin_until(lambda: shows(first))
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)

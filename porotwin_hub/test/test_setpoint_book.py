@@ -1,6 +1,7 @@
 """Tests of the operator's book of setpoints."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,13 @@ def test_changes_are_announced_relative_to_the_last_setpoint(
         announced(book, sequence, rates)
     assert '<-- was' not in announced(book, 4, safe)
     assert '<-- was 0.0' in announced(book, 5, other)
+
+
+def test_the_reason_of_a_setpoint_is_shown(book: SetpointBook, safe: Rates) -> None:
+    held = replace(shown(1, safe, stamp=next(CLOCK)), reason='held: the solver does not answer')
+    lines = book.announce(held, now=0.0).text.splitlines()
+    assert lines[1] == '  why: held: the solver does not answer'
+    assert 'why' not in announced(book, 2, safe)  # an empty reason takes no line
 
 
 def test_after_a_restart_of_the_hub_the_numbers_begin_again(

@@ -14,6 +14,14 @@ FactorSource = Literal['core', 'same sand', 'interface', 'prior']
 """Where the factor of a sand comes from: its core, a core in the same sand at another place, the
 signal across its interfaces, or the appearance of its grains."""
 
+SOURCES: dict[FactorSource, str] = {
+    'core': 'seen: the core of a plume',
+    'interface': 'seen: a plume across its interface',
+    'same sand': 'from its core at another place',
+    'prior': 'guessed from its brightness: no plume there',
+}
+"""How each source is named to a person."""
+
 RATES_FILE = 'rates.csv'
 """File with the commanded rates, which messages name unless other rates were used."""
 SURE_END = 0.03
@@ -158,13 +166,12 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
         return 'sands: one'
     words = ', '.join(
         f'sand {one.label(number)} {one.factor:.2f} +- {one.factor * one.deviation:.2f} '
-        f'({one.source})'
+        f'({SOURCES[one.source]})'
         for number, one in enumerate(evidence.sands)
     )
     guessed = [one.label(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
     warning = (
-        f'; sand {", ".join(guessed)} not reached by the plume (4_sands.png shows where): '
-        f'guessed from {"its" if len(guessed) == 1 else "their"} brightness'
+        f'; sand {", ".join(guessed)} not reached by the plume (4_sands.png shows where)'
         if guessed
         else ''
     )

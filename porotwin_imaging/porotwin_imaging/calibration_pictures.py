@@ -14,12 +14,11 @@ from porotwin_core.errors import writing
 from porotwin_core.whole_folder import whole_folder
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
-from porotwin_imaging.calibration_evidence import Anchor
+from porotwin_imaging.calibration_evidence import SOURCES, Anchor
 from porotwin_imaging.calibration_fit import CalibrationFit
 from porotwin_imaging.calibration_keys import FILE_NAME
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.colour_checker import REFERENCE
-from porotwin_imaging.sands import FactorSource
 
 Array = NDArray[Any]
 
@@ -158,15 +157,6 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
     _label(axes, f'{masked}; to leave out more, paint it white in hidden.png')
 
 
-_EVIDENCE: dict[FactorSource, str] = {
-    'core': 'seen: the core of a plume',
-    'interface': 'seen: a plume across its interface',
-    'same sand': 'from its core at another place',
-    'prior': 'guessed from its brightness: no plume there',
-}
-"""Words for the evidence of a factor."""
-
-
 def _sands(axes: Any, fit: CalibrationFit) -> None:
     """Draw the sands, with the factor on the signal of each and its evidence."""
     axes.imshow(fit.sands[::-1], extent=_extent(fit.baseline), cmap='tab10', vmin=0, vmax=9)
@@ -174,7 +164,7 @@ def _sands(axes: Any, fit: CalibrationFit) -> None:
         one = fit.evidence.sands[label]
         words = (
             f'{one.label(label)}: x {factor:.2f} +- {factor * one.deviation:.2f}, '
-            f'{_EVIDENCE[one.source]}'
+            f'{SOURCES[one.source]}'
         )
         axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=words)
     axes.figure.legend(

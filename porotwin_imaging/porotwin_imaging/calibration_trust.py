@@ -397,7 +397,8 @@ def _geometry(edges: Sequence[EdgeEvidence], settings: TrustSettings) -> Iterato
         yield Objection(
             f'the edge of the sand is bent against rig.yaml ({words} of the size of the rig)',
             'camera.curvature is missing or wrong, or camera.corners_px',
-            'set them until the edges of 1_geometry.png agree, and calibrate again',
+            'set them until the edges of 1_geometry.png agree, and calibrate again; docs/rig.md '
+            'tells how to measure camera.curvature',
         )
 
 

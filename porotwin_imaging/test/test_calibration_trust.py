@@ -163,6 +163,13 @@ def test_one_photograph_does_not_agree_with_itself() -> None:
     assert 'agree' not in mass
 
 
+def test_the_evidence_of_every_sand_is_told_in_words() -> None:
+    sands = (SAND, replace(SAND, source='prior', deviation=0.2))
+    line = evidence_lines(replace(GOOD, sands=sands))[0]
+    assert '(seen: the core of a plume)' in line
+    assert '(guessed from its brightness: no plume there)' in line
+
+
 def test_a_baseline_with_tracer_is_named() -> None:
     line = refusal(replace(GOOD, mass_offset=-0.2), replace(PLUME, hollow=0.1))
     assert 'pale at its own well' in line

@@ -48,6 +48,35 @@ def test_a_vertical_bulge_moves_the_middle_of_an_edge_by_the_published_term() ->
     assert row[0] - straight[0] == pytest.approx(10.0, abs=1e-3)
 
 
+def test_the_recipe_of_the_documentation_gives_the_terms_back() -> None:
+    """The formulas are those of docs/rig.md, section camera."""
+    width, height = 1400.0, 940.0
+    corners = ((100, 80), (100, 1020), (1500, 1020), (1500, 80))
+    terms = {
+        'vertical_bulge': 3.5e-8, 'vertical_bulge_offset': -40.0, 'horizontal_bulge': -2e-8,
+        'horizontal_bulge_offset': 25.0, 'horizontal_stretch': 1.5e-8, 'vertical_stretch': -1e-8,
+    }  # fmt: skip
+    bent = Geometry.from_camera(Camera(corners_px=corners, curvature=terms), 2.0, 1.0)
+
+    def off(x: float, z: float) -> tuple[float, float]:
+        """Return how far a point (x, z) [m] lies too far right and too low [px]."""
+        column, row = bent.to_pixels(np.array([x]), np.array([z]))
+        return column[0] - 100 - width * x / 2, row[0] - 80 - height * (1 - z)
+
+    up, low, left, right = off(1, 1)[1], off(1, 0)[1], off(0, 0.5)[0], off(2, 0.5)[0]
+    vertical = 4 * (low - up) / (height * width**2)
+    horizontal = 4 * (right - left) / (width * height**2)
+    found = {
+        'vertical_bulge': vertical,
+        'horizontal_bulge': horizontal,
+        'vertical_bulge_offset': -2 * (low + up) / (vertical * width**2),
+        'horizontal_bulge_offset': -2 * (right + left) / (horizontal * height**2),
+        'horizontal_stretch': 32 * (off(1.5, 1)[0] - off(0.5, 1)[0]) / (3 * width**3),
+        'vertical_stretch': 32 * (off(0, 0.25)[1] - off(0, 0.75)[1]) / (3 * height**3),
+    }
+    assert found == pytest.approx(terms, rel=1e-6)
+
+
 def test_unknown_curvature_is_named() -> None:
     with pytest.raises(InputError, match="unknown term 'barrel'"):
         geometry(barrel=1.0)

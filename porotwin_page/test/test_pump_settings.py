@@ -29,6 +29,10 @@ def test_rates_are_shown_in_ml_h_with_their_sign() -> None:
     assert shown['producer']['tracer'] == 0.0
 
 
+def test_the_time_of_the_photograph_tells_setpoints_of_one_number_apart() -> None:
+    assert settings(two_cycles())['time_s'] == START + 30.0
+
+
 def test_before_the_first_report_every_pump_is_to_be_set() -> None:
     assert len(changed(two_cycles())) == 5
     assert wells(two_cycles())['control1']['before_ml_h'] is None

@@ -1,6 +1,5 @@
 """Pump rates over time: `rates.csv` and `rates_measured.csv` of an experiment folder."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,9 @@ from porotwin_recording.csv_table import number_text, parse_number, read_table, 
 
 PERCENT = 100.0
 """Largest concentration that was probably written in percent."""
+
+ROUND_OFF = 1e-15
+"""Relative round-off of a sum of rates and of a change of units [-]: some last binary digits."""
 
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
 
@@ -130,7 +132,7 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
 def write_rates(path: Path, schedule: Schedule) -> None:
     """Write `schedule` as a table that `read_rates` reads back.
 
-    Rates are written in ml/h. The unit conversion may change the last binary digit of a rate.
+    Rates are written in ml/h, without the round-off of sums and changes of units.
     """
     write_table(
         path,
@@ -148,8 +150,8 @@ def write_rates(path: Path, schedule: Schedule) -> None:
 
 
 def _rate_ml_h(rate: float) -> str:
-    """Return the shortest decimal number in ml/h that reads back as `rate` [m^3/s]."""
-    near = to_ml_h(rate)
-    candidates = [float(f'{near:.{digits}g}') for digits in range(1, 18)]
-    candidates += [math.nextafter(near, end) for end in (-math.inf, math.inf)]
-    return number_text(min(candidates, key=lambda rate_ml_h: abs(from_ml_h(rate_ml_h) - rate)))
+    """Return the shortest decimal number in ml/h that is `rate` [m^3/s] but for `ROUND_OFF`."""
+    exact = to_ml_h(rate)
+    shorter = (float(f'{exact:.{digits}g}') for digits in range(1, 17))
+    near = (one for one in shorter if abs(one - exact) <= ROUND_OFF * abs(exact))
+    return number_text(next(near, exact))

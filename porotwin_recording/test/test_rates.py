@@ -16,10 +16,10 @@ WELLS = ('in', 'out')
 
 
 @given(
-    rates_ml_h=st.lists(st.floats(-2500, 2500), min_size=1, max_size=5),
+    rates_ml_h=st.lists(st.decimals(-2500, 2500, places=9).map(float), min_size=1, max_size=5),
     times=st.floats(0, 1e6),
 )
-def test_any_rate_in_ml_h_comes_back_exactly(
+def test_any_rate_in_ml_h_comes_back(
     tmp_path_factory: pytest.TempPathFactory, rates_ml_h: list[float], times: float
 ) -> None:
     path = tmp_path_factory.getbasetemp() / 'rates.csv'
@@ -33,14 +33,26 @@ def test_any_rate_in_ml_h_comes_back_exactly(
     assert read_rates(path, ['in']) == schedule
 
 
+def test_the_round_off_of_a_sum_of_rates_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / 'rates.csv'
+    exact = from_ml_h(1500.0)
+    for rate in (exact, np.nextafter(exact, 0.0), np.nextafter(exact, 1.0)):
+        write_rates(path, Schedule.constant({'in': WellRate(-rate)}))
+        assert path.read_text().splitlines()[1] == '0,in,-1500,'
+    for rate_ml_h in range(1, 2000):
+        total = sum([from_ml_h(0.1 * rate_ml_h)] * 10)
+        write_rates(path, Schedule.constant({'in': WellRate(total, 1.0)}))
+        assert path.read_text().splitlines()[1] == f'0,in,{rate_ml_h},1'
+
+
 @given(rate=st.floats(1e-12, 1e-5))
-def test_any_rate_in_si_comes_back_within_its_last_digit(
+def test_any_rate_in_si_comes_back_within_its_round_off(
     tmp_path_factory: pytest.TempPathFactory, rate: float
 ) -> None:
     path = tmp_path_factory.getbasetemp() / 'rates_si.csv'
     write_rates(path, Schedule.constant({'in': WellRate(rate)}))
     back = read_rates(path, ['in']).at(0)['in'].rate
-    assert abs(back - rate) <= np.spacing(rate)
+    assert back == pytest.approx(rate, rel=1.5e-15, abs=0.0)
 
 
 @pytest.mark.parametrize(

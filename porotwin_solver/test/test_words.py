@@ -12,10 +12,12 @@ def test_numbers_have_significant_digits_and_powers_of_ten() -> None:
 
 
 def test_factors_are_per_cent_or_multiples() -> None:
-    assert words.factor(1.12, 'more', 'less') == '12 % more'
-    assert words.factor(0.9, 'more', 'less') == '10 % less'
-    assert words.factor(4.0, 'more', 'less') == '4 times more'
-    assert words.factor(0.25, 'more', 'less') == '4 times less'
+    ways = ('more than', 'less than', 'as much as')
+    assert words.factor(1.12, *ways) == '12 % more than'
+    assert words.factor(0.9, *ways) == '10 % less than'
+    assert words.factor(4.0, *ways) == '4 times as much as'
+    assert words.factor(0.25, *ways) == '0.25 times as much as'
+    assert words.factor(0.0, *ways) == '0 times as much as'
 
 
 def test_directions_and_times() -> None:

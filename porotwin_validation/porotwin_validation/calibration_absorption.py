@@ -35,7 +35,7 @@ WITNESSES: Mapping[str, str] = {
     'depth': 'the mass in the maps against the pump log; measure the gap of the plates',
     'retardation': 'the mass in the maps against the pump log; a column test',
     'decay': 'photograph an old and a fresh plume of stock; keep a bottle in the light',
-    'dual_porosity': 'chase with water and watch the tail; photograph a dilution',
+    'dual_porosity': 'inject water after the tracer and watch its rest; photograph a dilution',
     'saturation': 'photographs of known dilutions in the sand (role dilution)',
     'illumination': 'clean sand and the colour chart in every photograph',
     'registration': 'a ruler or a grid in front of the sand',

@@ -195,7 +195,7 @@ class Camera(Section):
     curvature: dict[str, Number] = Field(
         default_factory=dict,
         description='terms of the lens and of the bulging front plate, by name [1/px2, px]; '
-        'see porotwin_imaging.geometry',
+        'docs/rig.md tells how to measure them',
     )
 
 

@@ -128,7 +128,7 @@ SCHEDULE_CHANGES: tuple[ScheduleChange, ...] = (
     ScheduleChange(
         'double rates', 'pump the same volumes at twice the rates, in half the time', _at_rates(2.0)
     ),
-    ScheduleChange('chase', 'inject water without tracer in the second half', _chase),
+    ScheduleChange('water after tracer', 'inject water without tracer in the second half', _chase),
     ScheduleChange(
         'one well at a time',
         'let every pump run alone in turn, those with tracer first (after a single pump, inject '

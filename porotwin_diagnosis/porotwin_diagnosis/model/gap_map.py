@@ -67,7 +67,7 @@ class Phase:
         start: beginning [s].
         end: end [s].
         share: share of the gap [-].
-        state: `injecting` tracer, `chasing` it with water, or `resting`.
+        state: `injecting` tracer, `chasing` it (they pump, but no tracer), or `resting`.
         recording: index of the recording.
     """
 

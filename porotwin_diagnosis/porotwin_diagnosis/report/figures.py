@@ -235,7 +235,8 @@ def course(result: Diagnosis, number: int = 0) -> Figure:
 
 def _draw_errors(axis: Axes, result: Diagnosis, data: ErrorCourse, unit: TimeUnit) -> None:
     times = data.times / unit.seconds
-    axis.plot(times, 100 * data.before, color=BEFORE, marker='.', label='model as it is')
+    # wide: the other line may have the same values, and both must be seen
+    axis.plot(times, 100 * data.before, color=BEFORE, marker='.', lw=4, label='model as it is')
     if result.verdict.name != NONE:
         label = _after_title(result)
         axis.plot(times, 100 * data.after, color=AFTER, marker='.', label=label)

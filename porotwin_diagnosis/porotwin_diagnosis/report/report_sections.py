@@ -28,6 +28,13 @@ those of no effect, and words for them read like nonsense."""
 LEAST_PROBABILITY = 1e-3
 """Probabilities below 0.1 % are not written out."""
 
+PUMPS = {
+    'injecting': 'inject tracer',
+    'chasing': 'pump, but no tracer',
+    'resting': 'are off',
+}
+"""The operating states of `GapMap.phases` in words: the pumps do this."""
+
 
 def tried_effects(result: Diagnosis, summary: Summary) -> str:
     """Return the table of all effects, each fitted alone, with the error that remains."""
@@ -133,7 +140,7 @@ def when_it_arises(result: Diagnosis) -> str:
                 if several
                 else ''
             ),
-            phase.state,
+            PUMPS[phase.state],
             f'{100 * phase.share:.0f} %',
         ]
         for phase in result.gap.phases

@@ -29,6 +29,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
     safe = expired and bool(snapshot.safe_rates)
     return {
         'sequence': setpoint.sequence,
+        'time_s': finite(setpoint.time, 15),
         'reason': setpoint.reason,
         'remaining_s': finite(remaining),
         'validity_s': finite(setpoint.valid_until - setpoint.time),

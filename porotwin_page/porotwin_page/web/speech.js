@@ -33,10 +33,11 @@ export class Speech {
     } catch { /* a private window keeps nothing */ }
   }
 
-  /* Speaks the orders of a setpoint unless they were spoken before. */
+  /* Speaks the orders of a setpoint unless they were spoken before. A restarted hub counts from one
+     again; the time of the photograph tells its setpoints from earlier ones. */
   say(run, setpoint) {
     if (!this.on || !setpoint) return;
-    const key = `${run} ${setpoint.sequence} ${setpoint.safe}`;
+    const key = `${run} ${setpoint.sequence} ${setpoint.time_s} ${setpoint.safe}`;
     if (this.spoken === key) return;
     this.spoken = key;
     const text = speechText(setpoint);

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { browserVoice, Speech, speechText } from '../../porotwin_page/web/speech.js';
 
 const setpoint = (properties) => ({
-  sequence: 7, pumps_report: false, confirmed: false, safe: false, doubt: '',
+  sequence: 7, time_s: 210, pumps_report: false, confirmed: false, safe: false, doubt: '',
   wells: [
     { name: 'control2', rate_ml_h: 120, changed: true },
     { name: 'producer', rate_ml_h: -620.5, changed: true },
@@ -44,6 +44,13 @@ test('every order is spoken once, after somebody switched the voice on', () => {
   speech.toggle();
   speech.say('a', setpoint({ sequence: 9 }));
   assert.equal(said.length, 3);
+});
+
+test('the first order of a restarted hub is spoken, although its number is not new', () => {
+  const { said, speech } = setup('on');
+  speech.say('a', setpoint({ sequence: 1 }));
+  speech.say('a', setpoint({ sequence: 1, time_s: 240 }));
+  assert.equal(said.length, 2);
 });
 
 test('the switch is kept, and off at first', () => {

@@ -33,7 +33,9 @@ def candidates(_context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how the plates stand in the middle."""
-    apart = factor(values['factor_centre'], 'further apart', 'closer together')
+    apart = factor(
+        values['factor_centre'], 'further apart', 'closer together', 'as far apart as nominal'
+    )
     return f'the plates stand {apart} in the middle'
 
 

@@ -90,10 +90,15 @@ def sized_trials(context: SearchContext, centre: tuple[float, float]) -> Sequenc
 
 def phrase(values: Values) -> str:
     """Say where the zone is, how large, and how permeable."""
-    more = factor(values['permeability_factor'], 'more', 'less')
+    permeable = factor(
+        values['permeability_factor'],
+        'more permeable than',
+        'less permeable than',
+        'as permeable as',
+    )
     return (
         f'a zone of {number(1e3 * values["radius"])} mm radius at {place(values)} '
-        f'is {more} permeable than the nominal sand'
+        f'is {permeable} the nominal sand'
     )
 
 

@@ -28,7 +28,10 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how much more or less permeable the sand is."""
-    return f'all the sand is {factor(values["factor"], "more", "less")} permeable than described'
+    permeable = factor(
+        values['factor'], 'more permeable than', 'less permeable than', 'as permeable as'
+    )
+    return f'all the sand is {permeable} described'
 
 
 EFFECT = Effect(

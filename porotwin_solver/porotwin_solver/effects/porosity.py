@@ -29,7 +29,8 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how much higher or lower the porosity is."""
-    return f'the porosity is {factor(values["factor"], "higher", "lower")} than nominal'
+    high = factor(values['factor'], 'higher than', 'lower than', 'as high as')
+    return f'the porosity is {high} nominal'
 
 
 def draw(generator: Generator, _context: DrawContext) -> DrawnValues:

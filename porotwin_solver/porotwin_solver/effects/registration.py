@@ -62,7 +62,7 @@ def phrase(values: Values) -> str:
     return (
         f'the picture is shifted {direction(values["dx"], "right", "left")} and '
         f'{direction(values["dz"], "up", "down")}, turned {rotated}, and '
-        f'{factor(values["scale"], "too large", "too small")}'
+        f'{factor(values["scale"], "too large", "too small", "the right size")}'
     )
 
 

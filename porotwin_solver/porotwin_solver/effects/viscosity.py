@@ -27,7 +27,10 @@ def candidates(_context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how much more or less viscous the tracer is."""
-    return f'the tracer is {factor(values["viscosity_ratio"], "more", "less")} viscous than water'
+    viscous = factor(
+        values['viscosity_ratio'], 'more viscous than', 'less viscous than', 'as viscous as'
+    )
+    return f'the tracer is {viscous} water'
 
 
 def draw(generator: Generator, _context: DrawContext) -> DrawnValues:

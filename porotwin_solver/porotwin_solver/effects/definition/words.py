@@ -48,12 +48,14 @@ def plain(text: str) -> str:
     return html.unescape(re.sub(r'<.*?>', '', raised))
 
 
-def factor(value: float, more: str, less: str) -> str:
-    """Return how many per cent, or how many times, a quantity multiplied by `value` is `more` or
-    `less`."""
+def factor(value: float, more: str, less: str, same: str) -> str:
+    """Return how many per cent a quantity multiplied by `value` is `more` or `less`.
+
+    A value far from 1 is stated as it is: `value` times `same`, such as 0.12 times as high as. So
+    it is the number whose interval the report states.
+    """
     if not 1 / MOST_PERCENT < value < MOST_PERCENT:
-        times = value if value > 1 else 1 / max(value, 1e-9)
-        return f'{number(times)} times {more if value > 1 else less}'
+        return f'{number(value)} times {same}'
     return f'{number(100 * abs(value - 1))} % {more if value >= 1 else less}'
 
 
