@@ -575,9 +575,18 @@ def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
 
 
 def with_nodes(now: GraphSnapshot, names: Iterable[str], arrival: float) -> GraphSnapshot:
-    """Return the snapshot with the names of all nodes in the graph, seen at `arrival` [s]."""
+    """Return the snapshot with the names of all nodes in the graph, seen at `arrival` [s].
+
+    A node that left and never reported is left out: a command that looked at the graph. The
+    supervisor reports a node of the graph that ends before its first report.
+    """
     shown = set(names)
-    health = {name: Health(Level.QUIET, 'running', arrival) for name in shown} | now.health
+    stays = {
+        name: report
+        for name, report in now.health.items()
+        if name in shown or report.level is not Level.QUIET
+    }
+    health = {name: Health(Level.QUIET, 'running', arrival) for name in shown} | stays
     for name, report in health.items():
         if name in shown or report.present:
             health[name] = replace(report, present=name in shown)

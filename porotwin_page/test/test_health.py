@@ -27,9 +27,19 @@ def test_errors_and_warnings_come_first_and_an_absent_node_is_an_error() -> None
     assert lines[1]['age_s'] == pytest.approx(9.0)
 
 
+def test_a_command_that_looked_at_the_graph_and_ended_is_no_fault() -> None:
+    now = after(
+        (snapshot.with_nodes, ['hub', 'mend_desk'], 10.0),
+        (snapshot.with_health, 'hub', Health(Level.OK, 'fast', 10.5)),
+        (snapshot.with_nodes, ['hub'], 11.0),
+    )
+    assert [line['name'] for line in nodes_view(now, 11.0)] == ['hub']
+
+
 def test_after_the_experiment_a_node_may_end() -> None:
     now = after(
         (snapshot.with_nodes, ['camera'], 0.0),
+        (snapshot.with_health, 'camera', Health(Level.OK, 'photograph 2', 0.5)),
         (snapshot.with_nodes, [], 1.0),
         (snapshot.with_end, 'done'),
     )
