@@ -41,9 +41,13 @@ from porotwin_core.photo_interval import (
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros_environment import check_environment
+from porotwin_core.senders import hearers
 
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
+
+HEARD_BY = 'heard_by'
+"""Value in the diagnostics of a node that others wait for: the nodes that hear it, by name."""
 
 END_S = 5.0
 """Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
@@ -191,9 +195,15 @@ class Diagnostics:
     process. A long computation in another thread does not cause silence.
     """
 
-    def __init__(self, node: Node) -> None:
-        """Make the publisher of `node` and its heartbeat."""
+    def __init__(self, node: Node, *, heard: Collection[str] = ()) -> None:
+        """Make the publisher of `node` and its heartbeat.
+
+        Args:
+            node: the node.
+            heard: topics of the node; each heartbeat names the nodes that hear all of them.
+        """
         self._node = node
+        self._heard = tuple(heard)
         self._health = NodeHealth()
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
@@ -224,12 +234,15 @@ class Diagnostics:
 
     def _beat(self) -> None:
         health = self._health.now()
+        values = dict(health.values)
+        if self._heard:
+            values[HEARD_BY] = ' '.join(sorted(hearers(self._node, *self._heard)))
         status = DiagnosticStatus(
             level=bytes([health.level]),
             name=self._node.get_name(),
             hardware_id=hardware_id(self._node),
             message=health.message,
-            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()

@@ -95,6 +95,23 @@ def callers(node: Any, service: str) -> list[Sender]:
     return _named_senders(node, f'rq{node.resolve_service_name(service)}Request', mangled=True)
 
 
+def hearers(node: Any, *topics: str) -> frozenset[str]:
+    """Return the names of the nodes that `node` knows to subscribe to all of `topics`.
+
+    A message reaches only the subscribers that its sender knows, and each process gets to know the
+    others on its own. What another node sees of the graph therefore proves nothing.
+    """
+    return frozenset.intersection(
+        *(
+            frozenset(
+                info.node_name
+                for info in node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
+            )
+            for topic in topics
+        )
+    )
+
+
 def servers(node: Any, service: str) -> frozenset[str]:
     """Return the identities of the servers of `service`, a name relative to `node`.
 

@@ -126,7 +126,7 @@ class HubNode(Node):
         )
         self._twin = twin
         self._longest_cycle = math.inf if self._simulated else twin.validity
-        self._diagnostics = Diagnostics(self)
+        self._diagnostics = Diagnostics(self, heard=('hub/cycle',))
         self._setpoints = 0
         self._effects: tuple[EffectDescription, ...] = ()
         self._model_changed = threading.Event()

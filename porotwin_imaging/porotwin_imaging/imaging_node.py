@@ -71,7 +71,7 @@ class ImagingNode(Node):
         self._start = ExperimentStart(Path(kept) if kept else None)
         self._calibration_hash = sha256_of_file(calibration)
         self._queue = PhotoQueue(WAITING_PHOTOS)
-        self._diagnostics = Diagnostics(self)
+        self._diagnostics = Diagnostics(self, heard=('asset/new_state', 'asset/state_refreshed'))
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
         self._refreshed = self.create_publisher(StateRefreshed, 'asset/state_refreshed', FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', FIELD)

@@ -19,7 +19,7 @@ from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.errors import InputError
-from porotwin_core.node import declare, run
+from porotwin_core.node import DIAGNOSTICS, HEARD_BY, declare, hardware_id, run
 from porotwin_recording import topic_names
 from porotwin_recording.awaited_answers import LockStep
 from porotwin_recording.bag_reader import BagReader
@@ -152,6 +152,7 @@ class PlayerNode(Node):
         self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
         self._publishers_by_topic = self._make_publishers(selection)
         self._lock_step = LockStep()
+        self._deaf = self._connections_needed()
         self._answer_subscription: Subscription | None = None
         self._unanswered = 0
         self._asked: dict[str, Any] = {}
@@ -161,6 +162,17 @@ class PlayerNode(Node):
         self._silent: set[str] = set()
         self._thread = threading.Thread(target=self._run, name='player')
         self._thread.start()
+
+    def _connections_needed(self) -> set[tuple[str, str]]:
+        """Return the senders and receivers of the twin that a photograph's answer passes through.
+
+        The player sees that both run, but not whether they have found each other.
+        """
+        if not self._lockstep:
+            return set()
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, QUEUE_DEPTH)
+        answers = self._lockstep == self.resolve_topic_name(topic_names.CYCLE)
+        return {('imaging', HUB), *([(HUB, self.get_name())] if answers else [])}
 
     def _checked_start(self, start_s: float) -> int:
         """Return the log time [ns] that lies `start_s` after the first message."""
@@ -295,7 +307,13 @@ class PlayerNode(Node):
         told = self._told(HUB, nodes, ['use_sim_time', 'rig'])
         simulated = None if told is None else bool(told[0].bool_value)
         return GraphSeen(
-            nodes, topics, services, self._recorded(nodes), self._hears_answers(), simulated
+            nodes,
+            topics,
+            services,
+            self._recorded(nodes),
+            self._hears_answers(),
+            simulated,
+            tuple(sorted(self._deaf)),
         )
 
     def _graph_found(self) -> str:
@@ -338,18 +356,18 @@ class PlayerNode(Node):
             self._answer_subscription = self.create_subscription(
                 message_class(types[0]), self._lockstep, self._on_answer, QUEUE_DEPTH, raw=True
             )
-            self.create_subscription(
-                DiagnosticArray, '/diagnostics', self._on_diagnostics, QUEUE_DEPTH
-            )
         return bool(self._answer_subscription.get_publisher_count() > 0)
 
     def _on_answer(self, data: bytes) -> None:
         self._lock_step.answer(stamp_of(data))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Take note of a photograph that imaging refuses: nobody will answer it."""
+        """Take note of connections, and of photographs that imaging refuses and nobody answers."""
         for status in message.status:
             values = {item.key: item.value for item in status.values}
+            if status.hardware_id == hardware_id(self):
+                hearers = values.get(HEARD_BY, '').split()
+                self._deaf -= {(status.name, hearer) for hearer in hearers}
             if status.level != DiagnosticStatus.ERROR or PHOTOGRAPH_TIME not in values:
                 continue
             with contextlib.suppress(ValueError, OverflowError):

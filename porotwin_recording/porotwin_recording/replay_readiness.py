@@ -54,6 +54,8 @@ class GraphSeen:
         recorded: names of the topics that the node `recorder` takes; None: all.
         answering: whether somebody publishes the answers of the lock-step; None: no lock-step.
         simulated: whether the node `hub` takes its time from /clock; None: it has not told.
+        deaf: pairs of nodes, sender and receiver, whose connection a lock-step needs and the sender
+            has not yet told.
     """
 
     nodes: frozenset[str]
@@ -62,6 +64,7 @@ class GraphSeen:
     recorded: frozenset[str] | None = None
     answering: bool | None = None
     simulated: bool | None = True
+    deaf: tuple[tuple[str, str], ...] = ()
 
 
 def missing(seen: GraphSeen) -> list[str]:
@@ -85,6 +88,8 @@ def missing(seen: GraphSeen) -> list[str]:
         waits.insert(0, 'a subscriber of any played topic')
     if HUB in seen.nodes and seen.simulated is None:
         waits.append('node hub to tell where it takes its time from')
+    if twin:
+        waits += [f'{receiver} to hear node {sender}' for sender, receiver in seen.deaf]
     if seen.answering is False:
         waits.insert(0, 'the node that answers in lock-step')
     return waits

@@ -56,3 +56,8 @@ def test_the_hub_tells_its_time_before_anything_is_played() -> None:
     seen = GraphSeen(TWIN, (image('imaging'),), SERVICES, simulated=None)
     assert missing(seen) == ['node hub to tell where it takes its time from']
     assert missing(GraphSeen(frozenset(), (image('page'),), simulated=None)) == []
+
+
+def test_lock_step_needs_connections_that_only_their_sender_can_tell() -> None:
+    seen = GraphSeen(TWIN, (image('imaging'),), SERVICES, deaf=(('imaging', 'hub'),))
+    assert missing(seen) == ['hub to hear node imaging']
