@@ -304,6 +304,8 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             with until_shutdown(executor.context):
                 node = make_node()
                 ensure_diagnostics(node)
+                steady = Clock(clock_type=ClockType.STEADY_TIME)
+                node.create_timer(HEARTBEAT_S, _wake, clock=steady)
                 executor.add_node(node)
                 executor.spin()
         except InputError as error:
@@ -328,6 +330,10 @@ def signals_as_interrupts() -> Iterator[None]:
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
+
+
+def _wake() -> None:
+    """Let the main thread look for signals: it takes none while it waits for messages."""
 
 
 def executor_of(threads: int, context: Context | None = None) -> Executor:

@@ -46,6 +46,9 @@ QUEUE_SIZE = 64 << 20
 ACKNOWLEDGE_TIMEOUT = 10.0
 """Longest wait for a subscriber [s]; Fast DDS requests acknowledgements every 3 s."""
 
+ACKNOWLEDGE_PERIOD = 0.01
+"""Period of the look for their acknowledgements [s]."""
+
 CLOCK_PERIOD = 0.05
 """Period of /clock between two messages, in wall time [s]."""
 
@@ -397,7 +400,8 @@ class PlayerNode(Node):
             if driving and answerable:
                 self._await_answer(message)
         self._await_acknowledgements()
-        self._report()
+        if not self._stopping.is_set():
+            self._report()
 
     def _report(self) -> None:
         """Say what was played and who received it; a message that is lost is a failure."""
@@ -440,11 +444,20 @@ class PlayerNode(Node):
             self._await_acknowledgements()
 
     def _await_acknowledgements(self) -> None:
-        """Wait until the subscribers have received all messages; a full queue would drop some."""
+        """Wait until the subscribers have received all messages; a full queue would drop some.
+
+        The end of the node ends the wait.
+        """
         for name in self._unacknowledged:
             publisher = self._publishers_by_topic[name]
-            if not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT)):
-                self._silent.add(name)
+            begin = time.monotonic()
+            # a wait inside rclpy lets no other thread of Python run
+            while not publisher.wait_for_all_acked(Duration()):
+                if self._stopping.wait(ACKNOWLEDGE_PERIOD):
+                    return
+                if time.monotonic() - begin >= ACKNOWLEDGE_TIMEOUT:
+                    self._silent.add(name)
+                    break
         self._unacknowledged.clear()
 
     def _await_answer(self, message: BagMessage) -> None:

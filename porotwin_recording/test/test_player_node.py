@@ -1,5 +1,6 @@
 """Tests of the player node in a running graph, and of its exit status."""
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 from node_processes import FRAMES, Process, by_topic, node, record_replay, write_minute_bag
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 from refused_node import refusal
 
 from porotwin_recording import player_node
@@ -137,6 +140,14 @@ def test_an_interrupt_ends_the_player(tmp_path: Path, bag: Path) -> None:
         assert 'Traceback' not in player.output
 
 
+def test_an_interrupt_ends_a_player_of_all_topics(tmp_path: Path) -> None:
+    with node(
+        tmp_path / 'player.log', 'player_node', bag=SAMPLE, topics='/diagnostics', discovery_s=0.0
+    ) as player:
+        player.wait_for_output('playing 1 topics')
+        assert player.stop() == 0
+
+
 @pytest.mark.parametrize(
     ('parameters', 'complaint'),
     [
@@ -195,6 +206,26 @@ def test_a_bag_without_playable_topics_is_refused(
     output = capfd.readouterr().err
     assert 'recorded in another version' in output
     assert 'none of the chosen topics can be played' in output
+
+
+def test_an_interrupt_ends_the_wait_for_a_subscriber_that_is_silent(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[float] = []
+
+    def silent(_: object, duration: Duration) -> bool:
+        asked.append(duration.nanoseconds / SECOND)
+        if len(asked) == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return False
+
+    monkeypatch.setattr(Publisher, 'wait_for_all_acked', silent)
+    played(monkeypatch, f'bag:={SAMPLE}', 'rate:=0.0')
+    with pytest.raises(SystemExit) as ended:
+        player_node.main()
+    assert ended.value.code == 0
+    assert sum(asked) < player_node.ACKNOWLEDGE_TIMEOUT
+    assert 'acknowledged' not in capfd.readouterr().err
 
 
 def test_an_interrupt_while_the_bag_is_opened_is_no_failure(
