@@ -268,6 +268,36 @@ def _trace(
     return arrived, lowest, highest
 
 
+def inflow_through_rim(
+    carrier: Carrier, x: float, z: float, radius: float, angle: FloatArray
+) -> FloatArray:
+    """Return the water that enters a circle at points of its rim [m^2/s], as `angle`.
+
+    It is the Darcy flux times the depth, inward. Water that passes by the well makes it larger on
+    the side it comes from.
+
+    Args:
+        carrier: the velocity field.
+        x: place of the middle [m].
+        z: height of the middle [m].
+        radius: radius [m].
+        angle: direction of the points from the middle [rad].
+    """
+    rows, columns = carrier.storage.shape
+    inflow = np.empty(angle.shape)
+    for place, direction in enumerate(angle):
+        along, up = math.cos(direction), math.sin(direction)
+        rim_x, rim_z = x + radius * along, z + radius * up
+        vx, vz, *_ = _flow_at(
+            rim_x, rim_z, carrier.hx, carrier.hz, carrier.remainder_x, carrier.remainder_z,
+            carrier.storage, carrier.wells, 0.0, carrier.settling_length,
+        )  # fmt: skip
+        row = min(max(int(rim_z / carrier.hz + 0.5), 0), rows - 1)
+        column = min(max(int(rim_x / carrier.hx + 0.5), 0), columns - 1)
+        inflow[place] = -(vx * along + vz * up) * carrier.storage[row, column]
+    return inflow
+
+
 def arriving(
     carrier: Carrier,
     field: FloatArray,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.wells import WellRates
 from porotwin_rig.box_flow import Fluxes
-from porotwin_rig.characteristics import Carrier, arriving
+from porotwin_rig.characteristics import Carrier, arriving, inflow_through_rim
 from porotwin_rig.effects import EffectSet
 from porotwin_rig.spreading import Spreading, spread
 from porotwin_rig.tracer import Tracer, TracerBalance
@@ -216,6 +216,8 @@ class TracerTransport:
             if rate.rate >= 0.0:
                 continue
             x, z, radius = water.places[name]
+            inflow = np.maximum(inflow_through_rim(carrier, x, z, radius, angle), 0.0)
+            share = inflow / inflow.sum()
             for moment, weight in GAUSS_POINTS:
                 there, _, _ = arriving(
                     carrier,
@@ -224,7 +226,7 @@ class TracerTransport:
                     z=z + radius * np.sin(angle),
                     duration=np.full(RIM_POINTS, moment * duration),
                 )
-                lost -= weight * duration * rate.rate * float(there.mean())
+                lost -= weight * duration * rate.rate * float(share @ there)
         return lost
 
     def _lost_through_sides(

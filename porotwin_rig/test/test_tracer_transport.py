@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
-from porotwin_rig.characteristics import Carrier, arriving
+from porotwin_rig.characteristics import Carrier, arriving, inflow_through_rim
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.spreading import Spreading, spread
 from porotwin_rig.virtual_rig import VirtualRig
@@ -96,6 +96,24 @@ def test_doublet_breaks_through_when_the_fastest_streamline_arrives() -> None:
     assert np.interp(0.93 * first, produced_at, produced) < 2e-3 * rate * first
     assert produced[-1] == pytest.approx(exact[-1], rel=0.03)
     assert np.abs(np.array(produced) - exact).max() < 0.02 * rate * first
+
+
+def test_water_that_passes_a_well_enters_it_on_the_side_it_comes_from() -> None:
+    passing, rate, radius, points = 2e-7, 1.5e-8, 0.004, 720  # [m^2/s], [m^3/s], [m]
+    carrier = Carrier(
+        hx=0.01,
+        hz=0.01,
+        remainder_x=np.full((21, 22), passing),
+        remainder_z=np.zeros((22, 21)),
+        storage=np.full((21, 21), PORE_DEPTH),
+        wells=np.array([[0.1, 0.1, radius, -rate, 0.0]]),
+        open_sides=np.ones(4, bool),
+    )
+    angle = (np.arange(points) + 0.5) * (2.0 * math.pi / points)
+    inflow = inflow_through_rim(carrier, 0.1, 0.1, radius, angle) * 2.0 * math.pi * radius / points
+    assert inflow.sum() == pytest.approx(rate)
+    upstream = inflow[np.cos(angle) < 0.0].sum()
+    assert upstream == pytest.approx(0.5 * rate + 2.0 * radius * passing, rel=1e-4)
 
 
 @given(
