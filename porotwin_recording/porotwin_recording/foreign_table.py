@@ -21,8 +21,8 @@ WRITE_NUMBER = 'write a number, its unit in the title'
 """Remedy for a word that is no number."""
 
 _NUMBER = re.compile(r'[+-]?[\d.,\s\u00a0\u202f\']*\d[\d.,]*(?:[eE][+-]?\d+)?')
-_THOUSANDS = re.compile(r'[+-]?[1-9]\d{0,2},\d{3}')
-"""A number whose comma may separate thousands; behind a leading zero it cannot."""
+_THOUSANDS = re.compile(r'[+-]?[1-9]\d{0,2}[.,]\d{3}')
+"""A number whose mark may separate thousands; behind a leading zero it cannot."""
 
 _SEPARATORS = re.compile(r"[.,\s']")
 _WHOLE = re.compile(r"[+-]?\s*(?:\d+|[1-9]\d{0,2}([.,\s'])\d{3}(?:\1\d{3})*)")
@@ -185,7 +185,7 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
     _check_repeated(path, spelt)
     words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
-    found = decimal or _decimal(path, (word for column in words for word in column))
+    found = decimal or _decimal(path, (word for column in words for word in column), separator)
     spelling = dict(zip(titles, spelt, strict=True))
     return ForeignTable(path, dict(zip(titles, words, strict=True)), found, spelling)
 
@@ -220,8 +220,8 @@ def _text(path: Path) -> str:
     raise InputError(f'{path}: not a text in UTF-8; save it as CSV UTF-8')
 
 
-def _decimal(path: Path, words: Iterable[str]) -> Decimal:
-    """Return how the numbers among `words` are written.
+def _decimal(path: Path, words: Iterable[str], separator: str) -> Decimal:
+    """Return how the numbers among `words` are written; commas between columns need points.
 
     Raises:
         InputError: they can be read in two ways, or contradict each other.
@@ -235,7 +235,7 @@ def _decimal(path: Path, words: Iterable[str]) -> Decimal:
         if word.count(last) > 1:
             if _WHOLE.fullmatch(word):  # 1,234,567; a date such as 31.05.2024 is no number
                 marks.setdefault({',': '.', '.': ','}[last], word)
-        elif '.' not in word and _THOUSANDS.fullmatch(word):
+        elif _THOUSANDS.fullmatch(word) and not (last == '.' and separator == ','):
             doubtful = doubtful or word
         else:
             marks.setdefault(last, word)
@@ -245,9 +245,10 @@ def _decimal(path: Path, words: Iterable[str]) -> Decimal:
             f"'{marks['.']}' and '{marks[',']}'; write them alike, or give --decimal"
         )
     if doubtful and not marks:
-        plain = doubtful.replace(',', '')
+        small, large = doubtful.replace(',', '.'), re.sub('[.,]', '', doubtful)
+        answers = ('comma', 'point') if ',' in doubtful else ('point', 'comma')
         raise InputError(
-            f"{path}: is '{doubtful}' {doubtful.replace(',', '.')} or {plain}? give --decimal "
-            'comma or --decimal point'
+            f"{path}: is '{doubtful}' {small} or {large}? give --decimal {answers[0]} or "
+            f'--decimal {answers[1]}'
         )
     return 'comma' if ',' in marks else 'point'

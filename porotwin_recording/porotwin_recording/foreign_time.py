@@ -73,6 +73,7 @@ def moments(
     day_first = _is_day_first(
         [(m['one'], m['two'], m['mark']) for m in doubtful], where, order, told
     )
+    _check_two_digits(doubtful, where)
     zoned = [match['zone'] is not None for match in found]
     if any(zoned) and not all(zoned):
         raise InputError(f'{where}: some times have a zone and some have none; write them alike')
@@ -130,6 +131,17 @@ def _check_clock_times(found: Sequence[re.Match[str]], places: Sequence[str]) ->
             f"{places[missing[0]]}: '{date}' has no time of day, and other rows have one; write it "
             f"as in '{date} 14:30:00', or '{date} 00:00:00' if it was midnight"
         )
+
+
+def _check_two_digits(found: Sequence[re.Match[str]], where: str) -> None:
+    """Refuse 24-05-30, where nothing shows whether year or day comes first."""
+    for match in found:
+        if match['mark'] == '-' and len(match['year']) == len('24'):
+            date = '-'.join(match[name] for name in ('one', 'two', 'year'))
+            raise InputError(
+                f"{where}: is '{date}' in {CENTURY + int(match['one'])} or in "
+                f'{CENTURY + int(match["year"])}? write years with four digits, as in 2024-05-31'
+            )
 
 
 def _is_day_first(

@@ -24,6 +24,8 @@ def numbers(folder: Path, *words: str, decimal: Decimal | None = None) -> list[f
         (('1,234,567', '.5'), None, [1234567.0, 0.5]),
         (('1.234.567', '0,5'), None, [1234567.0, 0.5]),
         (("1'500.5", '2e-3'), None, [1500.5, 0.002]),
+        (('1.500', '0,5'), None, [1500.0, 0.5]),
+        (('1.500', '0.250'), None, [1.5, 0.25]),
         (('- 2 500,25', '2\u00a0500'), None, [-2500.25, 2500.0]),
     ],
 )
@@ -42,6 +44,11 @@ def test_thousands_and_decimal_commas_are_read(
         (('1,50', '7'), 'point', r'write it with one, or give --decimal comma for 1\.5'),
         (('0.500', '7'), 'comma', "'0.500', no number with a decimal comma"),
         (('1 5', '7'), None, 'write a number'),
+        (
+            ('1.500', '7'),
+            None,
+            r"is '1\.500' 1\.500 or 1500\? give --decimal point or --decimal comma",
+        ),
     ],
 )
 def test_a_comma_that_fits_neither_is_refused(
@@ -49,6 +56,12 @@ def test_a_comma_that_fits_neither_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=fault):
         numbers(tmp_path, *words, decimal=decimal)
+
+
+def test_points_beside_commas_between_columns_are_decimal(tmp_path: Path) -> None:
+    path = tmp_path / 'p.csv'
+    path.write_text('well,rate\nin,1.500\n')
+    assert read_foreign_table(path).numbers('rate') == [1.5]
 
 
 def test_two_columns_for_one_quantity_are_refused(tmp_path: Path) -> None:

@@ -79,3 +79,12 @@ def test_a_time_that_no_clock_shows_is_refused_with_a_remedy(word: str, fault: s
 def test_hours_of_half_a_day_are_read(word: str, hour: int) -> None:
     (moment,), _ = moments([f'2024-05-31 {word}'], 'p.csv: when')
     assert moment.hour == hour
+
+
+def test_a_year_of_two_digits_between_hyphens_is_refused() -> None:
+    with pytest.raises(
+        InputError, match=r"is '24-05-30' in 2024 or in 2030\? write years with four"
+    ):
+        moments(['24-05-30 23:40:00', '24-05-31 00:20:00'], 'p.csv: when')
+    (time,), _ = moments(['30.05.24 23:40:00'], 'p.csv: when')
+    assert f'{time:%Y-%m-%d}' == '2024-05-30'
