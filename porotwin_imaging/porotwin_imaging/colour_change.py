@@ -20,7 +20,7 @@ from porotwin_core.grid import Grid
 from porotwin_imaging.alignment import alignment_remarks
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import log_ratio_variance
-from porotwin_imaging.colour_correction import checker_gain
+from porotwin_imaging.colour_correction import light_at_chart
 from porotwin_imaging.light_check import refuse_unknown_light
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.photo_cells import photo_cells
@@ -112,10 +112,12 @@ def colour_change(data: bytes, baseline: Baseline, water: Sequence[Box] = ()) ->
     )
     unclipped, clipped = unclipped_cells(cells.sums, cells.share, settings.validity)
     visible = (cells.sums.share > settings.validity.least_visible_share) & unclipped
-    gain, chart = checker_gain(
+    light, chart = light_at_chart(
         cells.pixels, cells.alignment.homography, baseline.chart, settings.colour_checker
     )
-    ratio = _without_lamps(cells.sums.log_ratio, visible, gain, water, baseline)
+    ratio = _without_lamps(
+        cells.sums.log_ratio, visible, None if light is None else light.log_gain, water, baseline
+    )
     blocks = hidden_sand(cells.sums.blocks, settings.validity)
     covered = _covered(ratio, blocks, settings.validity.windows_across) & visible
     bright = covered & (ratio.min(axis=2) > _LEAST_GAS_LIGHT)

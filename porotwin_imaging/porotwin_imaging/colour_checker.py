@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import theilslopes
 
 from porotwin_imaging.geometry import apply_homography
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
@@ -229,15 +230,81 @@ def log_gain(
     not over-exposed in either and not dark in the baseline, so that one covered patch has no
     influence. None if a channel has too few such patches.
     """
-    usable = (
+    usable = _usable(patches, baseline, settings)
+    if usable.sum(axis=0).min() < settings.fewest_patches:
+        return None
+    ratio = _log_ratio(patches, baseline)
+    return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
+
+
+@dataclass(frozen=True)
+class ChartLight:
+    """The light at the chart of a photograph, compared with the baseline.
+
+    Attributes:
+        log_gain: log ratio of the light, per channel, shape (3,).
+        power: p of another tone curve of the camera, state = gain light^(1 + p); 0: the same curve.
+        straight_gain: the log gain (3,) that is left when the curve is undone, see `tone_change`.
+    """
+
+    log_gain: Array
+    power: float
+    straight_gain: Array
+
+
+def chart_light(
+    patches: Array, baseline: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
+) -> ChartLight | None:
+    """Return the light at the chart; `patches` and `baseline` are as in `log_gain`.
+
+    The slope of the log ratios over the log of the baseline is p (Theil-Sen, so that a covered
+    patch has little influence). Stray light gives a slope too. It is no curve if a straight line
+    through the light itself, state = gain light + offset, leaves less. None as in `log_gain`.
+    """
+    gain = log_gain(patches, baseline, settings)
+    if gain is None:
+        return None
+    usable = _usable(patches, baseline, settings)
+    light, ratio = np.log(np.maximum(baseline, 1e-4)), _log_ratio(patches, baseline)
+    lights = _about_medians(light, usable)
+    ratios = _about_medians(ratio, usable)
+    power = float(theilslopes(ratios, lights).slope)
+    bent = np.median(np.abs(ratios - power * lights))
+    hazy = np.median(np.abs(_without_offset(patches, baseline, usable)))
+    if abs(power) < settings.least_power or bent > min(settings.most_power_misfit, hazy):
+        return ChartLight(gain, 0.0, gain)
+    straight = [np.median((ratio - power * light)[usable[:, i], i]) for i in range(3)]
+    return ChartLight(gain, power, np.array(straight) / (1.0 + power))
+
+
+def _about_medians(values: Array, usable: Array) -> Array:
+    """Return the usable `values` (24, 3) less the median of their channel, shape (n,)."""
+    channels = [values[usable[:, i], i] for i in range(3)]
+    return np.concatenate([channel - np.median(channel) for channel in channels])
+
+
+def _without_offset(patches: Array, baseline: Array, usable: Array) -> Array:
+    """Return the log ratios (n,) that robust lines, state = gain light + offset, leave."""
+    left = []
+    for i in range(3):
+        state, light = patches[usable[:, i], i], baseline[usable[:, i], i]
+        line = theilslopes(state, light)
+        fitted = np.maximum(line.slope * light + line.intercept, 1e-4)
+        left.append(np.log(np.maximum(state, 1e-4) / fitted))
+    return np.concatenate(left)
+
+
+def _usable(patches: Array, baseline: Array, settings: ColourCheckerSettings) -> Array:
+    """Return which patches and channels (24, 3) are neither over-exposed nor dark."""
+    return np.asarray(
         (patches < settings.over_exposed)
         & (baseline < settings.over_exposed)
         & (baseline > settings.least_light)
     )
-    if usable.sum(axis=0).min() < settings.fewest_patches:
-        return None
-    ratio = np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4))
-    return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
+
+
+def _log_ratio(patches: Array, baseline: Array) -> Array:
+    return np.asarray(np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4)))
 
 
 def is_plausible(matrix: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker) -> bool:

@@ -106,15 +106,15 @@ def _refuse_turned(
             )
 
 
-def checker_gain(
+def light_at_chart(
     pixels: NDArray[np.uint8],
     homography: Array,
     reference: ColourReference,
     settings: ColourCheckerSettings = DEFAULTS.colour_checker,
-) -> tuple[Array | None, list[str]]:
-    """Return the log gain (3,) of light at the chart since the baseline, and remarks.
+) -> tuple[colour_checker.ChartLight | None, list[str]]:
+    """Return the light at the chart compared with the baseline, and remarks.
 
-    The gain is None if the chart is not visible. `homography` (3, 3) is the alignment of the
+    The light is None if the chart is not visible. `homography` (3, 3) is the alignment of the
     decoded photograph `pixels` to the baseline.
     """
     if reference.corners is None or reference.patches is None:
@@ -122,9 +122,9 @@ def checker_gain(
     moved = cv2.perspectiveTransform(reference.corners[:, None].astype(np.float64), homography)
     corners = moved[:, 0]
     found = colour_checker.find_checker(linear_light_near(pixels, corners), corners, settings)
-    gain = None
+    light = None
     if found is not None:
-        gain = colour_checker.log_gain(found.patches, reference.patches, settings)
-    if gain is None:
+        light = colour_checker.chart_light(found.patches, reference.patches, settings)
+    if light is None:
         return None, ['colour checker not seen: light is judged by the sand alone']
-    return gain, []
+    return light, []

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_imaging.cell_sums import BlockSums
+from porotwin_imaging.colour_checker import ChartLight
 from porotwin_imaging.foreign_signal import without_foreign_signal
 from porotwin_imaging.light_check import exposure_remarks, lit_as_baseline, refuse_unknown_light
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
 from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
-from porotwin_imaging.tone_change import tone_change
+from porotwin_imaging.tone_change import tone_change, tone_of_chart
 from porotwin_imaging.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
@@ -66,7 +67,7 @@ def corrected_light(
     visible: Mask,
     share: Array,
     sums: BlockSums,
-    checker_gain: Array | None,
+    chart_light: ChartLight | None,
     colour: TracerColour | None,
     settings: ImagingSettings = DEFAULTS,
     below_veil: BelowVeil | None = None,
@@ -78,7 +79,7 @@ def corrected_light(
         visible: cells that show their sand, shape (nz, nx).
         share: usable share of each cell, shape (nz, nx).
         sums: means of the baseline over blocks of cells.
-        checker_gain: log gain at the colour chart, shape (3,), or None.
+        chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         settings: settings of all steps.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
@@ -89,7 +90,11 @@ def corrected_light(
     variance: Array = np.zeros((1, 1), np.float32)
     blocks, seen = _blocks(log_ratio, visible)
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
-    tone = tone_change(blocks, before, after, seen, checker_gain, settings)
+    checker_gain, tone = None, None
+    if chart_light is not None:
+        checker_gain = chart_light.straight_gain
+        tone = tone_of_chart(chart_light)
+    tone = tone or tone_change(blocks, before, after, seen, checker_gain, settings)
     remarks = exposure_remarks(checker_gain, settings.light)
     if tone is not None:
         if tone.veil is not None and below_veil is not None:

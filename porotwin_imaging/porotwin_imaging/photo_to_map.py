@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from porotwin_imaging.alignment import Alignment, alignment_remarks
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import log_ratio_variance
-from porotwin_imaging.colour_correction import checker_gain
+from porotwin_imaging.colour_correction import light_at_chart
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.front_curvature import without_curvature
 from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
@@ -172,7 +172,7 @@ def compare_with_baseline(
         visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
-        gain, chart_remarks = checker_gain(
+        chart_light, chart_remarks = light_at_chart(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
         light = corrected_light(
@@ -180,7 +180,7 @@ def compare_with_baseline(
             visible,
             sums.share,
             sums.blocks,
-            gain,
+            chart_light,
             baseline.calibration.signal.tracer_colour,
             settings,
             partial(log_ratio_below, cells=cells, baseline=baseline),

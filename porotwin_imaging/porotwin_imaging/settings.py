@@ -133,6 +133,10 @@ class ColourCheckerSettings:
     """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
     fewest_patches: int = 4
     """Fewest patches per channel whose median ratio is a reliable gain."""
+    least_power: float = 0.03
+    """Change of the power of the tone curve that the chart shows [-]."""
+    most_power_misfit: float = 0.02
+    """Scatter of the patches about another tone curve above which it is none [log ratio]."""
     least_diagonal: float = 0.2
     """Smallest plausible diagonal element of a colour matrix [-]."""
     most_moved: float = 0.01

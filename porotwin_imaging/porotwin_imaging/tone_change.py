@@ -12,7 +12,8 @@ With r the log ratio of the state to the baseline light b, the change is undone 
 
 which leave a constant gain for the drift of light. Sands of different brightness without tracer
 determine p or the offset: the best value lets most of the sand follow one smooth light. The search
-starts only if dark and bright sand drift apart.
+starts only if dark and bright sand drift apart. A colour chart shows p also where all sand is
+alike (`colour_checker.chart_light`).
 
 Haze has a colour of its own. The clean sand of the best offset therefore tells the offset of every
 channel by a straight line, state = gain light + offset. Haze brightens dark grains most, so that it
@@ -25,6 +26,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.colour_checker import ChartLight
 from porotwin_imaging.light_drift import light_drift
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 
@@ -98,6 +100,11 @@ class ToneChange:
         if share < 0:
             return line
         return f'{line}, but strong tracer may read {_PALER * share:.0f} % too pale'
+
+
+def tone_of_chart(light: ChartLight) -> ToneChange | None:
+    """Return the tone curve that the patches of the chart show; None if it is the same."""
+    return ToneChange('curve', light.power, reference=1.0) if light.power else None
 
 
 def tone_change(

@@ -70,3 +70,21 @@ def test_a_chart_that_is_dark_in_one_channel_gives_no_gain() -> None:
     yellowish = REFERENCE * [1.0, 1.0, 0.06]
     assert colour_checker.log_gain(yellowish * 1.1, yellowish) is None
     assert colour_checker.log_gain(REFERENCE, REFERENCE + np.array([1.0, 0.0, 0.0])) is None
+
+
+def test_another_tone_curve_is_seen_at_the_chart_although_a_patch_is_covered() -> None:
+    gain, power = np.array([1.1, 0.9, 1.0]), 0.2
+    later = gain * np.maximum(REFERENCE, 0.0) ** (1.0 + power)
+    later[5] *= 0.3
+    light = colour_checker.chart_light(later, REFERENCE)
+    assert light is not None
+    assert light.power == pytest.approx(power, abs=0.01)
+    np.testing.assert_allclose(light.straight_gain, np.log(gain) / (1.0 + power), atol=0.01)
+
+
+@pytest.mark.parametrize('offset', [0.0, 0.02, 0.08])
+def test_stray_light_at_the_chart_is_no_tone_curve(offset: float) -> None:
+    light = colour_checker.chart_light(0.8 * REFERENCE + offset, REFERENCE)
+    assert light is not None
+    assert light.power == 0.0
+    np.testing.assert_array_equal(light.straight_gain, light.log_gain)
