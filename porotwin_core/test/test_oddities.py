@@ -79,6 +79,10 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'camera': {'corners_px': [CORNERS[i] for i in (0, 2, 1, 3)]}}, 'without a dent'),
         ({'camera': {'corners_px': CORNERS, 'colour_checker_px': CORNERS[::-1]}}, 'checker_px'),
         ({'camera': {'corners_px': CORNERS[:3]}}, 'too few values'),
+        (
+            {'effects': [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 92}}]},
+            'write 0.92 if 92 % is meant',
+        ),
         ({'depth_m': '10 mm'}, 'write the number alone'),
         ({'depth_m': '0,01'}, 'decimal point'),
         ({'depth_m': True}, 'write a number'),
@@ -134,6 +138,24 @@ def test_the_small_rig_is_not_odd() -> None:
                 'control.fixed': {'injector': {'rate_ml_h': 500.0, 'pauses_min': [[50, 70]]}},
             },
             'fixed.injector.pauses_min: a pause from 50 to 70 min ends after end_min 60',
+        ),
+        (
+            {'control.fixed': {'injector': {'rate_ml_h': -500.0, 'concentration': 1.0}}},
+            'takes out 500 ml/h, but has the concentration 1 of injected water',
+        ),
+        (
+            {'control.fixed': {'injector': {'rate_ml_h': -500.0}}},
+            'take out 500 ml/h more than they inject, so that producer would have to inject',
+        ),
+        (
+            {
+                'control.fixed': {
+                    'injector': {'rate_ml_h': 500.0, 'pauses_min': [[20, 30]]},
+                    'control3': {'rate_ml_h': -100.0},
+                },
+                'control.wells': ['control1', 'control2'],
+            },
+            'take out 100 ml/h more than they inject in the pause at 20 min',
         ),
         *(
             (

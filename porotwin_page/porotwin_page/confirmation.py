@@ -32,6 +32,9 @@ BALANCE_ML_H = 0.0501
 LONGEST_VALUE = 40
 """Characters of a wrong value that a refusal repeats."""
 
+FAR_OFF = 3.0
+"""Factor between an entered and a fixed rate above which it is probably a slip of the unit."""
+
 KEYS = ('sequence', 'orders', 'rates_ml_h', 'sure')
 
 ORDERS = ('setpoint', 'safe')
@@ -214,6 +217,12 @@ def _doubts(rates: Mapping[str, WellRate], rig: Rig | None) -> list[str]:
         f'{well} is above its limit of {control.max_rate_ml_h:g} ml/h.'
         for well in control.wells
         if shown.get(well, 0.0) > control.max_rate_ml_h + BALANCE_ML_H
+    ]
+    doubts += [
+        f'{name} runs at {well.rate_ml_h:g} ml/h all the time, but {shown[name]:.1f} ml/h is '
+        'entered; are the rates in ml/h?'
+        for name, well in control.fixed.items()
+        if shown.get(name) and not 1 / FAR_OFF <= shown[name] / (well.rate_ml_h or 1.0) <= FAR_OFF
     ]
     if control.producer is not None and shown.get(control.producer, 0.0) > 0:
         doubts.append(f'{control.producer} takes out, but a rate without minus injects.')

@@ -4,6 +4,9 @@ from typing import Any, NamedTuple
 
 from porotwin_core.errors import InputError
 
+LARGEST_NUMBER = 2**64 - 1
+"""Largest number that a message can carry (uint64)."""
+
 
 class MendAnswer(NamedTuple):
     """Whether the offer `sequence` is accepted."""
@@ -20,6 +23,10 @@ def parse_mend_answer(data: Any) -> MendAnswer:
     """
     given = data if isinstance(data, dict) else {}
     sequence, accept = given.get('sequence'), given.get('accept')
-    if type(sequence) is not int or sequence < 1 or not isinstance(accept, bool):
+    if (
+        type(sequence) is not int
+        or not 1 <= sequence <= LARGEST_NUMBER
+        or not isinstance(accept, bool)
+    ):
         raise InputError('answer: send {"sequence": number of the offer, "accept": true or false}')
     return MendAnswer(sequence, accept)

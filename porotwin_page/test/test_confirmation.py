@@ -47,6 +47,7 @@ def test_the_safe_rates_may_be_confirmed_after_the_end_of_a_setpoint() -> None:
         ({'producer': -1000.0}, '380.0 ml/h more comes out than goes in'),
         ({'injector': -500.0, 'producer': 380.0}, 'injector injects, but -500.0 ml/h takes out'),
         ({'producer': 620.0}, 'producer takes out'),
+        ({'injector': 8.33, 'producer': -128.33}, 'injector runs at 500 ml/h all the time'),
         ({'control1': 600.0, 'producer': -1100.0}, 'control1 is above its limit of 500 ml/h'),
     ],
 )

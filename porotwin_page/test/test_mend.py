@@ -24,7 +24,15 @@ def test_an_open_offer_waits_for_an_answer_and_a_notice_does_not() -> None:
 
 
 @pytest.mark.parametrize(
-    'wrong', [None, [], {'sequence': 1}, {'sequence': True, 'accept': True}, {'accept': False}]
+    'wrong',
+    [
+        None,
+        [],
+        {'sequence': 1},
+        {'sequence': True, 'accept': True},
+        {'sequence': 10**100, 'accept': True},
+        {'accept': False},
+    ],
 )
 def test_another_answer_is_refused(wrong: object) -> None:
     assert parse_mend_answer({'sequence': 3, 'accept': False}) == (3, False)

@@ -39,6 +39,20 @@ class FixedWell(Section):
         (), description='announced pauses: start and end of each after the start [min]'
     )
 
+    @pydantic.model_validator(mode='after')
+    def _injects_what_has_a_concentration(self) -> Self:
+        if self.rate_ml_h < 0.0 and self.concentration > 0.0:
+            raise ValueError(
+                f'takes out {-self.rate_ml_h:g} ml/h, but has the concentration '
+                f'{self.concentration:g} of injected water; give an injector a positive rate_ml_h, '
+                'a producer no concentration'
+            )
+        return self
+
+    def is_paused(self, minute: float) -> bool:
+        """Return whether the well is in a pause at a `minute` after the start."""
+        return any(start <= minute < end for start, end in self.pauses_min)
+
     @pydantic.field_validator('pauses_min')
     @classmethod
     def _pauses_end_later(
@@ -187,6 +201,22 @@ class Control(Section):
                         f'fixed.{name}.pauses_min: a pause from {start:g} to {end:g} min ends '
                         f'after end_min {self.end_min:g}; correct one of them'
                     )
+        return self
+
+    @pydantic.model_validator(mode='after')
+    def _leaves_no_injection_to_the_producer(self) -> Self:
+        if self.producer is None:
+            return self
+        starts = {start for well in self.fixed.values() for start, _ in well.pauses_min}
+        for minute in sorted({0.0, *starts}):
+            net = math.fsum(w.rate_ml_h for w in self.fixed.values() if not w.is_paused(minute))
+            if net < -PUMP_STEP_ML_H * STEP_ROUND_OFF:
+                raise ValueError(
+                    f'fixed wells take out {-net:g} ml/h more than they inject'
+                    + (f' in the pause at {minute:g} min' if minute > 0.0 else '')
+                    + f', so that {self.producer} would have to inject while the control wells are '
+                    'off; correct the signs of their rates, or let another well balance them'
+                )
         return self
 
     @pydantic.model_validator(mode='after')

@@ -50,6 +50,9 @@ MOST_GRADIENT = 10.0
 """Difference of two heads over the distance of their sides above which it is refused: sand would be
 washed out, and a prediction takes minutes."""
 
+MOST_USUAL_FACTOR = 10.0
+"""Factor on a rate, a depth or a porosity [-] above which it is probably a percentage."""
+
 IN_ZONE_SAMPLES = 200
 """Places along each side of the rig, for the search of a zone."""
 
@@ -65,6 +68,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
         *_wells(rig),
         *_corners(rig),
         *_leaks(rig),
+        *_factors(rig),
         *_control(rig),
         *_repeated_effects(rig),
     ]
@@ -280,6 +284,19 @@ def _leaks(rig: Rig) -> Iterator[Remark]:
             remark = rate_remark('effects: leak: rate', rate, rig.pore_volume)
             if remark is not None:
                 yield remark
+
+
+def _factors(rig: Rig) -> Iterator[Remark]:
+    """Remark factors of pumps, depths and porosities that are probably percentages."""
+    for effect in rig.effects:
+        factor = effect.parameters.get('factor')
+        if isinstance(factor, int | float) and factor > MOST_USUAL_FACTOR:
+            yield Remark(
+                f'effects: {effect.name}: factor',
+                f'{factor:g}',
+                f'{factor:g} times the nominal value',
+                f'write {factor / 100:g} if {factor:g} % is meant',
+            )
 
 
 def _control(rig: Rig) -> Iterator[Remark]:
