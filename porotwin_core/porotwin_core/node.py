@@ -4,9 +4,12 @@ import math
 import os
 import signal
 import sys
+from _thread import interrupt_main
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from threading import Event
+from types import FrameType
 from typing import Any, NoReturn
 from weakref import WeakKeyDictionary
 
@@ -299,13 +302,17 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = executor_of(1 if threads == 1 else threads + 1)
     node = None
-    with signals_as_interrupts():
+    with signals_as_interrupts() as asked:
         try:
             with until_shutdown(executor.context):
                 node = make_node()
                 ensure_diagnostics(node)
-                steady = Clock(clock_type=ClockType.STEADY_TIME)
-                node.create_timer(HEARTBEAT_S, _wake, clock=steady)
+                steady, own = (
+                    Clock(clock_type=ClockType.STEADY_TIME),
+                    MutuallyExclusiveCallbackGroup(),
+                )
+                wake = partial(_wake, asked)
+                node.create_timer(HEARTBEAT_S, wake, callback_group=own, clock=steady)
                 executor.add_node(node)
                 executor.spin()
         except InputError as error:
@@ -319,21 +326,33 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
 
 
 @contextmanager
-def signals_as_interrupts() -> Iterator[None]:
+def signals_as_interrupts() -> Iterator[Event]:
     """Raise KeyboardInterrupt at SIGINT and SIGTERM, at most a heartbeat later.
 
-    rclpy's own handlers end the context at once, which `end_in_order` avoids.
+    The yielded event is set by the first of them. rclpy's own handlers end the context at once,
+    which `end_in_order` avoids.
     """
-    before = {one: signal.signal(one, signal.default_int_handler) for one in STOP_SIGNALS}
+    asked = Event()
+
+    def interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
+        asked.set()
+        raise KeyboardInterrupt
+
+    before = {one: signal.signal(one, interrupt) for one in STOP_SIGNALS}
     try:
-        yield
+        yield asked
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
 
 
-def _wake() -> None:
-    """Let the main thread look for signals: it takes none while it waits for messages."""
+def _wake(asked: Event) -> None:
+    """Let the main thread look for signals: it takes none while it waits for messages.
+
+    Python drops an interrupt that is raised inside a destructor, so that it is repeated.
+    """
+    if asked.is_set():
+        interrupt_main()
 
 
 def executor_of(threads: int, context: Context | None = None) -> Executor:

@@ -1,6 +1,7 @@
 """Tests of the main loop of nodes: its health, its parameters, and a quiet end at any moment."""
 
 import math
+import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -202,3 +203,30 @@ def test_a_stuck_worker_shows_while_the_executor_spins_on() -> None:
     stuck = nodes[0].heard[-1]
     assert stuck.level == DiagnosticStatus.ERROR
     assert {value.key for value in stuck.values} >= {'report_age_s', 'busy_with', 'busy_s'}
+
+
+class Destroyed:
+    """Asks the process to stop while Python destroys it, where errors are dropped."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+class AskedInADestructor(Node):
+    """A node that is asked to stop inside a destructor."""
+
+    def __init__(self) -> None:
+        super().__init__('asked_in_a_destructor')
+        self.create_timer(0.1, self._destroy)
+        self._times = 0
+
+    def _destroy(self) -> None:
+        self._times += 1
+        if self._times == 1:
+            Destroyed()
+
+
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnraisableExceptionWarning')
+@pytest.mark.timeout(20)
+def test_an_interrupt_that_python_drops_is_repeated() -> None:
+    run(AskedInADestructor, threads=1)

@@ -79,10 +79,6 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'camera': {'corners_px': [CORNERS[i] for i in (0, 2, 1, 3)]}}, 'without a dent'),
         ({'camera': {'corners_px': CORNERS, 'colour_checker_px': CORNERS[::-1]}}, 'checker_px'),
         ({'camera': {'corners_px': CORNERS[:3]}}, 'too few values'),
-        (
-            {'effects': [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 92}}]},
-            'write 0.92 if 92 % is meant',
-        ),
         ({'depth_m': '10 mm'}, 'write the number alone'),
         ({'depth_m': '0,01'}, 'decimal point'),
         ({'depth_m': True}, 'write a number'),
@@ -231,6 +227,10 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         (
             {'effects': [LESS_POROUS, LESS_POROUS]},
             'effects.2 is porosity: it repeats an effect above',
+        ),
+        (
+            {'effects': [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 92}}]},
+            'write 0.92 if 92 % is meant',
         ),
     ],
 )

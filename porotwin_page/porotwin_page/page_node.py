@@ -153,7 +153,6 @@ class PageNode(Node):
             rigs=RigList(port, rigs),
             settings=StreamSettings(limit=browsers),
         )
-        self._server = ServerThread(self._application.make(), listening)
         self._announced = announce(self.get_namespace(), self.context.get_domain_id(), host, port)
         self._url = f'http://{address.written(host, port)}'
         for line in address.page_lines(address.written(host, port), token):
@@ -165,6 +164,8 @@ class PageNode(Node):
         # the graph's clock may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(NODES_PERIOD, self._update_nodes, clock=steady)
+        # the last step: an interrupt before it leaves no thread that waits for an answer
+        self._server = ServerThread(self._application.make(), listening)
 
     def _set_confirm_timeout(self, value: float) -> None:
         self._confirm_timeout = value
