@@ -9,6 +9,7 @@ import numpy as np
 from porotwin_core.plausibility import Remark
 from porotwin_core.units import HOUR_S, MINUTE_S, to_ml_h
 from porotwin_core.wells import Schedule, WellRate
+from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.rates import later_commands, remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
@@ -42,6 +43,13 @@ FEW_CELLS = 1e-3
 
 MOST_PERCENT = 130.0
 """Value above which a map is not in percent."""
+
+SEEN = 0.02
+"""Concentration that is tracer and no noise."""
+
+FAINT, LEAST_PLUME_CELLS = 0.4, 50.0
+"""Concentration over the injected one below which maps are odd, and the volume of the injected
+stock [cells] from which on the plume is larger than its fronts."""
 
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
@@ -90,6 +98,23 @@ def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
         if np.nanmean(values > MOST_STOCK) < FEW_CELLS:
             remedy = 'single cells, such as a glare: write NaN there'
         yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)
+    elif largest > SEEN:
+        yield from _faint(data, data.maps, largest)
+
+
+def _faint(data: RecordedData, maps: ConcentrationMaps, largest: float) -> Iterator[Remark]:
+    """Yield a remark if a plume of many cells holds far paler water than the pumps inject."""
+    if data.commanded is None or not data.commanded.rows:
+        return
+    rows = [row.rate for row in data.commanded.rows if row.rate.rate > 0.0]
+    injected = max((rate.concentration for rate in rows), default=0.0)
+    stock = data.commanded.injected_stock(0.0, float(maps.times[-1]))
+    cell = float(np.mean(data.rig.cell_pore_volume(maps.grid)))
+    if stock < LEAST_PLUME_CELLS * cell * injected or largest >= FAINT * injected:
+        return
+    remedy = 'is 1 the stock? Import them with --stock, or scale them'
+    why = f'the pumps inject {injected:g}, and a plume this large is nearly as strong at its well'
+    yield Remark('concentration.nc', f'up to {largest:.3g}', why, remedy)
 
 
 SAME_RATE = 0.005

@@ -102,6 +102,15 @@ def test_two_rates_of_a_well_at_one_time_are_odd() -> None:
     assert 'another rate at the same time of 0 s' in str(remark)
 
 
+@pytest.mark.parametrize(('value', 'count'), [(0.25, 1), (0.9, 0), (0.0, 0)])
+def test_maps_far_paler_than_the_injected_stock_are_odd(value: float, count: int) -> None:
+    values = np.full((2, 56, 93), value, np.float32)
+    maps = ConcentrationMaps(np.array([0.0, 4800.0]), RIG.grid(93, 56), lambda a, b: values[a:b])
+    found = list(remarks_about_maps(replace(recording(), maps=maps)))
+    assert [str(remark) for remark in found if 'is 1 the stock?' not in str(remark)] == []
+    assert len(found) == count
+
+
 @pytest.mark.parametrize(
     ('photos', 'named'),
     [
