@@ -303,6 +303,7 @@ class PageNode(Node):
             time=conversions.time_from_msg(message.header.stamp),
             confidence=message.confidence,
             sentence=message.sentence,
+            report=message.report,
         )
         self._store.update(graph_snapshot.with_offer, offer)
 
