@@ -100,7 +100,9 @@ class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph,
 
 def nobody_to_ask(_: WellRates) -> Expectation:
     """Answer no question."""
-    raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
+    raise SiblingsUnavailable(
+        'no forecast: the node siblings, an ensemble of twins, does not run; start it'
+    )
 
 
 def nobody_to_mend(_: MendAnswer) -> None:
