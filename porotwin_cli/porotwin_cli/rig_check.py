@@ -20,11 +20,11 @@ from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
-from porotwin_core.plausibility import Remark
+from porotwin_core.plausibility import PERMEABILITY, WATER_WEIGHT, Remark
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
-from porotwin_core.units import ML, percent, to_ml_h
+from porotwin_core.units import DARCY, ML, percent, to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
@@ -282,7 +282,7 @@ def pumped_in(data: RecordedData) -> Pumped:
 
 def in_words(checked: CheckedRig) -> list[str]:
     """Return the lines of a check beside its remarks."""
-    lines = effects_in_words(checked.effects)
+    lines = effects_in_words(checked.effects) + barriers_in_words(checked.rig)
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
@@ -333,6 +333,22 @@ def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
         if one.name in EFFECTS
     ]
     return [f'the model has these effects: {"; ".join(told)}'] if told else []
+
+
+def barriers_in_words(rig: Rig) -> list[str]:
+    """Return one line about the sands that conduct less than any sand; empty without any.
+
+    Beside other sand they are no mistake if they are clay, so that they are no remarks.
+    """
+    least = PERMEABILITY.usual[0]
+    known = {name: rig.permeability_of_sand(name) for name in rig.sands}
+    tight = [f'{name} ({one:.2g} m2)' for name, one in known.items() if one < least]
+    told = (
+        f'barriers: {", ".join(tight)}; this is right for clay. Sand has at least {least:g} m2: '
+        f'for sand correct the unit; 1 darcy is {DARCY:.3g} m2, and 1 cm/s of water is '
+        f'{1e-2 / WATER_WEIGHT:.3g} m2'
+    )
+    return [told] if tight else []
 
 
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:

@@ -252,6 +252,29 @@ def test_fixed_wells_may_outdo_the_control() -> None:
 
 
 @pytest.mark.parametrize(
+    ('clay_m2', 'well_z_m', 'odd'), [(5e-13, 0.25, True), (2e-12, 0.25, False), (5e-13, 0.3, False)]
+)
+def test_a_well_in_sand_that_hardly_conducts_is_named(
+    clay_m2: float, well_z_m: float, odd: bool
+) -> None:
+    data = described({'wells.tight': {'x_m': 0.4, 'z_m': well_z_m}})
+    del data['porosity'], data['permeability_m2']
+    data['sands'] = {
+        'coarse': {'porosity': 0.4, 'permeability_m2': 1e-9},
+        'clay': {'porosity': 0.4, 'permeability_m2': clay_m2},
+    }
+    data['sand_layers'] = [
+        {'sand': 'coarse', 'top_m': 0.24},
+        {'sand': 'clay', 'top_m': 0.30},
+        {'sand': 'coarse'},
+    ]
+    remarks = [str(remark) for remark in remarks_about(parse_rig(data, Path('rig.yaml')))]
+    found = [one for one in remarks if 'hardly any water' in one]
+    assert len(found) == odd
+    assert not odd or "wells.tight is (0.4, 0.25) m: the sand 'clay' there has 5e-13" in found[0]
+
+
+@pytest.mark.parametrize(
     ('conductivities', 'count'), [((1e-3, 1e-8), 0), ((1e-8, 1e-8), 2), ((1e-3, 1e-4), 0)]
 )
 def test_a_barrier_beside_sand_is_no_mistake(conductivities: tuple[float, ...], count: int) -> None:

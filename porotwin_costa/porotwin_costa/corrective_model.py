@@ -106,9 +106,10 @@ class CorrectiveModel:
         """
         self.for_wells(tuple(rig.wells), grid)
         if difference := self.physics.difference(PhysicsId.of(rig, preset)):
-            raise InputError(
-                f'model corrects {difference}; use the one it was trained for, or train again'
-            )
+            remedy = 'use the one it was trained for'
+            if self.physics.preset and preset and self.physics.preset != preset:
+                remedy = f'run with --preset {self.physics.preset}'
+            raise InputError(f'model corrects {difference}; {remedy}, or train again')
         return self
 
     def save(self, path: Path) -> None:

@@ -99,11 +99,14 @@ class Evaluation:
 
     def table(self) -> str:
         """Return a table for a person: mean errors, and the last ones of the free run."""
-        lines = [f'{"experiment":26} frames   one step: PBM   COSTA   free-run: PBM   COSTA']
-        for name in dict.fromkeys(frame.experiment for frame in self.frames):
+        names = dict.fromkeys(frame.experiment for frame in self.frames)
+        shown = {name: '/'.join(Path(name).parts[-2:]) for name in names}
+        width = max(map(len, ('experiment', *shown.values())))
+        lines = [f'{"experiment":{width}} frames   one step: PBM   COSTA   free-run: PBM   COSTA']
+        for name in names:
             own = Evaluation(tuple(f for f in self.frames if f.experiment == name), ())
             lines.append(
-                f'{name[-26:]:26} {len(own.frames):6d}   {own.mean("predicted"):13.4f}'
+                f'{shown[name]:{width}} {len(own.frames):6d}   {own.mean("predicted"):13.4f}'
                 f' {own.mean("corrected"):7.4f}   {own.frames[-1].free_predicted:13.4f}'
                 f' {own.frames[-1].free_corrected:7.4f}'
             )

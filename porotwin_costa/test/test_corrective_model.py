@@ -87,7 +87,7 @@ def test_model_for_another_preset_or_rig_is_refused(trained, grid, rig, tmp_path
     again = CorrectiveModel.load(path)
     assert again.for_physics(rig, grid, 'upwind') is again
     assert not again.doubt
-    with pytest.raises(InputError, match="preset 'upwind', not 'fast'") as refusal:
+    with pytest.raises(InputError, match="not 'fast'; run with --preset upwind") as refusal:
         again.for_physics(rig, grid, 'fast')
     assert '\n' not in str(refusal.value)
     sorbing = EffectDescription(name='sorption', parameters={'retardation_factor': 1.2})

@@ -52,6 +52,13 @@ def test_without_correction_both_runs_agree(model, unseen_frames):
     assert 'not the whole correction in 24 of 24 frames; the first: no model' in result.table()
 
 
+def test_the_table_names_the_last_two_folders_of_a_recording(model, unseen_frames):
+    long = dataclasses.replace(unseen_frames, name='/data/work/clone/runs/a_night_of_experiments')
+    head, line, *_ = _run(model, [long], _nothing).table().splitlines()
+    assert line.startswith('runs/a_night_of_experiments     24 ')
+    assert head.index('frames') + len('frames') == line.index(' 24 ') + 3
+
+
 def test_exact_correction_has_no_error_one_step_ahead_or_free_running(model, unseen_frames):
     steady = dataclasses.replace(
         unseen_frames,

@@ -15,7 +15,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions
+from porotwin_core import PROGRAM, conversions
 from porotwin_core.errors import InputError
 from porotwin_core.freshness import stamp_doubts
 from porotwin_core.model_effects import ToldEffects
@@ -30,6 +30,7 @@ from porotwin_diagnosis.progress import WorkClock
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.bag import origin_of_state
 from porotwin_recording.recording import open_recording
 from porotwin_solver.presets import PRESETS
 
@@ -101,7 +102,12 @@ class DiagnosisNode(Node):
             systematic = conversions.deviation_from_msg(message.systematic, grid)
             with self._lock:
                 self._run.add_map(
-                    stamp, concentration, grid, deviation=deviation, systematic=systematic
+                    stamp,
+                    concentration,
+                    grid,
+                    deviation=deviation,
+                    systematic=systematic,
+                    origin=origin_of_state(message, PROGRAM),
                 )
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')

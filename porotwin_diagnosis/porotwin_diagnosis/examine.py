@@ -96,10 +96,12 @@ def examine(
     verdict = decide(evidence)
     judged = _as_judged(held_out, samples, verdict)
     found = recordings[0].rig.with_effects(verdict.model.effects)
-    progress('looking for experiments that show more', 0.95)
+    unexplained = verdict.name == UNEXPLAINED
+    next_stage = 'describing the gap' if unexplained else 'looking for experiments that show more'
+    progress(next_stage, 0.95)
     screening = levels.screening
     remainder, partial = None, None
-    if verdict.name == UNEXPLAINED:
+    if unexplained:
         remainder = describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
         partial = partial_cause(recordings, levels, verdict.model, judged, excluded=excluded)
         proposals = tell_kinds_apart(remainder, samples[0])

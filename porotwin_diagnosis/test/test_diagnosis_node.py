@@ -22,6 +22,7 @@ from porotwin_core.node_thread import NodeThread  # noqa: E402
 from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
 from porotwin_msgs.action import Diagnose  # noqa: E402
 from porotwin_msgs.msg import NewState, Outcome, Setpoint  # noqa: E402
+from porotwin_recording.recording import open_recording  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
@@ -105,6 +106,22 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
         publisher.publish(message)
     # messages arrive one after the other, and the setpoint may be the last
     until(lambda: 'the run so far: 3 maps are too few' in graph.refusal())
+
+
+def test_the_run_so_far_tells_how_its_maps_were_made(graph, tmp_path):
+    publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+    setpoints = graph.node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+    for topic in ('asset/new_state', 'wells/setpoint'):
+        until(partial(graph.server.count_publishers, topic))
+    setpoints.publish(Setpoint(wells=conversions.rates_to_msg({'injector': WellRate()})))
+    tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, 900.0)
+    state = NewState(tracer=tracer, header=tracer.header, calibrated=True, calibration='ab' * 32)
+    publisher.publish(state)
+    run = graph.server._run
+    until(lambda: len(run._rates) and 900.0 in run.times)
+    run.write(tmp_path / 'run')
+    origin = open_recording(tmp_path / 'run').maps.origin
+    assert (origin.calibrated, origin.calibration) == (True, 'ab' * 32)
 
 
 def test_a_photograph_with_a_wrong_stamp_does_not_end_the_run(tmp_path):

@@ -6,6 +6,7 @@ from diagnosis_examples import candidate, sample_of
 
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.progress import STAGE_ENDS
 from porotwin_diagnosis.search.effect_search import fitted_again_alone, search_effects
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import make_levels
@@ -37,7 +38,8 @@ def test_a_search_names_the_effect_and_returns_its_levels(denser_sand):
 def test_a_member_that_was_stuck_alone_is_fitted_again(denser_sand):
     """The member found its parameters beside another effect only."""
     sample = sample_of(denser_sand)
-    levels = make_levels([sample], progress=lambda _stage, _share: None)
+    positions = []
+    levels = make_levels([sample], progress=lambda _stage, position: positions.append(position))
     judging = levels.judging
     porosity, saturation = (candidate([sample], name) for name in ('porosity', 'saturation'))
     stuck = judging.evaluate((porosity,), np.zeros(1))
@@ -45,6 +47,9 @@ def test_a_member_that_was_stuck_alone_is_fitted_again(denser_sand):
     pair = judging.evaluate((porosity, saturation), np.array([right, 0.0]))
     alone = judging.evaluate((porosity,), np.array([right]))
     findings = Findings(stuck, stuck, [], singles=[stuck], pairs=[pair], parts=[alone])
-    _, singles = fitted_again_alone(levels, findings)
+    _, singles = fitted_again_alone(levels, findings, 0.52)
     assert singles[0].effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.004)
     assert normalised_misfit(singles[0]) < 0.3 * normalised_misfit(stuck)
+    before_triples = STAGE_ENDS[3]
+    assert positions[0] == 0.52
+    assert 0.52 < max(positions) <= before_triples, 'the search for a third effect follows'

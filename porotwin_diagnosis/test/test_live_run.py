@@ -10,6 +10,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.live_run import KEPT_RUNS, MOST_MAPS, LiveRun, forget_old_runs
+from porotwin_recording.concentration import MapOrigin
 from porotwin_recording.recording import open_recording
 
 GRID = SMALL.grid(20, 12)
@@ -142,6 +143,14 @@ def test_deviations_are_written_where_they_are_known(tmp_path):
     plain = run_with_maps(0.0, 30.0)
     plain.add_commanded_rates(0.0, INJECTING)
     assert written(plain, tmp_path / 'plain').maps.deviation is None
+
+
+def test_the_origin_of_the_maps_is_written(tmp_path):
+    run = LiveRun(SMALL, GRID)
+    run.add_commanded_rates(0.0, INJECTING)
+    calibrated = MapOrigin(True, 'ab' * 32, 'PoroTwin 1.0')
+    run.add_map(0.0, EMPTY, GRID, origin=calibrated)
+    assert written(run, tmp_path / 'run').maps.origin == calibrated
 
 
 def test_the_recordings_of_the_newest_diagnoses_are_kept(tmp_path):

@@ -192,6 +192,7 @@ class MendOffer:
         time: of the last photograph that the diagnosis has seen [s].
         confidence: of the verdict [-].
         sentence: text for the operator.
+        report: path of the report on the diagnosis; empty if there is none.
     """
 
     sequence: int
@@ -200,6 +201,7 @@ class MendOffer:
     time: float
     confidence: float
     sentence: str
+    report: str = ''
 
 
 class Level(Enum):

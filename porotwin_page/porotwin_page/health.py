@@ -84,4 +84,5 @@ def worst_view(nodes: list[Json]) -> Json:
             others = f' (+{len(affected) - 1})' if len(affected) > 1 else ''
             shown = 'error' if level == 'silent' else level
             return {'level': shown, 'text': f'{_SYMBOLS[level]} {text}{others}'}
-    return {'level': 'ok', 'text': f'✔ {len(nodes)} nodes' if nodes else ''}
+    count = '1 node' if len(nodes) == 1 else f'{len(nodes)} nodes'
+    return {'level': 'ok', 'text': f'✔ {count}' if nodes else ''}

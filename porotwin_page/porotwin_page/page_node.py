@@ -304,6 +304,7 @@ class PageNode(Node):
             time=conversions.time_from_msg(message.header.stamp),
             confidence=message.confidence,
             sentence=message.sentence,
+            report=message.report,
         )
         self._store.update(graph_snapshot.with_offer, offer)
 
@@ -370,7 +371,9 @@ class PageNode(Node):
         """
         client = self._what_if_client
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
-            raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
+            raise SiblingsUnavailable(
+                'no forecast: the node siblings, an ensemble of twins, does not run; start it'
+            )
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
         response = answer_within(client, request, ANSWER_TIMEOUT, look=self._go_on)
         if response is None:

@@ -16,6 +16,7 @@ import time
 import uuid
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -52,6 +53,12 @@ SECURITY_HEADERS = {
     'Cross-Origin-Resource-Policy': 'same-origin',
     'Cache-Control': 'no-store',
 }
+
+REPORT = 'report.html'
+"""Name of a report on a diagnosis: the only files that an offer may point to."""
+
+REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox"
+"""Content security policy of a report, which holds its pictures and its style."""
 
 MAX_CONFIRMATION = 16 * 1024
 """Largest request of a browser [bytes]: rates of some hundred wells."""
@@ -93,7 +100,9 @@ class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph,
 
 def nobody_to_ask(_: WellRates) -> Expectation:
     """Answer no question."""
-    raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
+    raise SiblingsUnavailable(
+        'no forecast: the node siblings, an ensemble of twins, does not run; start it'
+    )
 
 
 def nobody_to_mend(_: MendAnswer) -> None:
@@ -180,6 +189,7 @@ class PageApplication:
                 web.get('/events', self.events),
                 web.get('/past', self.past),
                 web.get('/rigs', self.rigs),
+                web.get('/report', self.report),
                 web.get('/map/{panel}.png', self.map),
                 web.get('/values/{panel}', self.values),
                 web.get('/scale/{panel}.png', self.scale),
@@ -223,6 +233,22 @@ class PageApplication:
         """Answer with the rigs to choose from: name, address, and which is this one."""
         host = request.url.host or DEFAULT_HOST
         return web.json_response(await asyncio.to_thread(self._rigs.offered, host))
+
+    async def report(self, _: web.Request) -> web.Response:
+        """Answer with the report on the newest offer; 404 if it is not on this machine."""
+        offer = self._store.snapshot.offer
+        if offer is None or not offer.report:
+            raise web.HTTPNotFound(text='there is no report on an offer yet\n')
+        path = Path(offer.report)
+        try:
+            if path.name != REPORT:
+                raise FileNotFoundError
+            text = await asyncio.to_thread(path.read_text, encoding='utf-8')
+        except (OSError, ValueError):
+            where = 'open it on the machine of the node diagnosis'
+            raise web.HTTPNotFound(text=f'{path}: no report can be read here; {where}\n') from None
+        headers = {'Content-Security-Policy': REPORT_POLICY}
+        return web.Response(text=text, content_type='text/html', headers=headers)
 
     async def past(self, request: web.Request) -> web.Response:
         """Answer with the maps' contents of an earlier state."""

@@ -87,6 +87,7 @@ def test_the_worst_node_is_named_with_the_number_of_others() -> None:
 def test_healthy_nodes_are_counted() -> None:
     nodes = [node('camera', 'ok'), node('hub', 'quiet')]
     assert worst_view(nodes) == {'level': 'ok', 'text': '✔ 2 nodes'}
+    assert worst_view(nodes[:1]) == {'level': 'ok', 'text': '✔ 1 node'}
 
 
 def test_a_long_message_is_cut() -> None:

@@ -23,6 +23,12 @@ def test_an_open_offer_waits_for_an_answer_and_a_notice_does_not() -> None:
     assert not content('mend', notice)['open']
 
 
+def test_an_offer_with_a_report_has_a_link_to_it() -> None:
+    for report in ('', '/runs/diagnosis_01/report.html'):
+        offered = snapshot.with_offer(two_cycles(), replace(OFFER, report=report))
+        assert content('mend', offered)['report'] is bool(report)
+
+
 @pytest.mark.parametrize(
     'wrong',
     [

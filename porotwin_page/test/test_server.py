@@ -7,6 +7,7 @@ import socket
 import threading
 import urllib.request
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -131,6 +132,26 @@ def test_the_page_and_its_files_are_served_and_load_nothing_else() -> None:
 def test_other_files_are_not_served(path) -> None:
     async def work(_: Scene, client: TestClient) -> None:
         assert (await client.get(f'/{path}')).status == 404
+
+    with_client(work)
+
+
+def test_the_report_on_an_offer_is_served_and_no_other_file(tmp_path: Path) -> None:
+    report, other = tmp_path / 'report.html', tmp_path / 'other.html'
+    for file in (report, other):
+        file.write_text('<p>a leak</p>')
+
+    async def work(scene: Scene, client: TestClient) -> None:
+        assert (await client.get('/report')).status == 404
+        for path, status in ((report, 200), (other, 404), (tmp_path / 'x' / 'report.html', 404)):
+            offer = snapshot.MendOffer(1, 'offered', True, START, 0.9, 'a leak', str(path))
+            scene.store.update(snapshot.with_offer, offer)
+            response = await client.get('/report')
+            assert response.status == status
+            assert ('a leak' in await response.text()) is (status == 200)
+            policy = response.headers['Content-Security-Policy']
+            assert "default-src 'none'" in policy
+            assert 'sandbox' in policy or status == 404
 
     with_client(work)
 

@@ -384,14 +384,14 @@ def _first_state(bag: BagReader, segment: Segment) -> tuple[Any, MapOrigin, Grid
             bag.remark(f'{faults[0]}; {len(faults)} states are left out')
         grid = state.tracer.grid
         cells = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
-        return state, _origin(state, bag.topics[wanted.topic].program), cells
+        return state, origin_of_state(state, bag.topics[wanted.topic].program), cells
     if faults:
         bag.remark(f'{faults[0]}; none of {len(faults)} states can be read')
     return None
 
 
-def _origin(state: Any, program: str | None) -> MapOrigin:
-    """Return how the maps of a topic were made, from a state and the program that made it."""
+def origin_of_state(state: Any, program: str | None) -> MapOrigin:
+    """Return how the maps of a topic were made, from a state message and its program, if known."""
     # an imported folder may hold maps of unknown origin, which count as calibrated
     unknown = program == '' and state.calibrated
     calibration = getattr(state, 'calibration', '')

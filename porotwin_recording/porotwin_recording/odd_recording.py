@@ -64,6 +64,8 @@ def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
             named |= {remark.key for remark in found}
             yield from found
     yield from (remark for remark in _limits(data) if remark.key not in named)
+    yield from _sum_of_rates(data)
+    yield from _idle_producer(data)
     yield from _end(data)
     yield from _photographs(data)
     yield from remarks_about_measured_rates(data)
@@ -144,6 +146,40 @@ def _limits(data: RecordedData) -> Iterator[Remark]:
             continue
         seen.add(row.well)
         yield Remark(where, f'{rate_ml_h:g} ml/h', why, remedy)
+
+
+def _sum_of_rates(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark for the first time at which the control wells inject too much together."""
+    control = data.rig.control
+    if control is None or data.commanded is None:
+        return
+    most = control.max_total_rate_ml_h
+    for time in dict.fromkeys(row.time for row in data.commanded.rows):
+        rates = data.commanded.at(time)
+        total = math.fsum(to_ml_h(rates[well].rate) for well in control.wells if well in rates)
+        if total > (1.0 + SAME_RATE) * most:
+            yield Remark(
+                f'rates.csv at {time:g} s: sum of the control wells',
+                f'{total:g} ml/h',
+                f'control.max_total_rate_ml_h is {most:g} ml/h',
+                'compare rates.csv with the control section of rig.yaml',
+            )
+            return
+
+
+def _idle_producer(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark if wells inject, and no row tells what the producer takes out."""
+    control = data.rig.control
+    if control is None or control.producer is None or data.commanded is None:
+        return
+    rows = data.commanded.rows + (data.measured.rows if data.measured else ())
+    injects = any(row.rate.rate > 0.0 for row in rows)
+    if injects and all(row.well != control.producer for row in rows):
+        why = (
+            f"no row is of control.producer '{control.producer}', so that it counts as standing "
+            'still while other wells inject'
+        )
+        yield Remark('rates.csv', '', why, 'add its rates, with a minus, or a row of 0 at 0 s')
 
 
 def _end(data: RecordedData) -> Iterator[Remark]:

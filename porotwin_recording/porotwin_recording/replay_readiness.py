@@ -83,7 +83,8 @@ def missing(seen: GraphSeen) -> list[str]:
         waits += [f'{name} to subscribe to {topic.name}' for name in late]
         if topic.connected < len(topic.subscribers):
             known = len(topic.subscribers)
-            waits.append(f'{topic.name} to connect {known - topic.connected} of {known} nodes')
+            of_all = '1 node' if known == 1 else f'{known} nodes'
+            waits.append(f'{topic.name} to connect {known - topic.connected} of {of_all}')
     if not any(topic.connected for topic in seen.topics):
         waits.insert(0, 'a subscriber of any played topic')
     if HUB in seen.nodes and seen.simulated is None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recording_examples import controlled_rig
 
+from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.concentration import ConcentrationMaps
@@ -19,7 +20,15 @@ from porotwin_recording.odd_recording import (
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 
-RIG = controlled_rig()
+
+def with_control(**changes: float | None) -> Rig:
+    """Return the rig with `changes` of its control section."""
+    rig = controlled_rig()
+    assert rig.control is not None
+    return rig.model_copy(update={'control': rig.control.model_copy(update=changes)})
+
+
+RIG = with_control(producer=None)
 
 
 def recording(
@@ -60,6 +69,30 @@ def test_a_chase_with_water_at_another_rate_is_not_odd() -> None:
     first, last = data.commanded.rows
     data = replace(data, commanded=Schedule((first, chase, last)))
     assert list(remarks_about_recording(data)) == []
+
+
+def test_control_wells_that_inject_too_much_together_are_odd() -> None:
+    data = replace(recording(), rig=with_control(producer=None, max_total_rate_ml_h=150.0))
+    rows = [ScheduleRow(60.0, 'water', WellRate(from_ml_h(rate))) for rate in (150.0, 160.0)]
+    found = [
+        [str(remark) for remark in remarks_about_recording(replace(data, commanded=schedule))]
+        for schedule in (Schedule((*data.commanded.rows, row)) for row in rows)
+    ]
+    assert found == [
+        [],
+        [
+            'rates.csv at 60 s: sum of the control wells is 160 ml/h: control.max_total_rate_ml_h '
+            'is 150 ml/h; compare rates.csv with the control section of rig.yaml'
+        ],
+    ]
+
+
+def test_a_producer_without_a_row_is_odd() -> None:
+    data = replace(recording(), rig=controlled_rig())
+    (remark,) = remarks_about_recording(data)
+    assert "no row is of control.producer 'out'" in str(remark)
+    rests = Schedule((*data.commanded.rows, ScheduleRow(0.0, 'out', REST)))
+    assert list(remarks_about_recording(replace(data, commanded=rests))) == []
 
 
 def test_rates_without_an_end_are_odd() -> None:

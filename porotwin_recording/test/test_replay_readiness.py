@@ -38,6 +38,8 @@ def test_the_services_of_the_models_are_waited_for() -> None:
 def test_every_known_subscriber_must_be_connected() -> None:
     seen = GraphSeen(TWIN, (image('imaging', 'page', connected=1),), SERVICES)
     assert missing(seen) == [f'{IMAGE} to connect 1 of 2 nodes']
+    seen = GraphSeen(TWIN, (image('imaging', connected=0),), SERVICES)
+    assert f'{IMAGE} to connect 1 of 1 node' in missing(seen)
 
 
 def test_the_recorder_is_waited_for_unless_it_takes_other_topics() -> None:

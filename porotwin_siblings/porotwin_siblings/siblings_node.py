@@ -96,7 +96,7 @@ class _Arrived(NamedTuple):
 
 
 class SiblingsNode(Node):
-    """Learns from every photograph; publishes `siblings/forecast`, answers `siblings/what_if`."""
+    """An ensemble of twins: learns from photographs, forecasts (`siblings/forecast`, `what_if`)."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Read the parameters and start the worker.

@@ -17,6 +17,7 @@ from porotwin_cli.app import app
 from porotwin_cli.check_picture import check_picture, shading, well_roles
 from porotwin_cli.rig_check import (
     CheckedRig,
+    barriers_in_words,
     check,
     effects_in_words,
     heads_in_words,
@@ -130,6 +131,16 @@ def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
         'the model has these effects: leak: water is lost at x = 0.400 m, z = 0.200 m: 12 ml/h'
     ]
     assert effects_in_words(check(small_rig()).effects) == []
+
+
+def test_sands_that_conduct_like_clay_are_told(tmp_path: Path) -> None:
+    data = yaml.safe_load((ROOT / 'rigs' / 'two_sands' / 'rig.yaml').read_text())
+    assert barriers_in_words(load_rig(ROOT / 'rigs' / 'two_sands')) == []
+    data['sands']['fine'] = {'porosity': 0.4, 'permeability_m2': 5e-15}
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump(data))
+    (line,) = barriers_in_words(load_rig(tmp_path))
+    assert line.startswith('barriers: fine (5e-15 m2); this is right for clay. ')
+    assert line in in_words(check(tmp_path))
 
 
 def test_parameters_without_a_value_are_told_with_their_default() -> None:

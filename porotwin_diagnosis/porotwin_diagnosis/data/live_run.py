@@ -16,7 +16,12 @@ from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
 from porotwin_diagnosis.data.rate_table import RateTable
-from porotwin_recording.concentration import ConcentrationMaps, MapSeries
+from porotwin_recording.concentration import (
+    UNKNOWN_ORIGIN,
+    ConcentrationMaps,
+    MapOrigin,
+    MapSeries,
+)
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recorded_data import RecordedData
 
@@ -65,6 +70,7 @@ class LiveRun:
         # concentration, deviation and systematic deviation, one above the other
         self._maps = MapFile((3 * grid.nz, grid.nx), MOST_MAPS, folder)
         self._deviations_known = False
+        self._origin = UNKNOWN_ORIGIN
         self._rates = RateTable(tuple(rig.wells))
         self._ended = False
         self._evaluation_started = False
@@ -86,6 +92,7 @@ class LiveRun:
         *,
         deviation: FloatArray | None = None,
         systematic: FloatArray | None = None,
+        origin: MapOrigin = UNKNOWN_ORIGIN,
     ) -> None:
         """Keep the map `concentration` (nz, nx) [-] of the photograph at `stamp` [s].
 
@@ -95,6 +102,7 @@ class LiveRun:
             grid: the grid of the map.
             deviation: standard deviation of the map, if known.
             systematic: its part that is equal in all maps, if known.
+            origin: how it was made. The last map speaks for the run.
 
         Raises:
             InputError: the map is on another grid, or the disk is full.
@@ -108,6 +116,7 @@ class LiveRun:
         unknown = np.full(grid.shape, np.nan)
         planes = [unknown if part is None else part for part in (deviation, systematic)]
         self._maps.append(stamp, np.concatenate([concentration, *planes]))
+        self._origin = origin
         self._deviations_known |= deviation is not None and systematic is not None
 
     def add_commanded_rates(self, stamp: float, rates: WellRates) -> None:
@@ -170,7 +179,7 @@ class LiveRun:
         """Return the maps with `times` [s], and their deviations where they are known."""
         series = [MapSeries(times, self._grid, partial(self._read, part)) for part in range(3)]
         deviations = series[1:] if self._deviations_known else [None, None]
-        return ConcentrationMaps(times, self._grid, series[0].read, *deviations)
+        return ConcentrationMaps(times, self._grid, series[0].read, *deviations, self._origin)
 
     def _read(self, part: int, start: int, stop: int) -> FloatArray:
         """Return part 0 (concentration), 1 or 2 (deviations) of the maps `start` to `stop`."""

@@ -163,7 +163,7 @@ def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -
     A single effect that suffices when it is fitted again needs no third effect.
     """
     levels, pairs = _found_pairs(levels, space, findings)
-    levels, findings = _with_members(levels, replace(findings, pairs=pairs), pairs)
+    levels, findings = _with_members(levels, replace(findings, pairs=pairs), pairs, 0.52)
     if one_effect_is_enough(findings.singles[0], pairs, findings.null):
         return SearchStep(levels, findings)
     levels, triples = judged_triples(levels, space, findings)
@@ -172,19 +172,23 @@ def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -
     levels, inside = judged_pairs_inside(levels, triples, findings.null)
     pairs = levels.ranked([*findings.pairs, *inside])
     triples = worth_keeping(triples, pairs[0], findings.null)
-    return _with_members(levels, replace(findings, pairs=pairs, triples=triples), triples or pairs)
+    findings = replace(findings, pairs=pairs, triples=triples)
+    return _with_members(levels, findings, triples or pairs, 0.88)
 
 
-def _with_members(levels: Levels, findings: Findings, judged: Sequence[Fit]) -> SearchStep:
+def _with_members(
+    levels: Levels, findings: Findings, judged: Sequence[Fit], begin: float
+) -> SearchStep:
     """Return `findings` with the members of the first of the `judged` combinations, if any.
 
     Members that were stuck alone are fitted again. The levels are corrected at the combination.
+    `begin` is the progress at the beginning.
     """
     if not judged:
         return SearchStep(levels, findings)
     levels = levels.corrected_at(judged[0])
     findings = replace(findings, parts=_members_alone(levels, judged[0]))
-    levels, singles = fitted_again_alone(levels, findings)
+    levels, singles = fitted_again_alone(levels, findings, begin)
     return SearchStep(levels, replace(findings, singles=singles))
 
 
@@ -225,11 +229,11 @@ def _members_alone(levels: Levels, combination: Fit) -> list[Fit]:
     ]
 
 
-def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
+def fitted_again_alone(levels: Levels, findings: Findings, begin: float) -> Judgement:
     """Return the judged single effects, with stuck members of the best combination fitted again.
 
     A member is fitted again if, with its parameters there, it scores better than every single fit:
-    its own fit was stuck before it reached them.
+    its own fit was stuck before it reached them. `begin` is the progress at the beginning.
 
     Raises:
         InputError: the model cannot run with one of the fits.
@@ -238,8 +242,8 @@ def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
     better = [part for part in findings.parts if score(part) < score(singles[0])]
     if not better:
         return Judgement(levels, singles)
-    judged = levels.judged(levels.refined(better, 0.89), 0.89)
-    levels, again = levels.judged_again(judged, findings.null, 0.9)
+    judged = levels.judged(levels.refined(better, begin), begin)
+    levels, again = levels.judged_again(judged, findings.null, begin + 0.02)
     return Judgement(levels, levels.ranked([*again, *singles]))
 
 

@@ -4,7 +4,8 @@ import { element, find, setText } from '../web/dom.js';
 import { clockTime } from '../web/formatting.js';
 
 const BODY = `
-  <p class="sentence"></p>
+  <p><span class="sentence"></span>
+    <a class="report" href="/report" target="_blank" rel="noopener">Report of the diagnosis</a></p>
   <div class="answers">
     <button type="button" class="accept">accept</button>
     <button type="button" class="refuse">refuse</button>
@@ -12,10 +13,11 @@ const BODY = `
   </div>
   <p class="fault error" role="status" hidden></p>`;
 
-/* What the caption says about an offer. */
-export function captionText({ state, sequence, time_s: time, confidence_percent: sure }) {
-  const seen = `from photographs until ${clockTime(time)}`;
-  return state === 'offered' ? `offer ${sequence}, ${sure} % sure, ${seen}` : `offer ${sequence}`;
+/* What the caption says about an offer; one without an answer is a notice. */
+export function captionText({ state, open, sequence, time_s: time, confidence_percent: sure }) {
+  if (state !== 'offered') return `offer ${sequence}`;
+  const kind = open ? 'offer' : 'notice';
+  return `${kind} ${sequence}, ${sure} % sure, from photographs until ${clockTime(time)}`;
 }
 
 /* Sends an answer; returns the fault in words, or an empty text. */
@@ -50,6 +52,7 @@ export function create(root, declaration, page) {
     root.className = `panel panel-script mend-${offer.state.replace(' ', '-')}`;
     setText(find('.caption', root), captionText(offer));
     setText(find('.sentence', root), offer.sentence);
+    find('.report', root).hidden = !offer.report;
     find('.answers', root).hidden = !offer.open;
     find('.need-token', root).hidden = Boolean(page.token.value);
     for (const button of root.querySelectorAll('button')) {

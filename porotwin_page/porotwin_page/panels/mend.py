@@ -17,6 +17,7 @@ def mend_view(snapshot: GraphSnapshot, _: Moment) -> Json | None:
         'time_s': offer.time,
         'sentence': offer.sentence,
         'confidence_percent': round(100.0 * offer.confidence),
+        'report': bool(offer.report),
     }
 
 

@@ -19,7 +19,8 @@ test('an answer is sent with the token, and a refusal is told', async () => {
 });
 
 test('the caption tells how sure an open offer is', () => {
-  const offer = { state: 'offered', sequence: 3, time_s: 60, confidence_percent: 97 };
+  const offer = { state: 'offered', open: true, sequence: 3, time_s: 60, confidence_percent: 97 };
   assert.match(captionText(offer), /^offer 3, 97 % sure, from photographs until /);
+  assert.match(captionText({ ...offer, open: false }), /^notice 3, 97 % sure, from photographs /);
   assert.equal(captionText({ ...offer, state: 'taken back' }), 'offer 3');
 });
