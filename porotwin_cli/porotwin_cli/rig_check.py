@@ -17,6 +17,7 @@ from porotwin_cli.control_words import control_words
 from porotwin_cli.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.coarse_grid import coarse_grid
+from porotwin_core.control_zones import unwanted_tracer
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
@@ -142,7 +143,7 @@ def check(
     if not any(remark.refused for remark in remarks):
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
-        remarks += [*_uses(rig, cells), *_camera_effects(rig)]
+        remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
         remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
@@ -248,6 +249,22 @@ def _camera_effects(rig: Rig) -> Iterator[Remark]:
                 'simulations show this effect of the camera, but the twin does not take it out of '
                 'photographs',
                 'correct the camera or calibrate it again',
+            )
+
+
+def _stock_in_zone(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about every fixed well that injects tracer where none must be."""
+    fixed = {} if rig.control is None else rig.control.fixed
+    for name, well in fixed.items():
+        place = np.array([[rig.wells[name].x_m, rig.wells[name].z_m]])
+        unwanted = unwanted_tracer(rig, place)
+        if well.rate_ml_h > 0.0 and well.concentration > 0.0 and unwanted is not None and unwanted:
+            yield Remark(
+                'control.objective',
+                '',
+                f'well {name} injects tracer where it wants none',
+                'compare the zone in the picture of this check with the rig; a picture of a zone '
+                'shows the zone bright',
             )
 
 

@@ -124,6 +124,13 @@ def test_an_effect_of_the_camera_is_odd_and_one_of_the_rig_is_not(tmp_path: Path
     assert str(remark).startswith('effects.2 is illumination: simulations show this effect')
 
 
+def test_tracer_that_is_injected_into_the_unwanted_zone_is_odd(tmp_path: Path) -> None:
+    control = yaml.safe_load(small_rig().read_text())['control']
+    whole = [[0.01, 0.01], [0.9, 0.01], [0.9, 0.5], [0.01, 0.5]]
+    path = changed(tmp_path, control=control | {'disallowed_zone_m': whole})
+    assert 'well injector injects tracer where it wants none' in told(path)
+
+
 def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
     leak = {'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -12.0}}
     checked = check(changed(tmp_path, effects=[leak]))
