@@ -294,6 +294,11 @@ largest one in a leak or a zone whose place a weak gap leaves open."""
 OPEN_CLOCK_CONFIDENCE = 0.6
 """Largest confidence in a late clock where tracer from before the recording makes the same maps."""
 
+MOST_SCALE_ERROR, ODD_SIZE_CONFIDENCE = 0.02, 0.6
+"""Deviation of the size of a picture [-] that a person who marks the corners would see, and the
+largest confidence in one that is larger. People read corners to 0.3 % of the width. A shifted
+picture with four free parameters imitated immobile water and a displaced well with 2.5 %."""
+
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both

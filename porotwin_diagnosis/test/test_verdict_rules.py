@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.decision.evidence import Evidence, scale_error
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Doubt
@@ -104,6 +106,20 @@ def test_a_late_clock_that_old_tracer_imitates_is_named_with_doubt():
     assert (verdict.name, verdict.doubt, verdict.confidence) == ('clock', Doubt.START, 0.6)
     untouched = evidence(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
     assert decide(replace(untouched, may_have_held_tracer=True)) == decide(untouched)
+
+
+def test_a_picture_of_a_size_that_marked_corners_would_show_is_named_with_doubt():
+    moved = evidence(findings(5.0, ('registration', 0.45), ('illumination', 2.4)))
+    assert decide(replace(moved, scale_error=0.015)).confidence > 0.8
+    verdict = decide(replace(moved, scale_error=0.025))
+    assert (verdict.name, verdict.doubt, verdict.confidence) == ('registration', Doubt.SIZE, 0.6)
+
+
+def test_the_size_of_a_picture_is_that_of_the_kept_model():
+    moved = EffectDescription(name='registration', parameters={'dx': 0.1, 'scale': 0.97})
+    pump = EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 2.0})
+    assert scale_error(SimpleNamespace(effects=(pump, moved))) == pytest.approx(0.03)
+    assert scale_error(SimpleNamespace(effects=(pump,))) == 0.0
 
 
 def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():

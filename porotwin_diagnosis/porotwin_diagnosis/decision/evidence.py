@@ -13,6 +13,7 @@ from porotwin_diagnosis.search.ranking import misfit_beyond_noise
 from porotwin_diagnosis.thresholds import (
     INTERVAL_DEVIATIONS,
     LOST_PLACE,
+    MOST_SCALE_ERROR,
     PLACING_MISFIT,
     SCANT_CELLS,
     SCANT_FRAMES,
@@ -37,6 +38,7 @@ class Evidence:
             relative to the rig; 0 if it has no leak and no zone.
         may_have_held_tracer: whether a late clock and tracer from before a recording make the same
             maps of it.
+        scale_error: deviation [-] of the size of the picture in the kept model; 0 without one.
     """
 
     findings: Findings
@@ -47,6 +49,7 @@ class Evidence:
     fitted_frames: int
     place_uncertainty: float = 0.0
     may_have_held_tracer: bool = False
+    scale_error: float = 0.0
 
     @property
     def contradicted(self) -> bool:
@@ -74,6 +77,11 @@ class Evidence:
         return self.may_have_held_tracer and 'clock' in self.explanation.members
 
     @property
+    def has_odd_size(self) -> bool:
+        """Whether the kept model needs a picture whose size marked corners can hardly get wrong."""
+        return self.scale_error > MOST_SCALE_ERROR
+
+    @property
     def scant(self) -> bool:
         """Whether cells are too large, or frames too few, for a confident verdict."""
         return self.fitted_frames < SCANT_FRAMES or self.cells_along < SCANT_CELLS
@@ -96,7 +104,14 @@ def gather(
         fitted_frames=sum(sample.fitted_frames for sample in samples),
         place_uncertainty=place_uncertainty(explanation.model),
         may_have_held_tracer=any(sample.may_have_held_tracer for sample in samples),
+        scale_error=scale_error(explanation.model),
     )
+
+
+def scale_error(model: Fit) -> float:
+    """Return the deviation [-] of the size of the picture in `model` from the true size."""
+    sizes = [effect.parameters.get('scale', 1.0) for effect in model.effects]
+    return max((abs(size - 1.0) for size in sizes if isinstance(size, float)), default=0.0)
 
 
 def place_uncertainty(model: Fit) -> float:

@@ -27,6 +27,7 @@ class Doubt(StrEnum):
     CONTRADICTED = 'contradicted'
     PLACE = 'place'
     START = 'start'
+    SIZE = 'size'
     SCANT = 'scant'
 
 

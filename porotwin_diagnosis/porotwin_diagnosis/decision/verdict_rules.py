@@ -29,6 +29,7 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.thresholds import (
     CONTRADICTED_CONFIDENCE,
     LOST_PLACE_CONFIDENCE,
+    ODD_SIZE_CONFIDENCE,
     OPEN_CLOCK_CONFIDENCE,
     SCANT_CONFIDENCE,
     SINGLE_SHARE_RANGE,
@@ -48,7 +49,7 @@ def decide(evidence: Evidence) -> Verdict:
        true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
     5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
        clock has `OPEN_CLOCK_CONFIDENCE` at most if tracer from before the recording makes the same
-       maps.
+       maps, a shifted picture `ODD_SIZE_CONFIDENCE` if its size is far off.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -92,6 +93,7 @@ def _open_questions(evidence: Evidence) -> list[tuple[bool, Doubt, float]]:
     return [
         (evidence.leaves_place_open, Doubt.PLACE, LOST_PLACE_CONFIDENCE),
         (evidence.has_open_clock, Doubt.START, OPEN_CLOCK_CONFIDENCE),
+        (evidence.has_odd_size, Doubt.SIZE, ODD_SIZE_CONFIDENCE),
     ]
 
 

@@ -33,6 +33,9 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.START: 'whether the clock is late: while one rate goes on, tracer that the rig held '
         'before the recording makes the same maps. Compare the clocks of camera and pumps, or '
         'change a rate in the next recording',
+        Doubt.SIZE: 'whether the picture is that much too large or too small: marked corners would '
+        'show it. Compare them with a photograph; if they are right, several other effects act '
+        'together',
         Doubt.SCANT: scant(result.evidence),
     }[verdict.doubt]
 
