@@ -149,14 +149,18 @@ def _limits(data: RecordedData) -> Iterator[Remark]:
 
 
 def _sum_of_rates(data: RecordedData) -> Iterator[Remark]:
-    """Yield a remark for the first time at which the control wells inject too much together."""
+    """Yield a remark for the first time at which the control wells inject too much together.
+
+    A control well that injects tracer is not used as one.
+    """
     control = data.rig.control
     if control is None or data.commanded is None:
         return
     most = control.max_total_rate_ml_h
     for time in dict.fromkeys(row.time for row in data.commanded.rows):
         rates = data.commanded.at(time)
-        total = math.fsum(to_ml_h(rates[well].rate) for well in control.wells if well in rates)
+        water = [rates[well] for well in control.wells if well in rates]
+        total = math.fsum(to_ml_h(rate.rate) for rate in water if rate.concentration == 0.0)
         if total > (1.0 + SAME_RATE) * most:
             yield Remark(
                 f'rates.csv at {time:g} s: sum of the control wells',

@@ -178,8 +178,10 @@ class LiveRun:
     def _series(self, times: NDArray[np.float64]) -> ConcentrationMaps:
         """Return the maps with `times` [s], and their deviations where they are known."""
         series = [MapSeries(times, self._grid, partial(self._read, part)) for part in range(3)]
-        deviations = series[1:] if self._deviations_known else [None, None]
-        return ConcentrationMaps(times, self._grid, series[0].read, *deviations, self._origin)
+        deviation, systematic = series[1:] if self._deviations_known else (None, None)
+        return ConcentrationMaps(
+            times, self._grid, series[0].read, deviation, systematic, self._origin
+        )
 
     def _read(self, part: int, start: int, stop: int) -> FloatArray:
         """Return part 0 (concentration), 1 or 2 (deviations) of the maps `start` to `stop`."""
