@@ -384,6 +384,11 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
             f'{figures["dose_without_control_ml_min"]:.0f} without control',
         ),
         (
+            'orders to the pumps',
+            figures['orders'],
+            f'one after each photograph would be {figures["photographs"]}',
+        ),
+        (
             'prediction of the next photograph, relative error',
             f'{figures["corrected_error"]:.4f}',
             f'{figures["prediction_error"]:.4f} without COSTA'

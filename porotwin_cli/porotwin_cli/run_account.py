@@ -4,6 +4,7 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,16 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, relative_error
 from porotwin_core.rig import Rig
+from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import ML, to_ml_h
+from porotwin_core.wells import WellRates
 from porotwin_hub.graph import NAMESPACE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.concentration import ConcentrationMaps
+
+RATE_TOLERANCE_ML_H = 1e-6
+"""Difference of two rates that is round-off [ml/h], as in the limits of the hub."""
 
 
 @dataclass
@@ -58,6 +64,16 @@ class RunAccount:
         self.setpoint_times.append(time)
         for well in message.wells:
             self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
+
+    def orders(self, safe: WellRates) -> int:
+        """Return how many setpoints have other rates than before; `safe` rates are the first."""
+        wells = list(self.rates_ml_h)
+        first = tuple(to_ml_h(safe[well].rate) for well in wells)
+        rates = [first, *zip(*self.rates_ml_h.values(), strict=True)]
+        return sum(
+            not np.allclose(before, after, rtol=0.0, atol=RATE_TOLERANCE_ML_H)
+            for before, after in pairwise(rates)
+        )
 
     def add_state(self, time: float, message: Any) -> None:
         """Add a `NewState`."""
@@ -145,6 +161,7 @@ def summary(
         'disallowed_without_control_ml': float(without[-1] * ML),
         'dose_ml_min': _dose(controlled.times, with_control),
         'dose_without_control_ml_min': _dose(free.times, without),
+        'orders': account.orders(safe_rates(rig)),
         'image_error': float(np.nanmedian(image_errors)) if image_errors else float('nan'),
         'prediction_error': float(np.median(plain)),
         'corrected_error': float(np.median(corrected)),

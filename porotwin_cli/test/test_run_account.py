@@ -1,0 +1,19 @@
+"""Figures of a closed-loop run."""
+
+import pytest
+
+from porotwin_cli.run_account import RunAccount
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+
+
+@pytest.mark.parametrize(
+    ('control1', 'orders'),
+    [([0.0, 0.0, 0.0], 0), ([500.0, 500.0, 500.0], 1), ([0.0, 120.0, 0.0], 2), ([], 0)],
+)
+def test_setpoints_with_other_rates_than_before_are_orders(
+    control1: list[float], orders: int
+) -> None:
+    rates = {'injector': [500.0] * len(control1), 'control1': control1}
+    safe = {'injector': WellRate(from_ml_h(500.0), 1.0), 'control1': WellRate()}
+    assert RunAccount(rates_ml_h=rates).orders(safe) == orders
