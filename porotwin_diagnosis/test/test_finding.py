@@ -41,6 +41,7 @@ def test_the_sentence_names_the_cause_and_the_size_of_the_improvement():
         'with it the model errs by 3 % instead of 24 %. The camera: the clock of the'
     )
     assert 'photograph the clock of the pumps, then correct the camera' in sentence
+    assert 'ask whether the pumps ran before their first known rates' in sentence
     assert '<' not in sentence
 
 

@@ -54,7 +54,8 @@ EFFECT = Effect(
     candidates=candidates,
     phrase=phrase,
     plainly='the clocks of camera and pumps differ',
-    laboratory_check='photograph the clock of the pumps',
+    laboratory_check='ask whether the pumps ran before their first known rates, which looks like a '
+    'late clock of the camera; photograph the clock of the pumps',
     blind_draw=draw,
     appearance=Appearance.DELAY,
     gradient_obstacle=gradient_obstacle,
