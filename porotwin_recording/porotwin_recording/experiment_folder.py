@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_core.rig import Rig, load_rig, read_rig, write_rig
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
 from porotwin_recording.map_files import files_with_maps
 from porotwin_recording.odd_recording import remarks_about_recording
@@ -92,9 +92,12 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
 
 
 def _rig_in(folder: Path) -> Rig | None:
-    """Return the rig that `folder` describes; None if it has no description that can be read."""
+    """Return the rig that `folder` describes; None if it has no description that can be read.
+
+    Its odd values are not logged, because another rig takes its place.
+    """
     try:
-        return load_rig(folder)
+        return read_rig(folder).rig
     except InputError:
         return None
 

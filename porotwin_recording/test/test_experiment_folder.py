@@ -124,6 +124,19 @@ def test_random_damage_is_named_in_one_line(tmp_path: Path, name: str) -> None:
             assert '\n' not in str(error)
 
 
+def test_the_odd_values_of_a_replaced_rig_are_not_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    odd = controlled_rig().model_copy(update={'porosity': 0.15})
+    write_folder(tmp_path, RecordedData(odd))
+    (tmp_path / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n0,in,0,1\n')
+    found = folder_data(tmp_path, controlled_rig())
+    assert found.replaced_rig == odd
+    assert 'porosity' not in caplog.text
+    folder_data(tmp_path)
+    assert 'porosity is 0.15' in caplog.text
+
+
 def test_impossible_rates_are_refused_and_odd_ones_logged(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
