@@ -38,12 +38,14 @@ class ForeignTable:
         columns: words of every column by its title, which is in small letters.
         decimal: how its numbers are written.
         spelling: how the file spells a title, by its title in small letters.
+        lines: number of the line of each row in the file.
     """
 
     path: Path
     columns: dict[str, list[str]]
     decimal: Decimal
     spelling: dict[str, str] = field(default_factory=dict)
+    lines: tuple[int, ...] = ()
 
     @property
     def length(self) -> int:
@@ -113,12 +115,12 @@ class ForeignTable:
             InputError: a word is no number; the message names the line.
         """
         words = self.columns[title]
-        rows = zip(words, needed or [True] * len(words), strict=True)
+        rows = zip(words, needed or [True] * len(words), self.lines, strict=True)
         return [
-            self._number(word, f'{self.path}:{row}: {self.spelt(title)}', '' if word else remedy)
+            self._number(word, f'{self.path}:{line}: {self.spelt(title)}', '' if word else remedy)
             if word or must
             else 0.0
-            for row, (word, must) in enumerate(rows, 2)
+            for word, must, line in rows
         ]
 
     def _number(self, word: str, where: str, remedy: str) -> float:
@@ -169,25 +171,29 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
     """
     text = _text(path)
     first, _, rest = text.partition('\n')
-    if first.strip().lower().startswith('sep='):  # a hint for Excel
+    hinted = first.strip().lower().startswith('sep=')  # a hint for Excel
+    if hinted:
         text, first = rest, rest.split('\n', 1)[0]
     separator = next((mark for mark in SEPARATORS if mark in first), ',')
+    reader = csv.reader(text.splitlines(), delimiter=separator)
     try:
-        lines = [line for line in csv.reader(text.splitlines(), delimiter=separator) if any(line)]
+        found = [(reader.line_num + hinted, line) for line in reader if any(line)]
     except csv.Error as error:
         raise InputError(f'{path}: not readable as CSV: {error}') from None
+    numbers, lines = [number for number, _ in found], [line for _, line in found]
     if len(lines) < 2:
         raise InputError(f'{path}: has no rows below its titles')
     spelt = [' '.join(title.split()) for title in lines[0]]
     titles = [title.lower() for title in spelt]
-    for number, line in enumerate(lines[1:], 2):
+    for number, line in found[1:]:
         if len(line) != len(titles):
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
     _check_repeated(path, spelt)
     words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
-    found = decimal or _decimal(path, (word for column in words for word in column), separator)
+    chosen = decimal or _decimal(path, (word for column in words for word in column), separator)
     spelling = dict(zip(titles, spelt, strict=True))
-    return ForeignTable(path, dict(zip(titles, words, strict=True)), found, spelling)
+    columns = dict(zip(titles, words, strict=True))
+    return ForeignTable(path, columns, chosen, spelling, tuple(numbers[1:]))
 
 
 def _check_repeated(path: Path, titles: Sequence[str]) -> None:

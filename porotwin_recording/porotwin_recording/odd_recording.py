@@ -381,9 +381,17 @@ def _photographs(data: RecordedData) -> Iterator[Remark]:
     elif max(baselines) > min((p.time for p in data.photos if p.role == 'state'), default=np.inf):
         why = 'a baseline comes after a photograph with tracer'
         yield Remark('imaging.csv', f'{max(baselines):g} s', why, 'compare times and roles')
-    times = [photo.time for photo in data.photos if photo.role == 'state']
-    if len(set(times)) < len(times):
-        yield Remark('imaging.csv', '', 'two photographs have the same time', 'correct one time')
+    states = [photo for photo in data.photos if photo.role == 'state']
+    same = [pair for pair in itertools.pairwise(states) if pair[0].time == pair[1].time]
+    if same:
+        first, second = same[0]
+        why = f'{first.name} and {second.name} have the same time of {first.time:g} s'
+        remedy = 'correct one time'
+        if len(same) > 1:
+            why += f', and {len(same) - 1} more pairs likewise'
+        if all(photo.time % MINUTE_S == states[0].time % MINUTE_S for photo in states):
+            remedy = 'a table program may have dropped the seconds; write them again'
+        yield Remark('imaging.csv', '', why, remedy)
 
 
 def _maps_beside_the_pumps(data: RecordedData) -> Iterator[Remark]:

@@ -72,7 +72,11 @@ def protocol_moments(
     """Return the times in the column `title`; tell the assumptions about them."""
     where = f'{table.path}: {table.spelt(title)}'
     found, remarks = moments(
-        table.columns[title], where, order=answers.date_order, zone=answers.time_zone
+        table.columns[title],
+        where,
+        order=answers.date_order,
+        zone=answers.time_zone,
+        places=[f'{where}:{line}' for line in table.lines],
     )
     told += [line for line in remarks if line not in told]
     return found

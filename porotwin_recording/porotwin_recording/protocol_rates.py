@@ -78,8 +78,9 @@ def pumped_rates(
     else:
         shares = _concentrations(table, wells, rates, answers, told)
     rows = []
-    for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
-        start, end, well, rate, share = values
+    for number, start, end, well, rate, share in zip(
+        table.lines, starts, ends, wells, rates, shares, strict=True
+    ):
         if end is not None and end <= start:
             raise InputError(f'{path}:{number}: does not end after its start; correct one of both')
         rows.append(PumpedRate(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
@@ -210,11 +211,12 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
     """Return the well of every injection, by its name or by its place."""
     named = table.find('well', 'location', 'pump', 'port')
     if named is not None and not any('(' in word for word in table.columns[named]):
-        unknown = [word for word in table.columns[named] if word not in rig.wells]
-        if unknown:
-            raise InputError(
-                f"{table.path}: unknown well '{unknown[0]}'; the rig has {', '.join(rig.wells)}"
-            )
+        for line, word in zip(table.lines, table.columns[named], strict=True):
+            if word not in rig.wells:
+                raise InputError(
+                    f"{table.path}:{line}: unknown well '{word}'; the rig has "
+                    f'{", ".join(rig.wells)}'
+                )
         return table.columns[named]
     if named is not None:
         words = [re.findall(r'[-+\d.,eE]*\d', word) for word in table.columns[named]]
@@ -280,7 +282,7 @@ def _densities(table: ForeignTable, rig: Rig) -> list[float]:
     factor = density_factor(unit_in(title), f'{table.path}: {title}')
     return [
         check_density(factor * value, f'{table.path}:{row}: {title}')
-        for row, value in enumerate(table.numbers(title), 2)
+        for row, value in zip(table.lines, table.numbers(title), strict=True)
     ]
 
 
@@ -306,7 +308,7 @@ def _concentrations(
         factor = share_factor(unit_in(title), f'{table.path}: {title}')
         injects = [rate > 0 for rate in rates]
         found = [factor * value for value in table.numbers(title, injects, remedy=NO_SHARE)]
-        for row, share in enumerate(found, 2):
+        for row, share in zip(table.lines, found, strict=True):
             if not 0.0 <= share <= 1.0:
                 raise InputError(
                     f'{table.path}:{row}: {title} is {share / factor:g}; write a share of the '

@@ -86,3 +86,10 @@ def test_unicode_text_and_separator_hints_of_excel_are_read(
     table = read_foreign_table(path)
     assert table.columns['well'] == ['in']
     assert table.numbers('rate') == [2.5]
+
+
+def test_a_word_is_named_by_its_line_behind_a_hint_and_empty_lines(tmp_path: Path) -> None:
+    path = tmp_path / 'p.csv'
+    path.write_text('sep=;\nwell;rate\nin;1,5\n\n;\nin;fast\n')
+    with pytest.raises(InputError, match=r"p\.csv:6: rate is 'fast'"):
+        read_foreign_table(path).numbers('rate')

@@ -149,7 +149,14 @@ def test_maps_far_paler_than_the_injected_stock_are_odd(value: float, count: int
     [
         ((photo(0.0, 'a.jpg'),), 'no photograph has the role baseline'),
         ((BASELINE, photo(0.0, 'b.jpg'), photo(30.0, 'b.jpg')), 'the photograph stands twice'),
-        ((BASELINE, photo(0.0, 'b.jpg'), photo(0.0, 'c.jpg')), 'have the same time'),
+        (
+            (BASELINE, photo(0.0, 'b.jpg'), photo(0.0, 'c.jpg')),
+            'may have dropped the seconds',
+        ),
+        (
+            (BASELINE, photo(0.0, 'b.jpg'), photo(7.0, 'c.jpg'), photo(7.0, 'd.jpg')),
+            'c.jpg and d.jpg have the same time of 7 s; correct one time',
+        ),
         ((photo(0.0, 'b.jpg'), photo(9.0, 'c.jpg', 'baseline')), 'a baseline comes after'),
     ],
 )
