@@ -43,6 +43,7 @@ from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
+from porotwin_hub.pale_wells import PaleWells
 from porotwin_hub.planner_parameters import PlannerParameters
 from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
@@ -111,6 +112,7 @@ class HubNode(Node):
             learner=self._declare_learner(rig) if state_filter is not None else None,
             began=0.0 if self._simulated else None,  # simulated time counts from the start
             pauses=FixedPauses.of(rig),
+            wells=PaleWells(rig),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(

@@ -29,6 +29,7 @@ from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
+from porotwin_hub.pale_wells import PaleWells
 from porotwin_hub.photo_pace import FEWEST, odd_pace
 from porotwin_hub.plant_knowledge import PlantKnowledge
 from porotwin_hub.rate_learning import (
@@ -66,6 +67,7 @@ class Twin:
         state_filter: StateFilter | None = None,
         learner: RateLearner | None = None,
         pauses: FixedPauses = NO_PAUSES,
+        wells: PaleWells | None = None,
     ) -> None:
         """Make the loop.
 
@@ -82,7 +84,9 @@ class Twin:
                 photograph, its unseen cells filled in (the paper's way).
             learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
             pauses: announced pauses of the fixed wells, since the start of the experiment.
+            wells: looks for wells that are paler than what they inject; None: nobody looks.
         """
+        self._wells = wells
         self._pore_volume = pore_volume
         self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
@@ -111,6 +115,8 @@ class Twin:
         self._state = None
         self._forecast = None
         self._times.clear()
+        if self._wells is not None:
+            self._wells.forget()
         self._estimation.interrupt()
         if self._learner is not None:
             self._learner.interrupt()
@@ -346,6 +352,10 @@ class Twin:
         """Compare the observation with its forecast, or with one made now for its time."""
         if self._state is None or not cycle.periods:
             return
+        if self._wells is not None:
+            seen = cycle.observation
+            remark = self._wells.remark(seen.concentration, seen.time, cycle.periods)
+            cycle.remarks += [remark] if remark else []
         if cycle.elapsed is None:
             try:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)

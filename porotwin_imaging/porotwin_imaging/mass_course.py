@@ -13,8 +13,8 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.mass_check import LEAST_SHARE
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
+from porotwin_core.well_check import Maps
 from porotwin_core.wells import Schedule
-from porotwin_imaging.well_check import Maps
 
 _PUMP_ERROR = 1.5
 """Real over described rates: pumps may be wrong, and tracer may be seen late [-]."""

@@ -208,8 +208,8 @@ def _remarks_about_masses(
     - `pale_well`: the maps show no tracer at a well that injects it.
     """
     from porotwin_core.mass_check import excess_remark
+    from porotwin_core.well_check import pale_well_remark
     from porotwin_imaging.mass_course import jump_remark
-    from porotwin_imaging.well_check import pale_well_remark
     from porotwin_recording.concentration import open_maps
 
     if rates is None:

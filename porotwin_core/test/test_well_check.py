@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_rig import box_rig
 
+from porotwin_core.well_check import pale_well_remark
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.well_check import pale_well_remark
 
 RIG = box_rig(**{'in': (0.3, 0.2), 'other': (0.05, 0.2)})
 GRID = RIG.grid(120, 80)
