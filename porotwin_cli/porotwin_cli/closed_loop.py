@@ -14,11 +14,13 @@ from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.live_mend import MendDesk, accept_all
 from porotwin_cli.mended_loop import mended_figures, mending_lines
 from porotwin_cli.page_told import tell_page
-from porotwin_cli.rehearsal import calibration_run, train_costa
+from porotwin_cli.rehearsal import calibration_run, injected_tracer, producer_of, train_costa
 from porotwin_cli.run_account import TrueTracer, read_account, summary
 from porotwin_cli.run_pictures import course_picture, plume_picture
 from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
+from porotwin_core.control_zones import control_zones
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import EffectDescription, Rig, load_rig, write_rig
@@ -61,6 +63,9 @@ MENDED_GRID = '94x56'
 """Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
 a minute."""
 
+MENDED_CELLS = 2.0
+"""The same for another rig: cells over the usual ones [-]."""
+
 DEMO_CONFIDENCE = 0.7
 """Least confidence of a verdict that the demo accepts [-]: 40 min of photographs seldom make it
 surer, and the shadow forecast protects the twin."""
@@ -87,6 +92,12 @@ LAST_WRITE_S = 1.0
 """Time for the recorder to write the last messages [s]."""
 
 
+LEAST_TRACER_ML = 0.05
+"""Tracer in the zone without control [ml] below which there is nothing to compare with."""
+
+OTHER_MINUTES = 80.0
+"""Time under control on another rig whose description tells no end [min], as in the paper."""
+
 LONG_MINUTES = 60.0
 """An experiment of this length [min] shows control from its start; see `start_minute`."""
 
@@ -109,6 +120,7 @@ class DemoSettings:
 
     `minutes` is the time under control [min]; `page` the HOST:PORT of the page, empty: no page.
     `hidden` is an effect of the rig that the twin is not told, and finds; None: it looks for none.
+    `rig` is the description of the rig; None: the small rig of the paper.
     """
 
     minutes: float
@@ -119,15 +131,16 @@ class DemoSettings:
     photo_width: int
     page: str
     hidden: EffectDescription | None = None
+    rig: Path | None = None
 
     @property
     def start_minute(self) -> float:
         """Time since the start of the injection when the twin takes over [min].
 
         A short experiment from the start would end before the tracer reaches the zone: its picture
-        would show nothing of the control.
+        would show nothing of the control. Another rig is controlled from the start.
         """
-        if self.minutes >= LONG_MINUTES:
+        if self.minutes >= LONG_MINUTES or self.rig is not None:
             return 0.0
         return max(UNCONTROLLED_MINUTES, EARLIEST_END - self.minutes)
 
@@ -144,12 +157,15 @@ class DemoSettings:
         return between + (STALL_S if self.hidden is None else LONGEST_DIAGNOSIS_S)
 
     def check(self) -> None:
-        """Check the options that are text.
+        """Check the options that are text, and the rig.
 
         Raises:
-            InputError: speed, preset or the address of the page is wrong.
+            InputError: speed, preset or the address of the page is wrong, or the loop cannot run on
+                the rig.
         """
         parse_speed(self.speed)
+        if self.rig is not None:
+            check_rig(load_rig(self.rig), costa=self.costa)
         preset_named(self.preset)
         if self.page:
             listen(self.page).close()
@@ -162,6 +178,33 @@ class DemoSettings:
             loop = max(loop, self.minutes * 60.0 / pace)
         mended = MENDING_S if self.hidden is not None else 0.0
         return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
+
+
+def usual_minutes(rig: Rig | None, *, hidden: bool) -> float:
+    """Return the usual time under control [min]; `rig` is another one than the small rig."""
+    if rig is None:
+        return 40.0 if hidden else 30.0
+    end = None if rig.control is None else rig.control.end_min
+    return OTHER_MINUTES if end is None else end
+
+
+def check_rig(rig: Rig, *, costa: bool) -> None:
+    """Check that the loop can run on `rig`.
+
+    Raises:
+        InputError: it has no tracer, no zone to keep free, or COSTA shall be trained for it.
+    """
+    injected_tracer(rig)
+    if not any(zone.kind == 'keep out' for zone in control_zones(rig)):
+        raise InputError(
+            'control: the demo counts the tracer in a zone to keep out of; give a '
+            'disallowed_zone_m, or use ./porotwin rehearse'
+        )
+    if costa:
+        raise InputError(
+            'the training experiments of the demo are those of the small rig; leave out --costa, '
+            'and use ./porotwin train for your rig'
+        )
 
 
 def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
@@ -192,11 +235,21 @@ def _graph(rig_file: Path, folder: Path, settings: DemoSettings) -> GraphSetting
         page=settled(settings.page) if settings.page else '',
         page_token=folder / 'page_token' if settings.page else None,
         siblings=bool(settings.page) and not hidden,
-        grid=MENDED_GRID if hidden else '',
+        grid=_grid(rig_file, settings),
         diagnoses=folder / 'diagnoses' if hidden else None,
         mend='ask' if hidden else 'off',
         use_sim_time=True,
     )
+
+
+def _grid(rig_file: Path, settings: DemoSettings) -> str:
+    """Return columns x rows where an effect is hidden; empty: the usual cells."""
+    if settings.hidden is None:
+        return ''
+    if settings.rig is None:
+        return MENDED_GRID
+    rig = load_rig(rig_file)
+    return str(rig.default_grid(MENDED_CELLS * rig.default_grid().dx))
 
 
 def _run_graph(graph: GraphSettings, folder: Path, settings: DemoSettings) -> None:
@@ -223,7 +276,7 @@ def _page_from_the_start(graph: GraphSettings) -> list[NodeDescription]:
 
 def _prepare_rig(folder: Path, settings: DemoSettings) -> Path:
     """Write rig.yaml with the corners of the rig in the photographs, and the end of the run."""
-    rig = load_rig(small_rig())
+    rig = load_rig(settings.rig or small_rig())
     camera = camera_before(rig, settings.photo_width).description()
     assert rig.control is not None
     end_min = settings.start_minute + settings.minutes
@@ -348,7 +401,9 @@ def _free_run(
     The rig has its `hidden` effect there as well.
     """
     effects = [] if hidden is None else [hidden]
-    asset = VirtualRig(rig, effects=effects, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
+    producer = producer_of(rig)
+    pumps = Pumps({} if producer is None else {producer: PRODUCER_DELIVERY})
+    asset = VirtualRig(rig, effects=effects, pumps=pumps)
     asset.set_rates(Limits.of(rig).safe())
     maps = []
     for moment in times:
@@ -410,6 +465,8 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
         ('photographs', figures['photographs'], f'{figures["remarks"]} remarks in the bag'),
     ]
     print_table('closed loop on the virtual rig', ('', 'with the twin', 'compared with'), rows)
+    if figures['disallowed_without_control_ml'] < LEAST_TRACER_ML:
+        print('without control no tracer reaches the zone either: take more --minutes')
     for line in mending_lines(figures) if 'hidden_effect' in figures else ():
         print(line)
     print(f'pictures: {", ".join(str(picture) for picture in sorted(folder.glob("*.png")))}')

@@ -19,6 +19,7 @@ from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
 from porotwin_cli.hidden_effect import as_text
+from porotwin_cli.rehearsal import producer_of
 from porotwin_cli.rig_drawing import DPI, draw_map, percent_scale
 from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
@@ -202,7 +203,9 @@ def scenario_of(
         name='demo',
         rig=rig,
         effects=effects,
-        faults=(PumpFault('producer', PRODUCER_DELIVERY),),
+        faults=tuple(
+            PumpFault(name, PRODUCER_DELIVERY) for name in [producer_of(rig)] if name is not None
+        ),
         meters=True,
         operator=Operator(),
         start=start,

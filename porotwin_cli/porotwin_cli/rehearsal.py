@@ -14,10 +14,11 @@ import numpy as np
 
 from porotwin_cli.costa_data import dataset_of, source_name, train_with_progress
 from porotwin_cli.terminal import progress
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.parallel import crew
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import MINUTE_S, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_costa.frames import Frames
 from porotwin_costa.networks import architecture
@@ -33,9 +34,9 @@ from porotwin_solver.plume_model import plume_model
 ARCHITECTURE = 'local'
 """This network learns from few experiments; the paper's network needs many."""
 
-CALIBRATION_MINUTES = 40.0
-CALIBRATION_PHOTOS = 8
-"""Length [min] and number of photographs of the calibration."""
+CALIBRATED_SHARE, CALIBRATION_PHOTOS = 0.17, 8
+"""Injected volume of the calibration over the pore volume [-], and its number of photographs. The
+small rig takes 40 min."""
 
 TRAINING_MINUTES = 12.0
 """Length of a training experiment [min]: water follows the tracer for half of it."""
@@ -55,8 +56,30 @@ TRAINING_WELLS = (
 """The wells that inject first tracer and then water in each training experiment."""
 
 
-def balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Schedule:
-    """Return the schedule of `rows` with a producer that balances all injections.
+def injected_tracer(rig: Rig) -> tuple[str, float, float]:
+    """Return the fixed well that injects the most tracer, its rate [ml/h] and concentration.
+
+    Raises:
+        InputError: the rig has none.
+    """
+    fixed = {} if rig.control is None else rig.control.fixed
+    strength = {name: well.rate_ml_h * well.concentration for name, well in fixed.items()}
+    if max(strength.values(), default=0.0) <= 0.0:
+        raise InputError(
+            'control.fixed names no well that injects tracer; give one a rate_ml_h and a '
+            'concentration'
+        )
+    name = max(strength, key=lambda well: strength[well])
+    return name, fixed[name].rate_ml_h, fixed[name].concentration
+
+
+def producer_of(rig: Rig) -> str | None:
+    """Return the well that takes out what others inject; None in a rig with an open side alone."""
+    return None if rig.control is None else rig.control.producer
+
+
+def balanced(rows: list[tuple[float, str, float, float]], producer: str | None) -> Schedule:
+    """Return the schedule of `rows` with a producer, if there is one, that balances all injections.
 
     A row is (time [s], well, rate [ml/h], concentration [-]).
     """
@@ -65,7 +88,9 @@ def balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Sche
     for time, well, rate_ml_h, concentration in rows:
         schedule.append(ScheduleRow(time, well, WellRate(from_ml_h(rate_ml_h), concentration)))
         current[well] = rate_ml_h
-        schedule.append(ScheduleRow(time, producer, WellRate(-from_ml_h(sum(current.values())))))
+        if producer is not None:
+            balance = WellRate(-from_ml_h(sum(current.values())))
+            schedule.append(ScheduleRow(time, producer, balance))
     return Schedule(tuple(schedule))
 
 
@@ -85,16 +110,19 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
 def calibration_fit(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> CalibrationFit:
     """Photograph a known injection with the virtual camera; return the fitted calibration.
 
-    The recording goes to `folder`/calibration_run.
+    The well of `injected_tracer` injects alone. The recording goes to `folder`/calibration_run.
 
     Raises:
-        InputError: the folder is not empty, or the photographs do not suffice for a calibration.
+        InputError: the folder is not empty, no fixed well injects tracer, or the photographs do not
+            suffice for a calibration.
     """
-    duration = CALIBRATION_MINUTES * 60.0
+    well, rate_ml_h, concentration = injected_tracer(rig)
+    duration = CALIBRATED_SHARE * rig.pore_volume / from_ml_h(rate_ml_h)
+    duration = max(1, round(duration / MINUTE_S)) * MINUTE_S
     make_experiment(
         folder / 'calibration_run',
         rig,
-        commanded=balanced([(0.0, 'injector', INJECTION_ML_H, 1.0)], 'producer'),
+        commanded=balanced([(0.0, well, rate_ml_h, concentration)], producer_of(rig)),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,

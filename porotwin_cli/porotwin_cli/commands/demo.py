@@ -14,12 +14,20 @@ from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
 
 
 def command(
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            help='rig.yaml of your rig, or a folder with it: the twin controls it from the start. '
+            'Default: the small rig of the paper.'
+        ),
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(
             help='Time under control [min]; the paper has 80. From 60 on the twin controls from '
             'the start. Below 60 the tracer first spreads without control, for the larger of 20 '
-            'min and 36 min minus this time. Default: 30; with a hidden effect 40.',
+            'min and 36 min minus this time. Default: 30; with a hidden effect 40; with another '
+            'rig until its control.end_min, or 80.',
             min=1.0,
             max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),
@@ -36,15 +44,16 @@ def command(
     costa: Annotated[
         bool | None,
         typer.Option(
-            help='Train COSTA on other experiments first, and use it. Default: unless an effect '
-            'is hidden.'
+            help='Train COSTA on other experiments first, and use it. Default: on the small rig, '
+            'unless an effect is hidden.'
         ),
     ] = None,
     preset: Annotated[
         str | None,
         typer.Option(
             help='Preset of the physics-based model: upwind is too diffusive, as in the paper; '
-            f'fast is not. All: {PRESET_WORDS}. Default: upwind; with a hidden effect fast.'
+            f'fast is not. All: {PRESET_WORDS}. Default: upwind; fast with a hidden '
+            'effect or another rig.'
         ),
     ] = None,
     photo_width: Annotated[
@@ -65,6 +74,10 @@ def command(
 
     Example: ./porotwin demo
 
+    With --rig it shows what the twin would do on your rig, before you build or fill it.
+
+    Example: ./porotwin demo --rig rigs/two_sands --minutes 60
+
     With --hidden-effect the rig differs from its description. The running twin diagnoses the
     difference and offers a correction, which an automatic operator accepts.
 
@@ -73,26 +86,28 @@ def command(
     Example: ./porotwin demo --hidden-effect surprise
     """
     prepare_environment()
-    from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures
+    from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures, usual_minutes
     from porotwin_cli.hidden_effect import hidden_effect as draw_hidden
     from porotwin_core.rig import load_rig
 
-    hidden = draw_hidden(hidden_effect, load_rig(small_rig()), seed=seed) if hidden_effect else None
+    described = load_rig(rig or small_rig())
+    hidden = draw_hidden(hidden_effect, described, seed=seed) if hidden_effect else None
     settings = DemoSettings(
-        minutes=minutes or (40.0 if hidden else 30.0),
+        minutes=minutes or usual_minutes(described if rig else None, hidden=hidden is not None),
         speed=speed,
         seed=seed,
-        costa=hidden is None if costa is None else costa,
-        preset=preset or ('fast' if hidden else 'upwind'),
+        costa=hidden is None and rig is None if costa is None else costa,
+        preset=preset or ('fast' if hidden or rig else 'upwind'),
         hidden=hidden,
         photo_width=photo_width,
         page='' if no_page else page,
+        rig=rig,
     )
     settings.check()
     folder = run_folder(output, 'demo')
     say(
-        f'demo: {settings.minutes:g} min of the small rig, {settings.photographs} photographs, '
-        f'into {folder}'
+        f'demo: {settings.minutes:g} min of the rig {described.name}, '
+        f'{settings.photographs} photographs, into {folder}'
     )
     if hidden_effect:
         say('the rig has an effect that the twin does not know')
