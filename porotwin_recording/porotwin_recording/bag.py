@@ -24,6 +24,7 @@ from porotwin_recording.concentration import (
     MapSeries,
     without_impossible,
 )
+from porotwin_recording.joined_bags import refuse_two_rigs
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.rates import measured_to
 from porotwin_recording.recorded_data import RecordedData
@@ -69,13 +70,15 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     - Rates that are not finite or belong to unknown wells are left out, as in the hub.
 
     Raises:
-        InputError: no bag, a bag without a rig, maps of another rig, or no such segment.
+        InputError: no bag, a bag without a rig, bags of two rigs, maps of another rig, or no such
+            segment.
     """
     bag = BagReader(path)
-    names = _experiment_topics(bag)
     collector = _Collector(bag)
     try:
-        collector.collect(names)
+        if rig is None:
+            refuse_two_rigs(bag)
+        collector.collect(_experiment_topics(bag))
     except AttributeError as error:
         raise InputError(
             f'{path}: recorded with other interfaces ({error}); read it with the version of '
