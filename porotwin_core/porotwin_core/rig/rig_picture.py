@@ -6,6 +6,7 @@ from pathlib import Path
 from PIL import Image, UnidentifiedImageError
 
 from porotwin_core.errors import InputError
+from porotwin_core.orientation import UPRIGHT, orientation
 
 SHAPE_TOLERANCE = 0.05
 """Largest relative difference of the sides of picture and rig: a frame of some pixels."""
@@ -27,8 +28,13 @@ def rig_picture(
         height_m: height of the rig.
 
     Raises:
-        InputError: no picture, or one of another shape than the rig.
+        InputError: no picture, one that viewers turn, or one of another shape than the rig.
     """
+    if (turned := orientation(content)) != UPRIGHT:
+        raise InputError(
+            f'{file}: EXIF orientation {turned} is not applied, but a viewer turns the picture by '
+            'it; turn its pixels, and save it without EXIF'
+        )
     try:
         with Image.open(io.BytesIO(content)) as opened:
             picture = opened.convert(mode)
