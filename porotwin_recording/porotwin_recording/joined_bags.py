@@ -1,5 +1,7 @@
 """What must not be read as one recording, although it lies in one folder."""
 
+import zlib
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from porotwin_core.rig import Rig
 from porotwin_recording import topic_names
 from porotwin_recording.bag_folder import bag_of
 from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.serialization import stamp_of
 
 RIG_MARKS = ('name', 'width_m', 'height_m', 'wells')
 """Keys that tell one rig from another. Others may be corrected between two bags of one rig."""
@@ -37,6 +40,41 @@ def refuse_two_rigs(bag: BagReader) -> None:
                 f"'{rig.name}', which differ in {', '.join(keys)}; read {one} or {other} alone, or "
                 'name the rig.yaml of both with --rig if it is one rig'
             )
+
+
+def refuse_two_experiments(
+    bag: BagReader, topics: Collection[str], heads: Mapping[str, int]
+) -> None:
+    """Check that messages of one time in several bags are copies of each other.
+
+    A recorder that is started again never has the same time of recording again, in nanoseconds.
+    Experiment folders that become bags count from the same date.
+
+    Args:
+        bag: the bags of a folder.
+        topics: absolute names; their messages begin with a stamp.
+        heads: number of first bytes to compare, by topic; all bytes of other topics.
+
+    Raises:
+        InputError: two bags differ; the line names them.
+    """
+    seen: dict[tuple[str, int, int], tuple[Path, set[int]]] = {}
+    for file, messages in bag.messages_by_file(topics, heads):
+        own: dict[tuple[str, int, int], set[int]] = {}
+        for message in messages:
+            with suppress(InputError):  # who reads the message tells that it is damaged
+                key = message.topic, message.log_time, stamp_of(message.data)
+                content = zlib.crc32(message.data[: heads.get(message.topic)])
+                own.setdefault(key, set()).add(content)
+        for key, contents in own.items():
+            first, known = seen.setdefault(key, (file, contents))
+            if bag_of(first) != bag_of(file) and known.isdisjoint(contents):
+                one, other = _shown(bag, first), _shown(bag, file)
+                raise InputError(
+                    f"{bag.path}: {one} and {other} have the same times, but differ in '{key[0]}': "
+                    'they hold two experiments, or two versions of one; read '
+                    f'{one} or {other} alone'
+                )
 
 
 def _shown(bag: BagReader, file: Path) -> Path:
