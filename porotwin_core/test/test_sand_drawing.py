@@ -103,6 +103,12 @@ def test_a_picture_gives_every_place_its_sand_and_travels_with_the_rig(tmp_path:
     assert (tmp_path / 'copy' / 'sands.png').read_bytes() == (tmp_path / 'sands.png').read_bytes()
 
 
+def test_a_picture_of_another_shape_than_the_rig_is_refused(tmp_path: Path) -> None:
+    Image.new('RGB', (60, 60), '#c87828').save(tmp_path / 'sands.png')
+    with pytest.raises(InputError, match=r'60 x 60 pixels do not .* such as 500 x 333 pixels'):
+        parse_rig(image_rig(LEGEND), tmp_path / 'rig.yaml')
+
+
 @pytest.mark.parametrize(
     ('legend', 'named'),
     [

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.orientation import UPRIGHT, orientation
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.alignment import ReferenceFeatures, align, reference_features
 from porotwin_imaging.baseline_agreement import common_light, refuse_other_sand
@@ -33,7 +34,6 @@ from porotwin_imaging.photo_file import (
     DecodedPhoto,
     colour_profile,
     decode,
-    orientation,
     photo_size,
 )
 from porotwin_imaging.photo_names import baseline_names, named
@@ -369,7 +369,7 @@ def _remarks_on_files(photographs: Sequence[bytes]) -> list[str]:
     """Return remarks about the orientation and the number of the baseline photographs."""
     remarks = []
     turned = orientation(photographs[0])
-    if turned != 1:
+    if turned != UPRIGHT:
         remarks.append(
             f'EXIF orientation {turned} is not applied: camera.corners_px must count pixels as '
             'the file holds them, not as a viewer that turns the photograph shows them'

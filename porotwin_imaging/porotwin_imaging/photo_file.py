@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from porotwin_core.errors import InputError
+from porotwin_core.orientation import ORIENTATION_TAG, UPRIGHT
 from porotwin_imaging.settings import DEFAULTS, DecodingSettings
 
 JPEG_START = b'\xff\xd8'
@@ -37,10 +38,8 @@ _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
 _MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
 """Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
-_ORIENTATION_TAG = 0x0112
-_UPRIGHT = 1
 _EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
-_PLAIN_TAGS = {_ORIENTATION_TAG: _UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
+_PLAIN_TAGS = {ORIENTATION_TAG: UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
 """Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
 _INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
 """Section of the EXIF data, and its word for Adobe RGB."""
@@ -143,19 +142,6 @@ def _with_plain_tags(tiff: bytes) -> bytes:
             place = tags[tag] + 8
             tiff = tiff[:place] + struct.pack(order + 'HH', value, 0) + tiff[place + 4 :]
     return tiff
-
-
-def orientation(data: bytes) -> int:
-    """Return the EXIF orientation (1 to 8) of the photograph `data`, 1 (upright) by default."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')
-            image = Image.open(io.BytesIO(data))
-        with image:
-            written = image.getexif().get(_ORIENTATION_TAG, _UPRIGHT)
-    except Exception:  # a damaged header makes Pillow raise errors of many types
-        return _UPRIGHT
-    return written if written in range(1, 9) else _UPRIGHT
 
 
 def colour_profile(data: bytes) -> str:

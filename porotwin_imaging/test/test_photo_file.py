@@ -11,6 +11,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from porotwin_core.errors import InputError
+from porotwin_core.orientation import orientation
 from porotwin_imaging import photo_file
 
 
@@ -87,17 +88,12 @@ def test_the_orientation_of_a_file_does_not_turn_its_pixels(kind, turned, reduct
     file = io.BytesIO()
     Image.fromarray(smooth[..., ::-1]).save(file, kind, exif=tags)
     data = file.getvalue()
-    assert photo_file.orientation(data) == turned
+    assert orientation(data) == turned
     assert photo_file.photo_size(data) == (360, 240)
     found = photo_file.decode(data, reduction).pixels
     coarse = cv2.resize(smooth, (360 // reduction, 240 // reduction), interpolation=cv2.INTER_AREA)
     assert found.shape == coarse.shape
     assert np.abs(found.astype(int) - coarse).max() <= 6
-
-
-def test_without_a_readable_orientation_a_photograph_is_upright() -> None:
-    assert photo_file.orientation(encoded('.jpg', pixels())) == 1
-    assert photo_file.orientation(b'hello') == 1
 
 
 def test_a_camera_that_pads_its_files_is_read() -> None:

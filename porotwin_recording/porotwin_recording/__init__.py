@@ -7,7 +7,8 @@
 - Bag, as a file: `bag_reader` (`bag_folder`, `mcap_reader`, `mcap_index` below it) and `bag_writer`
   (`mcap_writer` below it), `bag_records`, `definitions` and `serialization` of the messages.
 - Bag, as an experiment: `bag` finds the experiment in the messages, `segments` tells several in one
-  bag apart, `topic_names` names its topics, `bag_conversion` turns a folder into a bag and back.
+  bag apart, `joined_bags` refuses bags in one folder that are no single recording, `topic_names`
+  names its topics, `bag_conversion` turns a folder into a bag and back.
 - Running graph: `recorder` and `recorder_node` write a bag, `player` and `player_node` play one
   when the graph is ready (`replay_readiness`).
 

@@ -24,6 +24,7 @@ from porotwin_recording.concentration import (
     MapSeries,
     without_impossible,
 )
+from porotwin_recording.joined_bags import refuse_two_experiments, refuse_two_rigs
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.rates import measured_to
 from porotwin_recording.recorded_data import RecordedData
@@ -46,7 +47,9 @@ _SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'
 HEAD_BYTES = 4096
 """Bytes that tell one photograph from another: its stamp, length, EXIF data and first pixels."""
 
-_LARGE = (topic_names.NEW_STATE, topic_names.IMAGE, topic_names.BASELINE)
+_PHOTOS = (topic_names.IMAGE, topic_names.BASELINE)
+_NUMBERS = (topic_names.NEW_STATE, topic_names.SETPOINT, topic_names.MEASURED)
+_LARGE = (topic_names.NEW_STATE, *_PHOTOS)
 """Topics whose messages are read later, one by one."""
 
 LOG = logging.getLogger('porotwin')
@@ -69,13 +72,15 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     - Rates that are not finite or belong to unknown wells are left out, as in the hub.
 
     Raises:
-        InputError: no bag, a bag without a rig, maps of another rig, or no such segment.
+        InputError: no bag, a bag without a rig, bags of two rigs or two experiments with the same
+            times, maps of another rig, or no such segment.
     """
     bag = BagReader(path)
-    names = _experiment_topics(bag)
     collector = _Collector(bag)
     try:
-        collector.collect(names)
+        if rig is None:
+            refuse_two_rigs(bag)
+        collector.collect(_experiment_topics(bag))
     except AttributeError as error:
         raise InputError(
             f'{path}: recorded with other interfaces ({error}); read it with the version of '
@@ -210,14 +215,24 @@ class _Collector:
         }
 
     def collect(self, names: dict[str, str]) -> None:
-        """Read the topics `names` (absolute name to relative name)."""
+        """Read the topics `names` (absolute name to relative name).
+
+        Raises:
+            InputError: the bags of a folder hold two experiments.
+        """
         faults: dict[str, list[str]] = {}
+        simultaneous = False
         heads = {name: HEAD_BYTES for name in names if names[name] in _LARGE}
         for location, message in _located(self.bag.messages(list(names), heads=heads)):
+            simultaneous |= location.number > 0
             try:
                 self._add[names[message.topic]](message, location)
             except InputError as error:  # one wrong message costs that message
                 faults.setdefault(message.topic, []).append(str(error))
+        if simultaneous:
+            photos = {name: head for name, head in heads.items() if names[name] in _PHOTOS}
+            compared = [name for name in names if names[name] in (*_PHOTOS, *_NUMBERS)]
+            refuse_two_experiments(self.bag, compared, photos)
         if self._copies:
             self.bag.remark(
                 f'{self.bag.path}: {self._copies} maps and photographs are in it twice, with one '

@@ -143,8 +143,18 @@ def _is_twin(file: Path, others: list[Path]) -> bool:
 
 def _number(file: Path) -> tuple[int, str]:
     """Return the key of the order of recording: bag_9.mcap comes before bag_10.mcap."""
-    digits = file.name.removesuffix(COMPRESSED).removesuffix('.mcap').rpartition('_')[2]
+    digits = _stem(file).rpartition('_')[2]
     return int(digits) if digits.isdecimal() else -1, file.name
+
+
+def bag_of(file: Path) -> Path:
+    """Return the folder and name of the bag of a `file`: bag_0.mcap and bag_1.mcap are of one."""
+    name, _, digits = _stem(file).rpartition('_')
+    return file.with_name(name) if name and digits.isdecimal() else file.with_name(_stem(file))
+
+
+def _stem(file: Path) -> str:
+    return file.name.removesuffix(COMPRESSED).removesuffix('.mcap')
 
 
 def mcap_files(folder: Path) -> list[Path]:

@@ -48,23 +48,24 @@ class BagReader:
             self.remark(line)
         self._compressed = folder.messages_compressed
         self._files = self._opened(folder.files)
-        self.topics = merged_topics(topic for file in self._files for topic in file.topics.values())
-        filled = [file.statistics for file in self._files if file.statistics.message_count]
+        files = self._files.values()
+        self.topics = merged_topics(topic for file in files for topic in file.topics.values())
+        filled = [file.statistics for file in files if file.statistics.message_count]
         self.start_time = min((part.message_start_time for part in filled), default=0)
         self.end_time = max((part.message_end_time for part in filled), default=0)
         self.message_count = sum(part.message_count for part in filled)
         self._deserializers: dict[str, Deserializer] = {}
 
-    def _opened(self, paths: list[Path]) -> list[McapFile]:
-        """Return the readable ones of `paths`; remark on the others.
+    def _opened(self, paths: list[Path]) -> dict[Path, McapFile]:
+        """Return the readable ones of `paths`, by path; remark on the others.
 
         Raises:
             InputError: none can be read.
         """
-        files = []
+        files: dict[Path, McapFile] = {}
         for number, path in enumerate(paths):
             try:
-                files.append(self._opened_file(path, number))
+                files[path] = self._opened_file(path, number)
             except InputError as error:
                 if number == len(paths) - 1 and not files:
                     raise
@@ -103,12 +104,22 @@ class BagReader:
             InputError: a compressed message is damaged.
         """
         heads = NO_HEADS if self._compressed else heads
-        streams = [file.messages(topics, start, stop, heads) for file in self._files]
-        merged = heapq.merge(*streams, key=lambda message: message.log_time)
+        streams = [file.messages(topics, start, stop, heads) for file in self._files.values()]
+        yield from self._plain(heapq.merge(*streams, key=lambda message: message.log_time))
+
+    def messages_by_file(
+        self, topics: Collection[str], heads: Mapping[str, int] = NO_HEADS
+    ) -> Iterator[tuple[Path, Iterator[BagMessage]]]:
+        """Yield each file of the bag with its messages, as `messages` does."""
+        heads = NO_HEADS if self._compressed else heads
+        for path, file in self._files.items():
+            yield path, self._plain(file.messages(topics, None, None, heads))
+
+    def _plain(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        """Yield messages, unpacked if the bag has them packed."""
         if not self._compressed:
-            yield from merged
-            return
-        for message in merged:
+            yield from messages
+        for message in messages:
             yield replace(message, data=plain_data(self.path, message.data))
 
     def decode(self, message: BagMessage) -> Any:

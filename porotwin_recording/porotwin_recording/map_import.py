@@ -89,13 +89,17 @@ class MapAnswers:
 
 @dataclass(frozen=True)
 class _Arrays:
-    """Arrays of a file: values (time, row, column), times, coordinates, and units by name."""
+    """Arrays of a file: values (time, row, column), times, coordinates, and units by name.
+
+    `downward`: z counts from the top of the rig down.
+    """
 
     values: NDArray[Any]
     times: NDArray[Any]
     x: NDArray[Any] | None
     z: NDArray[Any] | None
     units: dict[str, str]
+    downward: bool = False
 
 
 def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
@@ -312,12 +316,17 @@ def _upward(path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]) -
         InputError: nothing says which row is at the top, or z and --first-row differ.
     """
     if arrays.z is not None and len(arrays.z) > 1:
-        shown: FirstRow = 'top' if _falls(arrays.z) else 'bottom'
+        falls = _falls(arrays.z)
+        shown: FirstRow = 'top' if falls != arrays.downward else 'bottom'
+        counts = ' from the top down (positive: down)' if arrays.downward else ''
+        why = f'z {"falls" if falls else "rises"}{counts}, so that the first row is at the {shown}'
         if answers.first_row not in (None, shown):
             raise InputError(
-                f'{path}: z {"falls" if shown == "top" else "rises"}, so that the first row is at '
-                f'the {shown}, but --first-row says {answers.first_row}; leave it out, or correct z'
+                f'{path}: {why}, but --first-row says {answers.first_row}; leave it out, or '
+                'correct z'
             )
+        if arrays.downward:
+            told.append(f'{path}: {why}')
         return arrays.values if shown == 'bottom' else arrays.values[:, ::-1]
     if answers.first_row is None:
         raise InputError(
@@ -508,6 +517,7 @@ def _netcdf(path: Path) -> _Arrays:
                 np.asarray(found['x'][:]) if 'x' in found else None,
                 np.asarray(found['z'][:]) if 'z' in found else None,
                 units,
+                downward=str(getattr(found.get('z'), 'positive', '')).strip().lower() == 'down',
             )
     except (OSError, RuntimeError) as error:
         raise InputError(f'{path}: cannot be read ({error}); write NetCDF or zarr v2') from None

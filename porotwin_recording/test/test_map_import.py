@@ -266,6 +266,21 @@ def test_netcdf_with_falling_x_and_times_long_after_a_date(
     assert any(zero in line for line in told)
 
 
+@pytest.mark.parametrize('step', [1, -1])
+def test_z_that_counts_downward_turns_the_maps(
+    tmp_path: Path, recording: Recording, step: int
+) -> None:
+    path = tmp_path / 'maps.nc'
+    write_netcdf(path, recording, seconds=0.0, since='2024-05-01')
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['z'].positive = 'down'
+        dataset['z'][:] = dataset['z'][::step]
+        dataset['c'][:] = dataset['c'][:, ::-step]
+    found, told = imported(path)
+    np.testing.assert_array_equal(found.concentration, recording.concentration)
+    assert sum('from the top down (positive: down)' in line for line in told) == 1
+
+
 def shuffled(values: np.ndarray) -> np.ndarray:
     """Return `values` with the first two exchanged."""
     return values[[1, 0, *range(2, len(values))]]

@@ -4,17 +4,17 @@ Every square takes the sand at its centre, so an interface is misplaced by at mo
  Grids average the raster over their cells, by area (see `Rig.field`).
 """
 
-import io
 import math
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, UnidentifiedImageError
+from PIL import ImageColor
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.polygons import inside
+from porotwin_core.rig.rig_picture import rig_picture
 from porotwin_core.rig.sand_sections import SandImage, SandLayer, SandPolygon
 from porotwin_core.units import percent
 
@@ -82,19 +82,15 @@ def draw_image(
         path: the file, for messages.
 
     Raises:
-        InputError: no picture, a legend without colours, or pixels of other colours.
+        InputError: no picture of a rig with this shape, a legend without colours, or pixels of
+            other colours.
     """
     try:
         colours = np.array([ImageColor.getrgb(word)[:3] for word in description.legend], float)
     except ValueError as error:
         raise InputError(f"sand_image.legend: {error}; write colours like '#c08040'") from None
-    try:
-        with Image.open(io.BytesIO(content)) as picture:
-            pixels = np.asarray(picture.convert('RGB'), dtype=float)
-    except Image.DecompressionBombError as error:
-        raise InputError(f'{path}: {error}; save it smaller') from None
-    except (UnidentifiedImageError, OSError):
-        raise InputError(f'{path}: not a readable picture; save it as PNG') from None
+    picture = rig_picture(path, content, 'RGB', width_m=raster.width, height_m=raster.height)
+    pixels = np.asarray(picture, dtype=float)
     height, width = pixels.shape[:2]
     rows = ((1.0 - raster.z / raster.height) * height).astype(int).clip(0, height - 1)
     columns = (raster.x / raster.width * width).astype(int).clip(0, width - 1)

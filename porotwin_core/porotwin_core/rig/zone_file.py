@@ -3,22 +3,17 @@
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig.property_file import read_map
+from porotwin_core.rig.rig_picture import rig_picture
 from porotwin_core.rig.sand_drawing import sand_raster
 from porotwin_core.zone_shapes import PictureZone
 
 KEY = 'control.zone'
 """The key of rig.yaml, for messages."""
-
-SHAPE_TOLERANCE = 0.05
-"""Largest relative difference of the sides of picture and rig: a frame of some pixels."""
-
-LEAST_COLUMNS = 500
-"""Columns of a picture that shows a zone well, for messages."""
 
 ROUND_OFF = 1e-6
 """Share beyond 0 and 1 that is round-off."""
@@ -67,22 +62,10 @@ def _from_picture(file: Path, raster: Grid) -> FloatArray:
         InputError: no picture, or none of a rig with this shape.
     """
     try:
-        with Image.open(file) as picture:
-            layers = picture.convert('LA')
-    except Image.DecompressionBombError as error:
-        raise InputError(f'{file}: {error}; save it smaller') from None
-    except (UnidentifiedImageError, OSError):
-        raise InputError(f'{file}: not a readable picture; save it as PNG') from None
-    columns, rows = layers.size
-    shape = columns / rows * raster.height / raster.width
-    if abs(shape - 1.0) > SHAPE_TOLERANCE:
-        columns_shown = max(columns, LEAST_COLUMNS)
-        fitting = round(columns_shown * raster.height / raster.width)
-        raise InputError(
-            f'{file}: {columns} x {rows} pixels do not have the shape of the rig of '
-            f'{raster.width:g} m x {raster.height:g} m; cut it to the sand, such as '
-            f'{columns_shown} x {fitting} pixels'
-        )
+        content = file.read_bytes()
+    except OSError as error:
+        raise InputError(f'{file}: cannot be read ({error.strerror})') from None
+    layers = rig_picture(file, content, 'LA', width_m=raster.width, height_m=raster.height)
     shrunk = layers.resize((raster.nx, raster.nz), Image.Resampling.BOX)
     light, opacity = np.moveaxis(np.asarray(shrunk, dtype=float), -1, 0) / 255.0
     return np.asarray((light * opacity)[::-1])

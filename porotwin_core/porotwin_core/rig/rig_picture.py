@@ -1,0 +1,54 @@
+"""Pictures of the whole rig, in which sands or a zone are painted."""
+
+import io
+from pathlib import Path
+
+from PIL import Image, UnidentifiedImageError
+
+from porotwin_core.errors import InputError
+from porotwin_core.orientation import UPRIGHT, orientation
+
+SHAPE_TOLERANCE = 0.05
+"""Largest relative difference of the sides of picture and rig: a frame of some pixels."""
+
+LEAST_COLUMNS = 500
+"""Columns of a picture that shows a rig well, for messages."""
+
+
+def rig_picture(
+    file: Path, content: bytes, mode: str, *, width_m: float, height_m: float
+) -> Image.Image:
+    """Return the picture of a rig, its first row on top.
+
+    Args:
+        file: the file, for messages.
+        content: its bytes.
+        mode: of the pixels, as Pillow names it, such as RGB.
+        width_m: width of the rig.
+        height_m: height of the rig.
+
+    Raises:
+        InputError: no picture, one that viewers turn, or one of another shape than the rig.
+    """
+    if (turned := orientation(content)) != UPRIGHT:
+        raise InputError(
+            f'{file}: EXIF orientation {turned} is not applied, but a viewer turns the picture by '
+            'it; turn its pixels, and save it without EXIF'
+        )
+    try:
+        with Image.open(io.BytesIO(content)) as opened:
+            picture = opened.convert(mode)
+    except Image.DecompressionBombError as error:
+        raise InputError(f'{file}: {error}; save it smaller') from None
+    except (UnidentifiedImageError, OSError):
+        raise InputError(f'{file}: not a readable picture; save it as PNG') from None
+    columns, rows = picture.size
+    if abs(columns / rows * height_m / width_m - 1.0) > SHAPE_TOLERANCE:
+        columns_shown = max(columns, LEAST_COLUMNS)
+        fitting = round(columns_shown * height_m / width_m)
+        raise InputError(
+            f'{file}: {columns} x {rows} pixels do not have the shape of the rig of '
+            f'{width_m:g} m x {height_m:g} m; cut it to the sand, such as '
+            f'{columns_shown} x {fitting} pixels'
+        )
+    return picture
