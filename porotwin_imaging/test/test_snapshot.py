@@ -121,6 +121,27 @@ def test_a_camera_that_does_not_answer_is_absent(camera, empty_photograph) -> No
     assert 'the picture is not complete after 10 s' in slow.poll().absent
 
 
+def test_a_picture_that_trickles_in_ends_at_the_deadline(camera, empty_photograph) -> None:
+    ended = threading.Event()
+
+    def trickle(request: BaseHTTPRequestHandler) -> None:
+        reply(request, 200, empty_photograph[:100], Content_Length='100000')
+        while not ended.wait(0.02):
+            request.wfile.write(b'x')
+
+    camera.answer = trickle
+    polled = SnapshotSource(camera.url, timeout_s=0.3).poll()
+    ended.set()
+    assert 'the picture is not complete after 0.3 s' in polled.absent
+
+
+def test_a_video_stream_is_told_as_what_it_is(camera) -> None:
+    kind = 'multipart/x-mixed-replace; boundary=frame'
+    camera.answer = lambda request: reply(request, 200, b'--frame', Content_Type=kind)
+    (problem,) = SnapshotSource(camera.url).poll().problems
+    assert 'answers with a video stream; give the URL of one picture' in problem.reason
+
+
 @pytest.mark.parametrize(
     'url',
     ['camera', 'file:///etc/passwd', 'http://', 'http://a:b@', 'http://h:99999/x', 'http://h/ö'],

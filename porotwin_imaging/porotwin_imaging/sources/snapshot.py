@@ -10,7 +10,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from typing import IO, Any
+from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
 from porotwin_core.errors import InputError
@@ -73,8 +73,10 @@ class SnapshotSource:
             request.add_header('If-None-Match', self._tag)
         try:
             with self._opener.open(request, timeout=self._timeout_s) as answer:
-                data = self._read(answer)
                 kind = str(answer.headers.get('Content-Type', 'no type'))
+                if kind.startswith('multipart/'):
+                    return self._problem('answers with a video stream; give the URL of one picture')
+                data = self._read(answer)
                 tag = str(answer.headers.get('ETag', ''))
         except urllib.error.HTTPError as error:
             if error.code == _NOT_MODIFIED:
@@ -89,7 +91,7 @@ class SnapshotSource:
         self._tag = tag  # of a whole picture: any other one is fetched again
         return Polled([CameraPhoto(data, moment, f'snapshot at {moment:.3f} s')], [])
 
-    def _read(self, answer: IO[bytes]) -> bytes:
+    def _read(self, answer: http.client.HTTPResponse) -> bytes:
         """Return the bytes of an answer.
 
         Raises:
@@ -98,7 +100,7 @@ class SnapshotSource:
         deadline = self._steady() + self._timeout_s
         parts: list[bytes] = []
         size = 0
-        while part := answer.read(_CHUNK_BYTES):
+        while part := answer.read1(_CHUNK_BYTES):  # what is there; read waits for a whole block
             parts.append(part)
             size += len(part)
             if self._steady() > deadline:
