@@ -52,6 +52,9 @@ from porotwin_solver.prediction_cost import (
     slowness_of_this_machine,
 )
 
+MUCH_INJECTED = 100.0
+"""Injected volume over the pore volume above which rates or times are probably wrong [-]."""
+
 LITTLE_INJECTED = 0.01
 """Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
 
@@ -400,7 +403,16 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
     if 0.0 < volume < LITTLE_INJECTED * pores and resting_water(data.rig):
         share = percent(volume / pores, 2)
         why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
-        yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')
+        yield Remark(
+            'rates.csv',
+            '',
+            why,
+            'were the rates in ml/min? Write ml/h, 60 times as much. Times in minutes? Write s',
+        )
+    if volume > MUCH_INJECTED * pores:
+        end = f'{pumped_in(data).end:.4g} s'
+        why = f'all wells inject {volume / pores:.3g} times the pore volume until {end}'
+        yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
 
 
 def _off_steps(data: RecordedData) -> Iterator[Remark]:

@@ -219,6 +219,10 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'camera': {'corners_px': [CORNERS[i] for i in (1, 2, 3, 0)]}}, 'on its side'),
         ({'depth_m': {'points': [[0, 0, 0.01], [934, 0, 0.01]]}}, '(934, 0) m: it lies outside'),
         ({'depth_m': {'points': [[0, 0, 0.01], [0, 0, 0.02]]}}, 'it has two depths'),
+        (
+            {'depth_m': {'points': [[0, 0, 0.01], [0.5, 0, 0.011], [0.9, 0, 0.1]]}},
+            'depth_m.points is 0.1 m at (0.9, 0) m: most points are about 0.011 m deep',
+        ),
         ({'control.fuzziness_m': 10}, 'counts as the zone'),
         ({'wells': {}, 'control': None}, 'no water can be pumped'),
         ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),

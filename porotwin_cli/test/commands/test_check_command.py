@@ -388,6 +388,15 @@ def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
     assert any(words in r for r in remarks)
 
 
+def test_an_injection_of_many_pore_volumes_is_odd(tmp_path: Path) -> None:
+    changed(tmp_path)
+    (tmp_path / 'rates.csv').write_text(
+        'time_s,well,rate_ml_h,concentration\n'
+        '0,injector,500,1\n0,producer,-500,\n3e7,injector,0,0\n3e7,producer,0,\n'
+    )
+    assert 'all wells inject 2.12e+03 times the pore volume until 3e+07 s' in told(tmp_path)
+
+
 def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:
     from PIL import Image
 

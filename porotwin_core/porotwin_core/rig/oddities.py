@@ -36,6 +36,9 @@ LARGE_WELL = 0.1
 SAME_PLACE_M = 1e-6
 """Distance of two wells below which they are one place [m]."""
 
+MOST_DEPTH_RATIO = 3.0
+"""Measured depth over the median of all that is odd: plates bulge by a half at most."""
+
 NEAR = 0.05
 """Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
 
@@ -126,6 +129,12 @@ def _measured_depths(rig: Rig) -> Iterator[Remark]:
             return
         if places.setdefault((x, z), depth) != depth:
             yield Remark('depth_m.points', place, 'it has two depths', 'keep one of them')
+            return
+    middle = float(np.median(list(places.values())))
+    for (x, z), depth in places.items():
+        if not 1.0 / MOST_DEPTH_RATIO <= depth / middle <= MOST_DEPTH_RATIO:
+            why = f'most points are about {middle:.3g} m deep'
+            yield Remark('depth_m.points', f'{depth:g} m at ({x:g}, {z:g}) m', why, 'correct one')
             return
 
 
