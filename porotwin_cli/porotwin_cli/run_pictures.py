@@ -27,10 +27,13 @@ PAPER_MINUTES = (10, 35, 60, 80)
 
 
 def shown_minutes(first: float, last: float) -> list[float]:
-    """Return the times of the paper's figures [min], or four even ones if the run lacks some."""
-    if first <= PAPER_MINUTES[0] and PAPER_MINUTES[-1] <= last:
+    """Return four times [min]: those of the paper's figures for a run of its length, else even.
+
+    Nothing is to be seen at the start of an injection, so that a run from 0 begins at a quarter.
+    """
+    if first <= PAPER_MINUTES[0] and round(last) == PAPER_MINUTES[-1]:
         return [float(minute) for minute in PAPER_MINUTES]
-    return [float(minute) for minute in np.linspace(first, last, 4)]
+    return [float(minute) for minute in np.linspace(first or last / 4, last, 4)]
 
 
 def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer) -> None:

@@ -16,6 +16,7 @@ RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' /
 def test_the_times_are_the_papers_or_spread_over_the_run() -> None:
     assert shown_minutes(0.0, 80.0) == [10.0, 35.0, 60.0, 80.0]
     assert shown_minutes(20.0, 50.0) == [20.0, 30.0, 40.0, 50.0]
+    assert shown_minutes(0.0, 160.0) == [40.0, 80.0, 120.0, 160.0]
 
 
 def test_no_line_hides_another_one_of_the_same_values(tmp_path: Path) -> None:
