@@ -170,7 +170,9 @@ def _amount(
         return
     more = factor < 1
     ratio = 1 / factor if more else factor
-    volumes = f'{ML * plume.pore_volume:.0f} ml of pores, {ML * plume.fluid:.0f} ml injected'
+    volumes = f'{ML * plume.fluid:.3g} ml injected'
+    if math.isfinite(plume.pore_volume):  # a plume without a core has no volume
+        volumes = f'{ML * plume.pore_volume:.0f} ml of pores, {volumes}'
     wells = _elsewhere(plume)
     small = '' if measured else 'a plume too small to have a core of stock, '
     yield Objection(

@@ -1,5 +1,6 @@
 """Whether a calibration is trusted: each disagreement is named, and good ones pass."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -133,6 +134,9 @@ def test_without_a_core_the_filled_pores_judge_the_pump_log() -> None:
     by_mass = replace(GOOD, anchor='mass', mass_factor=1.0)
     assert 'more tracer' in refusal(by_mass, replace(PLUME, pore_volume=3.5e-4))
     assert 'less tracer' in refusal(by_mass, replace(PLUME, pore_volume=3.1e-3))
+    assert 'nan' not in refusal(
+        replace(GOOD, mass_factor=9.0), replace(PLUME, pore_volume=math.nan)
+    )
     trust = judged(by_mass, PLUME)
     assert not trust.objections
     assert 'no photograph shows a core' in trust.remarks[0]
