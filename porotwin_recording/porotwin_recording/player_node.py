@@ -64,6 +64,12 @@ SETTLE_PERIOD = 1.0
 A subscriber learns of the player a moment after the player learns of the subscriber.
 """
 
+LOCK_STEP_SETTLE_PERIOD = 5.0
+"""The same in lock-step [s], where no message may be lost.
+
+Nodes learn of each other one by one. On a loaded machine one may miss the other's announcement.
+Fast DDS repeats it after 3 s."""
+
 PROGRESS_PERIOD = 5.0
 """Period of the lines that say what the player waits for [s]."""
 
@@ -247,6 +253,7 @@ class PlayerNode(Node):
         begin = settled_since = time.monotonic()
         due = begin + PROGRESS_PERIOD
         before: GraphSeen | None = None
+        settle = LOCK_STEP_SETTLE_PERIOD if self._lockstep else SETTLE_PERIOD
         while (now := time.monotonic()) < begin + self._patience:
             seen = self._seen()
             if seen.simulated is False:
@@ -257,7 +264,7 @@ class PlayerNode(Node):
             waits = missing(seen)
             if waits or seen != before:
                 before, settled_since = seen, now
-            elif now - settled_since >= SETTLE_PERIOD:
+            elif now - settled_since >= settle:
                 return
             if waits and now >= due:
                 due += PROGRESS_PERIOD

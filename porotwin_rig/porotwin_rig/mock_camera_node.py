@@ -16,8 +16,9 @@ from porotwin_core.node import declare, run
 from porotwin_recording.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
-SETTLE_S = 2.0
-"""Wait after the first subscriber [s]: DDS may match its side of the connection later."""
+SETTLE_S = 4.0
+"""Wait after the first subscriber [s]: DDS may match its side of the connection later. Fast DDS
+repeats an announcement that a busy machine lost after 3 s."""
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 

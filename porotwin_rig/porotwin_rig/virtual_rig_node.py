@@ -39,8 +39,9 @@ from porotwin_rig.virtual_rig import VirtualRig
 CLOCK_PERIOD_S = 0.2
 """Wall time between repetitions of /clock [s], for nodes that start late."""
 
-SETTLE_S = 2.0
-"""Wait after all nodes are there [s]: recorders and subscribers may connect a little later."""
+SETTLE_S = 4.0
+"""Wait after all nodes are there [s]: recorders and subscribers may connect a little later. Fast
+DDS repeats an announcement that a busy machine lost after 3 s."""
 
 
 class VirtualRigNode(Node):
