@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY
 from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.live_mend import MendDesk, accept_all
@@ -43,9 +44,6 @@ from porotwin_rig.pumps import Pumps
 from porotwin_rig.session import parse_speed
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import preset_named
-
-PRODUCER_DELIVERY = 0.99
-"""Share of its commanded rate that the producer's pump delivers (paper, section 4)."""
 
 PREPARATION_S = 35.0
 """Calibration of the camera, start of the nodes and pictures on two cores [s]."""

@@ -199,13 +199,12 @@ def scenario_of(
     rig: Rig, effects: Effects, start: float, end: float, interval: float
 ) -> LoopScenario:
     """Return the experiment of the demo with hidden `effects`, under control from `start` [s]."""
+    producer = producer_of(rig)
     return LoopScenario(
         name='demo',
         rig=rig,
         effects=effects,
-        faults=tuple(
-            PumpFault(name, PRODUCER_DELIVERY) for name in [producer_of(rig)] if name is not None
-        ),
+        faults=() if producer is None else (PumpFault(producer, PRODUCER_DELIVERY),),
         meters=True,
         operator=Operator(),
         start=start,

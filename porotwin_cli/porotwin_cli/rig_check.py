@@ -398,7 +398,8 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             remedy = 'balance injection and production, or open a side in rig.yaml'
             yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
             break
-    volume, pores = pumped_in(data).volume, data.rig.pore_volume
+    volume, _, end = pumped_in(data)
+    pores = data.rig.pore_volume
     # a pulse of dye into the water of reservoirs is small
     if 0.0 < volume < LITTLE_INJECTED * pores and resting_water(data.rig):
         share = percent(volume / pores, 2)
@@ -410,8 +411,7 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             'were the rates in ml/min? Write ml/h, 60 times as much. Times in minutes? Write s',
         )
     if volume > MUCH_INJECTED * pores:
-        end = f'{pumped_in(data).end:.4g} s'
-        why = f'all wells inject {volume / pores:.3g} times the pore volume until {end}'
+        why = f'all wells inject {volume / pores:.3g} times the pore volume until {end:.4g} s'
         yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
 
 

@@ -19,11 +19,9 @@ from porotwin_core.units import ML, to_ml_h
 from porotwin_core.wells import WellRates
 from porotwin_hub.graph import NAMESPACE
 from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.setpoint_limits import RATE_TOLERANCE
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.concentration import ConcentrationMaps
-
-RATE_TOLERANCE_ML_H = 1e-6
-"""Difference of two rates that is round-off [ml/h], as in the limits of the hub."""
 
 
 @dataclass
@@ -71,7 +69,7 @@ class RunAccount:
         first = tuple(to_ml_h(safe[well].rate) for well in wells)
         rates = [first, *zip(*self.rates_ml_h.values(), strict=True)]
         return sum(
-            not np.allclose(before, after, rtol=0.0, atol=RATE_TOLERANCE_ML_H)
+            not np.allclose(before, after, rtol=0.0, atol=to_ml_h(RATE_TOLERANCE))
             for before, after in pairwise(rates)
         )
 

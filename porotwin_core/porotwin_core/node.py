@@ -307,10 +307,8 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             with until_shutdown(executor.context):
                 node = make_node()
                 ensure_diagnostics(node)
-                steady, own = (
-                    Clock(clock_type=ClockType.STEADY_TIME),
-                    MutuallyExclusiveCallbackGroup(),
-                )
+                steady = Clock(clock_type=ClockType.STEADY_TIME)
+                own = MutuallyExclusiveCallbackGroup()
                 wake = partial(_wake, asked)
                 node.create_timer(HEARTBEAT_S, wake, callback_group=own, clock=steady)
                 executor.add_node(node)
