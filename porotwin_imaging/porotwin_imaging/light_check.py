@@ -24,6 +24,8 @@ Mask = NDArray[np.bool_]
 
 _WINDOW = 3
 """Cells across the window of averaged light: one cell is noise."""
+_OUTERMOST = (1, 99)
+"""Percentiles of the light over the sand that count as its dimmest and brightest part."""
 _REACH = 7
 """Cells across the surroundings of brighter cells that are left out as well."""
 _GREY = np.full((1, 3), 1 / 3, np.float32)
@@ -111,6 +113,36 @@ def exposure_remarks(
         return []
     factor = float(np.exp(checker_gain.mean()))
     return [f'{factor:.2g} times the light of the baseline: corrected by the colour chart']
+
+
+def drift_remarks(
+    drift: LightDrift, visible: Mask, settings: LightSettings = DEFAULTS.light
+) -> list[str]:
+    """Return remarks on light of another slope or colour: the drift takes up all but a little.
+
+    Args:
+        drift: the drift of light that was removed.
+        visible: cells that show their sand, shape (nz, nx).
+        settings: thresholds.
+    """
+    if not visible.any():
+        return []
+    remarks = []
+    dimmest, brightest = np.percentile(drift.shape[visible], _OUTERMOST)
+    if brightest - dimmest > settings.told_slope:
+        remarks.append(
+            f'a part of the rig has {float(np.exp(dimmest - brightest)):.2g} times the light of '
+            'another part, compared with the baseline: corrected, but pale tracer is less certain; '
+            'set the lamps as for the baseline'
+        )
+    if np.ptp(drift.channels) > settings.told_cast:
+        red, _, blue = np.exp(drift.channels - drift.channels[1])
+        remarks.append(
+            f'beside green, red is {red:.2f} and blue {blue:.2f} times as bright as in the '
+            'baseline: corrected, but pale tracer is less certain; set a fixed white balance '
+            'and the lamps as for the baseline'
+        )
+    return remarks
 
 
 def refuse_grey(state: Array, baseline: Array) -> None:

@@ -17,7 +17,12 @@ from porotwin_core.errors import InputError
 from porotwin_imaging.cell_sums import BlockSums
 from porotwin_imaging.colour_checker import ChartLight
 from porotwin_imaging.foreign_signal import without_foreign_signal
-from porotwin_imaging.light_check import exposure_remarks, lit_as_baseline, refuse_unknown_light
+from porotwin_imaging.light_check import (
+    drift_remarks,
+    exposure_remarks,
+    lit_as_baseline,
+    refuse_unknown_light,
+)
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
 from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
@@ -106,6 +111,7 @@ def corrected_light(
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
     drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
+    remarks += drift_remarks(drift, visible, settings.light)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
     colour = colour or colour_in(residual, seen)
     local = local_light(residual, seen, colour, settings.local_light)

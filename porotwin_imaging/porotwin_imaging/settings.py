@@ -157,6 +157,11 @@ class LightSettings:
     """Cut-off of Tukey's biweight [log ratio]: cells further from the drift are no background."""
     search_range: float = 0.25
     """Largest difference between chart and sand that can be light [log ratio]."""
+    told_slope: float = 0.2
+    """Slope of the light over the rig above which a remark tells it [log ratio]. It is below 0.08
+    on rendered and composed photographs."""
+    told_cast: float = 0.08
+    """Difference between the channels that is told [log ratio]; below 0.02 on the same ones."""
     rounds: int = 6
     """Reweighted fits before the surroundings of tracer are left out, and again after that."""
     most_cells: int = 12_000

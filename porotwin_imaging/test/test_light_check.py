@@ -1,6 +1,7 @@
 """Photographs in another light are corrected, left out in part, or refused; none erases a plume."""
 
 import dataclasses
+import re
 
 import cv2
 import numpy as np
@@ -41,6 +42,21 @@ def test_without_a_chart_another_exposure_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=r'times the light of its baseline|over-exposed|brighter'):
         concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
+
+
+def test_sloping_light_and_another_white_balance_are_told(
+    without_chart, laboratory, truth, make_jpeg, relative_error
+) -> None:
+    light = laboratory.scene(truth)
+    slope = np.linspace(1.0, 0.6, light.shape[1])[None, :, None]
+    for change, told in (
+        (slope, r'0\.6\d? times the light of another part'),
+        (np.array([0.85, 1.0, 1.25]), 'white balance'),
+    ):
+        found = concentration_map(make_jpeg(light * change), without_chart)
+        (line,) = found.status
+        assert re.search(told, line)
+        assert relative_error(found.values, truth) < 0.08
 
 
 @pytest.mark.parametrize('factor', [1.5, 3.0])

@@ -63,7 +63,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; name an experiment folder')
-    replaced = None if rig is None else _rig_in(folder)
+    replaced = None if rig is None else rig_in(folder)
     if rig is None:
         rig = load_rig(folder)
     commanded, measured = folder / COMMANDED_FILE, folder / MEASURED_FILE
@@ -91,7 +91,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
     )
 
 
-def _rig_in(folder: Path) -> Rig | None:
+def rig_in(folder: Path) -> Rig | None:
     """Return the rig that `folder` describes; None if it has no description that can be read.
 
     Its odd values are not logged, because another rig takes its place.

@@ -164,9 +164,14 @@ def open_recording(
     if not is_folder:  # read_folder has told them
         for remark in remarks_about_times(data):
             LOG.warning('%s: %s', path, remark)
-    if data.replaced_rig and (keys := data.rig.keys_that_differ(data.replaced_rig)):
-        LOG.warning('%s: read with another rig.yaml, which differs in %s', path, ', '.join(keys))
+    tell_other_rig(path, data.rig, data.replaced_rig)
     return Recording(source=path, **vars(data))
+
+
+def tell_other_rig(path: Path, used: Rig, own: Rig | None) -> None:
+    """Log the keys that differ between the `used` rig and the `own` one of the data at `path`."""
+    if own is not None and (keys := used.keys_that_differ(own)):
+        LOG.warning('%s: read with another rig.yaml, which differs in %s', path, ', '.join(keys))
 
 
 def _is_folder(path: Path) -> bool:

@@ -129,16 +129,18 @@ def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
     """Return the rig and the maps of a file of maps or of a recording."""
     from porotwin_core.rig import load_rig
     from porotwin_recording.concentration import open_maps
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment_folder import rig_in
+    from porotwin_recording.recording import open_recording, tell_other_rig
 
-    if path.suffix == '.nc':
-        beside = rig or _rig_beside(path)
-        if beside is None:
-            raise InputError(f'{path}: no rig.yaml beside it; give one with --rig')
-        description = load_rig(beside)
-        return description, open_maps(path, description)
-    recording = open_recording(path)
-    return load_rig(rig) if rig else recording.rig, recording.present_maps
+    if path.suffix != '.nc':
+        recording = open_recording(path, rig=rig)
+        return recording.rig, recording.present_maps
+    chosen = rig or _rig_beside(path)
+    if chosen is None:
+        raise InputError(f'{path}: no rig.yaml beside it; give one with --rig')
+    description = load_rig(chosen)
+    tell_other_rig(path, description, rig_in(path.parent))
+    return description, open_maps(path, description)
 
 
 def _rig_beside(path: Path) -> Path | None:

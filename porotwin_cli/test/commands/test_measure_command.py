@@ -43,6 +43,13 @@ def test_the_table_holds_the_move_and_the_mass(moving: Path, tmp_path: Path) -> 
         assert [float(row['time_s']) for row in csv.DictReader(file)] == [0.0, 30.0]
 
 
+def test_another_rig_than_the_one_beside_the_maps_is_told(moving: Path) -> None:
+    text = small_rig().read_text()
+    (moving.parent / 'rig.yaml').write_text(text.replace('porosity: 0.375', 'porosity: 0.2'))
+    result = porotwin('measure', moving, '--rig', small_rig(), '--json')
+    assert 'read with another rig.yaml, which differs in porosity' in result.stderr
+
+
 def test_maps_are_compared_with_other_maps_at_the_same_time(moving: Path) -> None:
     result = porotwin(
         'measure', moving, '--rig', small_rig(), '--against', moving, '--side', 'up', '--json'
