@@ -74,3 +74,19 @@ def test_an_earlier_finding_changes_the_odds_of_effects_that_look_alike():
     assert next(iter(told)) == 'retardation'
     assert told['retardation'] / told['porosity'] > 50
     assert sum(told.values()) == pytest.approx(1.0)
+
+
+def test_effects_that_leave_all_of_a_gap_have_no_share_if_coarse_cells_misplaced_the_best():
+    screened = [
+        fit_of(name, misfit=4.2) for name in ('depth', 'decay', 'clock', 'leak', 'viscosity')
+    ]
+    findings = Findings(
+        fit_of(misfit=9.8),
+        fit_of(misfit=4.4),
+        screened,
+        [fit_of('leak', misfit=0.6)],
+        distances=[0],
+    )
+    assert effect_probabilities(findings)['leak'] > 0.999
+    with_place = replace(findings, screened=[*screened, fit_of('heterogeneity', misfit=4.2)])
+    assert 0.03 < effect_probabilities(with_place)['heterogeneity'] < 0.06

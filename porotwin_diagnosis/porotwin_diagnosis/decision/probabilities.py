@@ -4,8 +4,10 @@ import math
 from collections.abc import Sequence
 
 from porotwin_diagnosis.decision.verdict import NONE, Doubt, Verdict
+from porotwin_diagnosis.model.effect_traits import has_place
+from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
+from porotwin_diagnosis.search.ranking import LEAST_SCORE, larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
 
 
@@ -16,7 +18,9 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
 
     - For a judged effect they follow from its misfit. They are 0 if it looks the same as the best.
     - For an effect that was only screened they follow from its misfit on coarse cells. They are at
-      least `SCREENED_LOG_ODDS`.
+      least `SCREENED_LOG_ODDS`. The best effect may fit on fine cells only, where its place was
+      found. So the misfit on fine cells is estimated too: that of the model without effects, times
+      the share that the effect leaves on coarse cells.
 
     The belief before the recording (`Prior.belief`) multiplies each exp(-l_i).
     """
@@ -33,7 +37,11 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
     screened = {fit.label: larger_misfit(fit) for fit in reversed(findings.screened)}
     best_screened = screened.get(findings.singles[0].label, 0.0)
     for fit in findings.screened:
-        against = max(log_odds_against(larger_misfit(fit), best_screened), SCREENED_LOG_ODDS)
+        against = max(
+            log_odds_against(larger_misfit(fit), best_screened),
+            log_odds_against(_misfit_on_fine_cells(fit, findings), best),
+            SCREENED_LOG_ODDS,
+        )
         log_odds.setdefault(fit.members[0].effect, -against)
         believed.setdefault(fit.members[0].effect, prior.belief(fit))
     believed[NONE] = prior.weight(())
@@ -45,6 +53,17 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
     total = sum(weights.values())
     probabilities = {name: weight / total for name, weight in weights.items()}
     return dict(sorted(probabilities.items(), key=lambda item: -item[1]))
+
+
+def _misfit_on_fine_cells(fit: Fit, findings: Findings) -> float:
+    """Return the misfit [-] on fine cells that is expected of a screened `fit`.
+
+    It is 0, which proves nothing, for an effect with a place: fine cells may show another place.
+    """
+    if any(has_place(member.effect) for member in fit.members):
+        return 0.0
+    on_coarse = max(larger_misfit(findings.screened_null), LEAST_SCORE)
+    return larger_misfit(findings.null) * larger_misfit(fit) / on_coarse
 
 
 def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
