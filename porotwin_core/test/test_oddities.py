@@ -225,6 +225,7 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ),
         ({'control.fuzziness_m': 10}, 'counts as the zone'),
         ({'wells': {}, 'control': None}, 'no water can be pumped'),
+        ({'boundaries': between(right=0.5)}, 'give the head of a second open side'),
         ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),
         ({'boundaries': between(left=2.0, right=0.5)}, 'are they in cm?'),
         ({'boundaries': between(left=0.5, top=0.6)}, 'meet in a corner'),

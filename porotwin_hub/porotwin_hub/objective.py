@@ -195,8 +195,13 @@ class WeightedSum:
         return sum(weight * part(concentration) for weight, part in self.parts)
 
     def disallowed_tracer(self, concentration: FloatArray) -> float:
-        """Return the sum over all parts, without weights, of a map (nz, nx) [m^3]."""
-        return sum(part.disallowed_tracer(concentration) for _, part in self.parts)
+        """Return the tracer where it must not be, of a map (nz, nx) [m^3], without weights.
+
+        Tracer that a target still lacks does not count beside a zone to keep free.
+        """
+        parts = [part for _, part in self.parts]
+        zones = [part for part in parts if isinstance(part, WeightedTracer)]
+        return sum(part.disallowed_tracer(concentration) for part in zones or parts)
 
     def terms(self, now: float, horizon: float) -> Sequence[CostTerm]:
         """Return the weighted terms of all parts."""

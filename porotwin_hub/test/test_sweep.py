@@ -31,3 +31,16 @@ def test_a_region_at_its_concentration_costs_nothing(
     (term,) = objective.terms(0.0, 600.0)
     assert (term.start, term.end) == (0.0, 600.0)
     assert term.value(np.full((50, 50), 1.0 - wanted)) == pytest.approx(missing)
+
+
+def test_beside_a_zone_to_keep_free_missing_tracer_is_not_counted_as_tracer_there(
+    unit_rig: dict[str, Any], square: FloatArray
+) -> None:
+    zones = [square.tolist()]
+    parts = [
+        {'name': 'sweep', 'zones_m': zones, 'fuzziness_m': 0},
+        {'name': 'keep_out', 'zones_m': zones, 'fuzziness_m': 0},
+    ]
+    _, objective = made(unit_rig, name='sum', parts=parts)
+    assert objective.disallowed_tracer(np.zeros((50, 50))) == 0.0
+    assert objective.disallowed_tracer(np.ones((50, 50))) == pytest.approx(0.16 * 0.01 * 0.4)

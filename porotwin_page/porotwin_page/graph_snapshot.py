@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
+from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
@@ -20,6 +21,13 @@ from porotwin_page.packed_rates import PackedRates
 
 HISTORY_LENGTH = 1440
 """Cycles in the curves: 12 hours of a photograph every 30 s, below 1 MB."""
+
+TRACER_PLACES: dict[ZoneKind, str] = {
+    'keep out': 'in the disallowed zone',
+    'keep in': 'outside the allowed zone',
+    'target': 'missing in the target, or too much',
+}
+"""Where the counted tracer is, by kind of zone; the first kind that a rig has counts."""
 
 # Bounds of everything else, so that memory does not grow with the length of a run.
 SETPOINTS_KEPT = 20
@@ -148,7 +156,9 @@ class CyclePoint:
         time: time of its photograph [s].
         prediction_error: relative L2 error of the physics-based prediction [-].
         corrected_error: relative L2 error of the corrected prediction [-].
-        disallowed_tracer: observed tracer in the disallowed zone [m^3].
+        disallowed_tracer: observed tracer in the disallowed zone [m^3]; without such a zone, tracer
+            that a target lacks or has too much.
+        tracer_place: where that tracer is, in words; '' without an objective.
         cycle_duration: from the state to the setpoint [s].
         corrected: whether the prediction was corrected.
         correction_status: why it was not.
@@ -171,6 +181,7 @@ class CyclePoint:
     objective: float = math.nan
     objective_unchanged: float = math.nan
     expected_error: float = math.nan
+    tracer_place: str = ''
 
 
 @dataclass(frozen=True)
@@ -503,11 +514,18 @@ def with_cycle(now: GraphSnapshot, point: CyclePoint) -> GraphSnapshot:
     newest = replace(
         point,
         rates=rates,
+        tracer_place=_tracer_place(now.rig),
         remarks=point.remarks[:REMARKS_KEPT],
         correction_status=sys.intern(point.correction_status),
     )
     history = (*_packed(now.history), newest)
     return replace(now, history=history[-HISTORY_LENGTH:], history_end=now.history_end + 1)
+
+
+def _tracer_place(rig: Rig | None) -> str:
+    """Return where the tracer is that the hub counts, in words; see `Objective`."""
+    kinds = {zone.kind for zone in control_zones(rig)} if rig is not None else set()
+    return next((words for kind, words in TRACER_PLACES.items() if kind in kinds), '')
 
 
 def _packed(history: tuple[CyclePoint, ...]) -> tuple[CyclePoint, ...]:

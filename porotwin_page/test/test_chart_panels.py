@@ -27,6 +27,8 @@ def test_an_error_without_correction_is_not_shown_as_a_corrected_one() -> None:
 
 def test_tracer_is_shown_in_ml() -> None:
     assert values('zone_tracer', point(2)) == {'': pytest.approx(2.0)}
+    aimed = replace(point(2), tracer_place='missing in the target')
+    assert values('zone_tracer', aimed) == {'missing in the target': pytest.approx(2.0)}
 
 
 def test_rates_are_shown_in_ml_h_by_well() -> None:

@@ -13,6 +13,7 @@ from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, pro
 from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.ros_environment import enter_domain, namespace_of
+from porotwin_core.units import percent
 from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
@@ -187,10 +188,13 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
             say(f'{camera}: an effect of the camera; correct it at the camera')
         elif verdict.confidence >= LEAST_OFFERED:
             say(
-                'the same call with --apply also writes a rig.yaml with it, for ./porotwin up --rig'
+                'the same call with --apply diagnoses again, and also writes a rig.yaml with the '
+                'effect, for ./porotwin up --rig'
             )
     else:
         say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
+        if verdict.confidence < LEAST_OFFERED:
+            say(f'the confidence is only {percent(verdict.confidence)}: check before you use it')
         for names in verdict.alternatives:
             say(f'{" and ".join(names)} fits equally well: check before you use it')
         if verdict.not_separable:

@@ -43,7 +43,7 @@ def test_a_copy_of_a_recording_does_not_count_twice(experiment: Path, tmp_path: 
 @pytest.mark.parametrize(
     ('name', 'confidence', 'told'),
     [
-        ('leak', 0.9, '--apply also writes a rig.yaml'),
+        ('leak', 0.9, 'also writes a rig.yaml'),
         ('leak', 0.4, ''),
         ('clock', 0.9, 'clock: an effect of the camera; correct it at the camera'),
     ],
@@ -58,3 +58,15 @@ def test_only_a_probable_effect_of_the_rig_is_offered_for_rig_yaml(
     said = capsys.readouterr().err
     assert told in said
     assert bool(said) == bool(told)
+
+
+def test_an_improbable_effect_is_written_with_a_doubt(capsys: pytest.CaptureFixture[str]) -> None:
+    verdict: Any = SimpleNamespace(
+        members=('leak',),
+        confidence=0.36,
+        model=SimpleNamespace(effects=('leak',)),
+        alternatives=(),
+        not_separable=(),
+    )
+    _tell_about_rig(verdict, Path('report'), apply=True)
+    assert 'the confidence is only 36 %: check before you use it' in capsys.readouterr().err

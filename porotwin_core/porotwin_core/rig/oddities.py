@@ -153,7 +153,11 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
     """Yield remarks about heads that drive no water, too much of it, or meet in a corner."""
     given, raised = rig.boundaries.heads_m, rig.boundaries.raised_heads
     key = 'boundaries.heads_m'
-    if given and not raised:
+    if given and len(given) == 1:
+        why = 'only differences between open sides count, so that one head does nothing'
+        remedy = 'remove it, or give the head of a second open side'
+        yield Remark(key, f'{min(given.values()):g} m', why, remedy)
+    elif given and not raised:
         why = 'water flows only between open sides with different heads'
         yield Remark(key, f'{min(given.values()):g} m everywhere', why, 'correct or remove it')
     for one, other in rig.boundaries.corners_with_a_jump:

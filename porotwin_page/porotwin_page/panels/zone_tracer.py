@@ -1,12 +1,12 @@
-"""The observed tracer in the disallowed zone."""
+"""The observed tracer where it must not be, or how far it is from a target."""
 
 from porotwin_core.units import ML
 from porotwin_page.panel import ChartPanel, Region
 
 PANEL = ChartPanel(
-    title='Tracer in the disallowed zone',
+    title='Observed tracer',
     region=Region.CURVES,
     order=20,
-    values=lambda cycle: {'': ML * cycle.disallowed_tracer},
+    values=lambda cycle: {cycle.tracer_place: ML * cycle.disallowed_tracer},
     unit='ml',
 )
