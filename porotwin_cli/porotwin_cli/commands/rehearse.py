@@ -23,6 +23,9 @@ DURATION_OPTION = '--duration-min, such as 60'
 LONGEST_MIN = 60.0 * 24.0 * 31.0
 """Longest experiment [min]: a month."""
 
+NARROWEST_PX, WIDEST_PX = 300, 8000
+"""Widths of photographs [px]: narrower ones show no grains, 8000 x 5000 px are 40 megapixels."""
+
 MOST_MAPS = 20_000
 """Most maps: a week of photographs, one every 30 s."""
 
@@ -56,7 +59,15 @@ def command(
     grid: Annotated[
         str, typer.Option(help='Columns x rows of the maps; default: cells of 5 mm.')
     ] = '',
-    seed: Annotated[int, typer.Option(help='Seed of the noise of the maps.', min=0)] = 1,
+    photo_width_px: Annotated[
+        int | None,
+        typer.Option(
+            help='Take photographs of this width instead of maps, such as 1600.',
+            min=NARROWEST_PX,
+            max=WIDEST_PX,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help='Seed of noise and camera.', min=0)] = 1,
     as_json: Json = False,
 ) -> None:
     """Make an experiment on a virtual rig, to plan one on the real rig.
@@ -67,10 +78,16 @@ def command(
     not name the effects given here. `./porotwin diagnose` tells whether it finds them, and so
     whether these rates would show them.
 
+    With --photo-width-px the folder holds photographs instead of maps. Two rehearsals with the same
+    seed have the same camera, so that a known injection calibrates it for the other one.
+
     Example: ./porotwin rehearse planned --output rehearsed --effect leak:x=0.6,z=0.3,rate=-50
+
+    Example: ./porotwin rehearse planned --output photographed --photo-width-px 1600
     """
     from porotwin_cli.grids import grid_of
     from porotwin_core.whole_folder import whole_folder
+    from porotwin_recording.experiment_folder import MAPS_FILE
     from porotwin_recording.one_writer import one_writer
     from porotwin_recording.recording import open_recording
     from porotwin_rig.effects import parse_effects, refuse_slips
@@ -93,6 +110,8 @@ def command(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
             '--photo-interval-s'
         )
+    if grid and photo_width_px is not None:
+        raise InputError('--grid: photographs have no cells yet; give it to ./porotwin image')
     map_grid = grid_of(grid, recording.rig)
     with one_writer(output), whole_folder(output) as unfinished, progress() as bar:
         task = bar.add_task('running the virtual rig', total=1.0)
@@ -106,14 +125,17 @@ def command(
             effects=(*recording.rig.effects, *effects),
             noise=MapNoise(),
             grid=map_grid,
+            photo_width_px=photo_width_px,
             progress=lambda share: bar.update(task, completed=share),
         )
+        if photo_width_px is not None:  # imaging makes the maps
+            (unfinished / MAPS_FILE).unlink()
     if as_json:
         print_json(
             {
                 'output': output,
-                'maps': len(made.times),
-                'noise_floor': made.noise_floor,
+                'photographs' if photo_width_px else 'maps': len(made.times),
+                'noise_floor': None if photo_width_px else made.noise_floor,
                 'injected_m3': made.injected,
                 'removed_m3': made.removed,
                 'hidden': effect or [],
@@ -121,19 +143,26 @@ def command(
         )
         return
     ways = ' or '.join(_ways_out(recording, effects))
+    kind = 'photographs' if photo_width_px else 'maps'
     print(
-        f'{output}: {len(made.times)} maps over {duration / 60.0:.0f} min; '
+        f'{output}: {len(made.times)} {kind} over {duration / 60.0:.0f} min; '
         f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml of it removed'
         + (f' by {ways}' if made.removed > 0.0 and ways else '')
     )
     if effect:
         print(f'hidden: {"; ".join(effect)}')
-    print(_next_step(output, len(made.times)))
+    print(_next_step(output, len(made.times), photographs=photo_width_px is not None))
 
 
-def _next_step(output: Path, maps: int) -> str:
+def _next_step(output: Path, maps: int, *, photographs: bool) -> str:
     from porotwin_diagnosis.data.sample import FEWEST_FRAMES
 
+    if photographs:
+        folder = shlex.quote(str(output))
+        return (
+            f'next: ./porotwin calibrate {folder}, if it is a known injection; else ./porotwin '
+            f'image {folder} --output {folder}/concentration.nc --calibration CALIBRATION'
+        )
     if maps < FEWEST_FRAMES:
         return f'{maps} maps are too few for a diagnosis, which needs {FEWEST_FRAMES}'
     return f'next: ./porotwin diagnose {shlex.quote(str(output))} --output REPORT'

@@ -53,11 +53,26 @@ def test_a_rehearsal_is_a_recording_that_does_not_name_its_effects(tmp_path: Pat
     assert wider > 1.5 * tight.concentration[-1].sum()
 
 
+def test_a_photographed_rehearsal_is_imaged_like_a_real_one(tmp_path: Path) -> None:
+    folder, output = design(tmp_path / 'design'), tmp_path / 'photographed'
+    words = ('rehearse', folder, '--photo-interval-s', '60', '--photo-width-px', '400')
+    result = porotwin(*words, '--output', output)
+    assert result.returncode == 0, result.stderr
+    assert './porotwin calibrate' in result.stdout
+    recording = open_recording(output)
+    assert recording.maps is None
+    assert [photo.role for photo in recording.photos] == ['baseline', *4 * ['state']]
+    assert recording.rig.camera is not None
+    result = porotwin('image', output, '--output', tmp_path / 'maps.nc', '--grid', '30x15')
+    assert result.returncode == 0, result.stderr
+
+
 def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
     folder = design(tmp_path / 'design')
     output = tmp_path / 'planned'
     for wrong, complaint in (
         (('--grid', 'many'), 'write columns x rows'),
+        (('--grid', '30x15', '--photo-width-px', '400'), 'photographs have no cells yet'),
         (('--effect', 'leek:x=1'), "'leek' is not known; did you mean 'leak'?"),
         (('--effect', 'leak:x=0.15,z=0.05'), "leak: parameter 'rate' [ml/h] is missing"),
         (('--effect', 'leak:x=0.15,z=0.05,rate=0'), 'leak: changes nothing with rate = 0'),
