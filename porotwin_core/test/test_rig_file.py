@@ -43,6 +43,16 @@ def test_defaults_agree_with_the_experiment_folder_format() -> None:
     [
         ({'name': 'two\nlines'}, 'write one line without control characters'),
         ({'porosty': 0.3}, "unknown key 'porosty'"),
+        ({'width_cm': 60}, "write 'width_m'; 1 cm is 0.01 m"),
+        ({'permeability_darcy': 5}, "write 'permeability_m2'; 1 darcy is 9.87e-13 m2"),
+        (
+            {'control': {'wells': ['a'], 'max_rate_ml_min': 5}},
+            "write 'max_rate_ml_h'; 1 ml/min is 60 ml/h",
+        ),
+        (
+            {'control': {'wells': ['a'], 'fixed': {'b': {'rate_ml_h': 5, 'concentration': 2}}}},
+            'write a number less than or equal to 1 (concentration of the injected water: 0 water',
+        ),
         ({'porosity': -0.1}, 'porosity = -0.1'),
         ({'porosity': 1.2}, 'porosity 1.2'),
         ({'depth_m': float('nan')}, 'depth_m'),

@@ -199,8 +199,13 @@ def _row(task: ArchiveTask, refusal: str | None) -> dict[str, Any]:
     """Return the entry of one recording: its verdict, or why it was refused."""
     row: dict[str, Any] = {'recording': str(task.recording), 'report': str(task.folder)}
     if refusal is not None:
-        return row | {'verdict': None, 'confidence': None, 'refused': refusal}
+        return row | {
+            'verdict': None, 'combination': [], 'confidence': None, 'refused': refusal,
+        }  # fmt: skip
     found = json.loads((task.folder / SUMMARY).read_text(encoding='utf-8'))
     return row | {
-        'verdict': found['verdict'], 'confidence': found['confidence'], 'refused': None,
-    }  # fmt: skip
+        'verdict': found['verdict'],
+        'combination': found['combination'],
+        'confidence': found['confidence'],
+        'refused': None,
+    }

@@ -27,6 +27,7 @@ from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.progress import WorkClock
+from porotwin_diagnosis.report.named_rows import verdict_words
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
@@ -165,9 +166,6 @@ class DiagnosisNode(Node):
             return _refusal(error)
         finally:
             self._busy.release()
-        self.get_logger().info(
-            f'{result.verdict}, confidence {result.confidence:.2f}: {result.report}'
-        )
         goal.succeed()
         return result
 
@@ -208,13 +206,15 @@ class DiagnosisNode(Node):
                 tell=self.get_logger().warning,
             )
         summary = write_diagnosis(found, folder, progress=progress)
+        report, confidence = output / REPORT, found.verdict.confidence
+        self.get_logger().info(f'{verdict_words(summary)}, confidence {confidence:.2f}: {report}')
         return Diagnose.Result(
             outcome=conversions.ok(),
             verdict=found.verdict.name,
-            confidence=found.verdict.confidence,
+            confidence=confidence,
             error_before=summary['error']['before'],
             error_after=summary['error']['after'],
-            report=str(output / REPORT),
+            report=str(report),
         )
 
     def _folder(self, requested: str) -> Path:

@@ -349,7 +349,7 @@ class MendNode(Node):
         except InputError as error:
             self._give_up(f'no verdict: {error}')
             return
-        words = f'{result.verdict}, confidence {result.confidence:.2f}'
+        words = f'{finding.verdict}, confidence {finding.confidence:.2f}'
         self._diagnostics.report(DiagnosticStatus.OK, words)
         took = time.monotonic() - asked.began
         self.get_logger().info(f'{words}, after {took:.0f} s: {result.report}')

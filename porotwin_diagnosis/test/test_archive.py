@@ -44,8 +44,8 @@ def reported(task: ArchiveTask, *, made: dict[str, object] | None = None) -> Arc
         read = origin_of(open_recording(task.recording, rig=task.rig))
         made = {'preset': task.preset, 'excluded': [], 'read': [read]}
     found = {
-        'verdict': 'rate', 'confidence': 0.9, 'recordings': [str(task.recording)],
-        'made_with': made,
+        'verdict': 'rate', 'combination': ['rate'], 'confidence': 0.9,
+        'recordings': [str(task.recording)], 'made_with': made,
     }  # fmt: skip
     (task.folder / 'diagnosis.json').write_text(json.dumps(found))
     (task.folder / REPORT).touch()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_diagnosis.report.named_rows import named_rows, with_occurrences
+from porotwin_diagnosis.report.named_rows import named_rows, verdict_words, with_occurrences
 
 SUMMARY = {
     'effects': [
@@ -22,3 +22,8 @@ def test_a_name_that_comes_twice_gets_both_rows():
 def test_a_name_without_a_row_is_an_error():
     with pytest.raises(KeyError, match='decay'):
         named_rows(SUMMARY, ['decay', 'decay'])
+
+
+def test_a_verdict_names_all_effects_that_act_together():
+    assert verdict_words({'verdict': 'clock', 'combination': ['clock', 'leak']}) == 'clock and leak'
+    assert verdict_words({'verdict': 'unexplained', 'combination': []}) == 'unexplained'

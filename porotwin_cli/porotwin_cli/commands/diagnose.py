@@ -260,17 +260,21 @@ def _each(
 
 
 def _verdict_words(row: dict[str, object]) -> tuple[str, str]:
-    return ('refused', '') if row['refused'] else (str(row['verdict']), str(row['confidence']))
+    from porotwin_diagnosis.report.named_rows import verdict_words
+
+    return ('refused', '') if row['refused'] else (verdict_words(row), str(row['confidence']))
 
 
 def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     """Print the diagnosis of the run so far."""
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
+    from porotwin_diagnosis.report.named_rows import verdict_words
 
     with progress() as bar:
         result = diagnose_run_so_far(output, _shown_on(bar), namespace=namespace)
+    summary = json.loads((output / 'diagnosis.json').read_text())
     if as_json:
-        print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
+        print_json({'output': output, **summary})
         return
-    print(f'{result.verdict}, with confidence {100 * result.confidence:.0f} %')
+    print(f'{verdict_words(summary)}, with confidence {100 * result.confidence:.0f} %')
     say(f'report: {result.report}')

@@ -8,6 +8,7 @@ from typing import Any
 import pydantic
 
 from porotwin_core.likely_name import did_you_mean
+from porotwin_core.other_unit import in_other_unit
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
@@ -27,6 +28,9 @@ _REASONS = {
     'string_pattern_mismatch': 'write one line without control characters',
 }
 """Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
+
+_BOUNDS = ('greater_than', 'greater_than_equal', 'less_than', 'less_than_equal')
+"""Types of pydantic's errors about a number out of its range; the meaning of the key is added."""
 
 _DECIMAL_COMMA = 'a number with a decimal comma? Write a point, as in 0.39'
 """Guess about a key that is a number: YAML ends the value at the comma."""
@@ -55,7 +59,7 @@ def one_line(
     more = _also(where, ['.'.join(_key(other)) or section for other in others])
     reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
-        guess = did_you_mean(parts[-1], KNOWN_KEYS)
+        guess = in_other_unit(parts[-1], KNOWN_KEYS) or did_you_mean(parts[-1], KNOWN_KEYS)
         if parts[0] == 'effects' and len(parts) == 3:
             guess = 'an effect has a name and parameters, as docs/effects.md shows'
         if parts[-1].isdigit():
@@ -73,6 +77,8 @@ def one_line(
         return f"{source}: '{'.'.join(parts[:-1])}' has too few values; give the next one{more}"
     if not parts:
         return f'{source}: {reason}{more}'
+    if first['type'] in _BOUNDS and (meaning := KNOWN_KEYS.get(parts[-1])):
+        reason = f'{reason.replace("Input should be", "write a number")} ({meaning})'
     return f'{source}: {where} = {_shown(first["input"])}: {reason}{more}'
 
 

@@ -19,8 +19,8 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
     - For a judged effect they follow from its misfit. They are 0 if it looks the same as the best.
     - For an effect that was only screened they follow from its misfit on coarse cells. They are at
       least `SCREENED_LOG_ODDS`. The best effect may fit on fine cells only, where its place was
-      found. So the misfit on fine cells is estimated too: that of the model without effects, times
-      the share that the effect leaves on coarse cells.
+      found. So the misfit on fine cells is estimated too. The model without effects has a misfit
+      there, and the effect leaves the same share of it as on coarse cells.
 
     The belief before the recording (`Prior.belief`) multiplies each exp(-l_i).
     """

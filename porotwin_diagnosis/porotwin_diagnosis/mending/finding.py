@@ -10,7 +10,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
-from porotwin_diagnosis.report.named_rows import named_rows
+from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.effects.definition.words import plain
@@ -40,7 +40,7 @@ class Finding:
     """A verdict on the running experiment.
 
     Attributes:
-        verdict: its name.
+        verdict: its name, or those of all effects that act together.
         confidence: its probability [-].
         effects: the named effects of rig and wells, which the solver can run.
         camera: the named effects of the camera.
@@ -213,7 +213,7 @@ def finding_of(summary: dict[str, Any], report: str = '') -> Finding:
     if not 0.0 <= confidence <= 1.0:
         raise InputError(f'confidence {confidence:g} is not from 0 to 1; diagnose again')
     return Finding(
-        verdict=summary['verdict'],
+        verdict=verdict_words(summary),
         confidence=confidence,
         effects=_of_scopes(named, Scope.RIG, Scope.WELL, Scope.PLACE),
         camera=_of_scopes(named, Scope.CAMERA),

@@ -29,6 +29,11 @@ def named_rows(summary: Mapping[str, Any], names: Iterable[str]) -> list[Mapping
     ]
 
 
+def verdict_words(summary: Mapping[str, Any]) -> str:
+    """Return the verdict in the content of a diagnosis.json, with all effects that act together."""
+    return ' and '.join(summary['combination']) or str(summary['verdict'])
+
+
 def occurrence(items: Sequence[Item], number: int, name: str) -> Item:
     """Return item `number` of those that belong to `name`.
 
