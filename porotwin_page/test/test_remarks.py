@@ -24,9 +24,14 @@ def test_a_missing_calibration_is_remarked_once() -> None:
 
 
 def test_the_reason_of_a_missing_correction_is_remarked() -> None:
-    cycle = replace(point(1), corrected=False, correction_status='no model loaded')
+    cycle = replace(point(1), corrected=False, correction_status='withheld')
     now = after((snapshot.with_cycle, cycle))
-    assert content('remarks', now) == ['forecast not corrected: no model loaded']
+    assert content('remarks', now) == ['forecast not corrected: withheld']
+
+
+def test_a_twin_without_costa_is_no_fault() -> None:
+    cycle = replace(point(1), corrected=False, correction_status='no model loaded')
+    assert content('remarks', after((snapshot.with_cycle, cycle))) == []
 
 
 def test_before_the_first_photograph_there_are_no_remarks() -> None:

@@ -2,6 +2,7 @@
 
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.panel import LinesPanel, Moment, Region
+from porotwin_page.panels.costa_gate import NO_MODEL
 
 NOT_CALIBRATED = 'not calibrated: the scale of the concentration is a default'
 
@@ -13,7 +14,7 @@ def remarks(snapshot: GraphSnapshot, _: Moment) -> list[str]:
     lines = [*(state.remarks if state else ()), *(cycle.remarks if cycle else ())]
     if state and not state.calibrated and not any('calibrat' in line.lower() for line in lines):
         lines.append(NOT_CALIBRATED)
-    if cycle and not cycle.corrected and cycle.correction_status:
+    if cycle and not cycle.corrected and cycle.correction_status not in ('', NO_MODEL):
         lines.append(f'forecast not corrected: {cycle.correction_status}')
     return lines
 

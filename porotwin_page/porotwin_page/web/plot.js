@@ -1,6 +1,6 @@
 /* The geometry of a chart: ranges, ticks and paths; no drawing. */
 
-import { isNumber, number } from './formatting.js';
+import { FIRST_ABSOLUTE_STAMP_S, isNumber, number } from './formatting.js';
 
 const MARGIN = { left: 50, right: 8, top: 18, bottom: 34 };  // px
 const TICKS_Y = 3;
@@ -101,12 +101,14 @@ export function nearestIndex(times, at) {
   return nearest;
 }
 
-/* Time axis of points with time_s: the unit, the time of every point in it, and the range. */
+/* Time axis of points with time_s: the unit, the time of every point in it, and the range. Stamps
+   that count from the start of a run, as in the header of the page, are shown as they are. */
 export function timeAxis(points, startSeconds, cutOff) {
   const earliest = points.length ? points[0].time_s : 0;
   const known = startSeconds !== null && startSeconds !== undefined
     && startSeconds <= earliest && earliest - startSeconds <= LONGEST_PAUSE_S;
-  const start = known ? startSeconds : earliest;
+  const told = known ? startSeconds : earliest;
+  const start = earliest < FIRST_ABSOLUTE_STAMP_S ? 0 : told;
   const minutes = points.map((point) => (point.time_s - start) / 60);
   const inHours = minutes.length > 0 && minutes[minutes.length - 1] > LONG_RUN_MIN;
   const seconds = inHours ? 3600 : 60;

@@ -35,10 +35,15 @@ test('steps hold a value until the next time', () => {
 });
 
 test('short runs count in minutes from the start', () => {
-  const axis = timeAxis([{ time_s: 100 }, { time_s: 400 }], 100, false);
+  const axis = timeAxis(
+    [{ time_s: 1.8e9 }, { time_s: 1.8e9 + 300 }], 1.8e9, false);
   assert.deepEqual(axis.times, [0, 5]);
   assert.deepEqual([axis.from, axis.to], [0, 5]);
   assert.match(axis.label, /minutes/);
+});
+
+test('stamps from the start of a run are shown as in the header', () => {
+  assert.deepEqual(timeAxis([{ time_s: 1200 }, { time_s: 1800 }], 1200, false).times, [20, 30]);
 });
 
 test('long runs count in hours', () => {
