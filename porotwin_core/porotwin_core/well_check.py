@@ -4,6 +4,7 @@ Tracer that a baseline shows already is not seen in later photographs. The plume
 and the hole is at the well.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -26,6 +27,8 @@ _FILLINGS = 2.0
 """A well counts when it has injected this many times the pores of these cells [-]."""
 _SAME = 0.02
 """Injected concentrations that differ by less are the same fluid [-]."""
+_MOST_HIDDEN = 0.5
+"""Share of the maps that may hide a well; more is told [-]."""
 _MOST_MAPS = 24
 """Maps that are looked at, evenly spread."""
 
@@ -37,9 +40,10 @@ class Maps(Protocol):
 
 
 def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedule) -> str:
-    """Return a remark if maps show little tracer at a well that injects it; '' if none does.
+    """Return a remark if maps show little or nothing at a well that injects tracer; '' else.
 
-    Half of the maps of a well must show it: a clock or a tube may delay the first tracer.
+    Half of the maps of a well must show it: a clock or a tube may delay the first tracer. A well
+    that no map shows is masked, and not judged.
 
     Args:
         maps: calibrated maps of concentration [-].
@@ -48,16 +52,27 @@ def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Sch
         schedule: the injected rates.
     """
     shares: dict[str, list[float]] = {}
+    uncovered: set[str] = set()
     numbers = np.linspace(0, len(times) - 1, min(len(times), _MOST_MAPS)).round().astype(int)
     for number in numbers:
         values = maps[int(number)]
         grid = rig.grid(*values.shape[::-1])
         for well in rig.wells:
-            seen = _share_at(well, values, float(times[number]), rig, grid, schedule)
+            around = _around(rig, well, grid)
+            if np.isfinite(values[around]).any():
+                uncovered.add(well)
+            seen = _share_at(well, values[around], float(times[number]), rig, grid, schedule)
             if seen is not None:
                 shares.setdefault(well, []).append(seen)
     for well, found in shares.items():
-        share = float(np.median(found))
+        if well not in uncovered:
+            continue
+        if np.isnan(found).mean() > _MOST_HIDDEN:
+            return (
+                f'the maps hide well {well} while it injects tracer: it is covered, or the tracer '
+                'has another colour than in the calibration; calibrate with this dye'
+            )
+        share = float(np.nanmedian(found))
         if share < LEAST_AT_WELL:
             return (
                 f'the maps show {100 * max(share, 0.0):.0f} % of the tracer at well {well} while '
@@ -68,25 +83,30 @@ def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Sch
     return ''
 
 
-def _share_at(
-    well: str, values: FloatArray, time: float, rig: Rig, grid: Grid, schedule: Schedule
-) -> float | None:
-    """Return the concentration at a well relative to the one it injects at `time` [s].
-
-    None if the well injects no tracer, or too little yet, or if its cells are not known.
-    """
+def _around(rig: Rig, well: str, grid: Grid) -> tuple[slice, slice]:
+    """Return the rows and columns of the cells around a well."""
     place = rig.wells[well]
     row, column = int(place.z_m / grid.dz), int(place.x_m / grid.dx)
-    around = (
+    return (
         slice(max(0, row - _REACH), row + _REACH + 1),
         slice(max(0, column - _REACH), column + _REACH + 1),
     )
+
+
+def _share_at(
+    well: str, near: FloatArray, time: float, rig: Rig, grid: Grid, schedule: Schedule
+) -> float | None:
+    """Return the concentration at a well relative to the one it injects at `time` [s].
+
+    `near` are the cells around it. None if the well injects no tracer, or too little yet; NaN if
+    its cells are hidden.
+    """
     volume, injected = _same_fluid(schedule, well, time)
-    near = values[around]
-    if volume <= _FILLINGS * float(rig.cell_pore_volume(grid)[around].sum()):
+    pores = float(rig.cell_pore_volume(grid)[_around(rig, well, grid)].sum())
+    if volume <= _FILLINGS * pores or injected <= 0:
         return None
-    if injected <= 0 or not np.isfinite(near).any():
-        return None
+    if not np.isfinite(near).any():
+        return math.nan
     return float(np.nanpercentile(near, _PERCENTILE)) / injected
 
 

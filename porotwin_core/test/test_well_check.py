@@ -47,6 +47,11 @@ def test_a_well_that_does_not_inject_its_tracer_any_more_is_not_judged(later: We
     assert _remark(empty, STOCK, ScheduleRow(1.0, 'in', later)) == ''
 
 
+def test_a_plume_of_another_dye_hides_its_well() -> None:
+    other_dye = [np.where(plume > 0.0, np.nan, plume) for plume in _discs()]
+    assert _remark(other_dye, STOCK).startswith('the maps hide well in while it injects tracer')
+
+
 def test_what_is_not_known_is_not_judged() -> None:
     hidden = [np.full(GRID.shape, np.nan)] * len(TIMES)
     assert _remark(hidden, STOCK) == ''

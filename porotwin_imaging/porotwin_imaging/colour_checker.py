@@ -64,6 +64,8 @@ _USED_PATCHES = 20
 """The four worst of the 24 patches do not count: one may be covered and bend the fit nearby."""
 _REWEIGHTINGS = 15
 """Rounds of the robust fit of the colour matrix; it has converged by then."""
+_HAZE_ROUNDS = 6
+"""Rounds of the fit of haze, each with the slope or the offset of the last one."""
 _TUKEY_CUTOFF = 4.7
 """Cut-off of Tukey's biweight in standard deviations (95 % efficiency for normal errors)."""
 _EQUAL_SCORE = 0.1
@@ -230,7 +232,7 @@ def log_gain(
     not over-exposed in either and not dark in the baseline, so that one covered patch has no
     influence. None if a channel has too few such patches.
     """
-    usable = _usable(patches, baseline, settings)
+    usable = _usable(patches, baseline, settings, settings.least_light)
     if usable.sum(axis=0).min() < settings.fewest_patches:
         return None
     ratio = _log_ratio(patches, baseline)
@@ -244,11 +246,14 @@ class ChartLight:
     Attributes:
         log_gain: log ratio of the light, per channel, shape (3,).
         power: p of another tone curve of the camera, state = gain light^(1 + p); 0: the same curve.
-        straight_gain: the log gain (3,) that is left when the curve is undone, see `tone_change`.
+        veil: haze over the chart, state = gain light + veil, linear light per channel, shape (3,);
+            None if there is none.
+        straight_gain: the log gain (3,) that is left when the curve or the haze is undone.
     """
 
     log_gain: Array
     power: float
+    veil: Array | None
     straight_gain: Array
 
 
@@ -257,24 +262,45 @@ def chart_light(
 ) -> ChartLight | None:
     """Return the light at the chart; `patches` and `baseline` are as in `log_gain`.
 
-    The slope of the log ratios over the log of the baseline is p (Theil-Sen, so that a covered
-    patch has little influence). Stray light gives a slope too. It is no curve if a straight line
-    through the light itself, state = gain light + offset, leaves less. None as in `log_gain`.
+    Another tone curve and haze both change the ratio of dark and bright patches. The one that
+    leaves less of the log ratios counts, in the median, so that a covered patch has little
+    influence. None as in `log_gain`.
     """
     gain = log_gain(patches, baseline, settings)
     if gain is None:
         return None
-    usable = _usable(patches, baseline, settings)
+    seen = _usable(patches, baseline, settings, settings.darkest)
+    even = _scatter(_log_ratio(patches, baseline) - gain, seen)
+    power, curved = _tone_curve(patches, baseline, settings)
+    veil, slope = _haze(patches, baseline, seen)
+    bent = _scatter(_log_ratio(patches, baseline) - curved, seen)
+    hazy = _scatter(_log_ratio(patches, slope * np.maximum(baseline, 1e-4) + veil), seen)
+    if abs(power) >= settings.least_power and bent <= min(settings.most_power_misfit, hazy):
+        light = np.log(np.maximum(baseline, 1e-4))
+        straight = np.median(curved - power * light, axis=0)
+        return ChartLight(gain, power, None, straight / (1.0 + power))
+    if abs(float(veil.mean())) >= settings.least_veil and hazy < even:
+        return ChartLight(gain, 0.0, veil, np.log(slope))
+    return ChartLight(gain, 0.0, None, gain)
+
+
+def _scatter(left: Array, seen: Array) -> float:
+    """Return the median size of what is `left` (24, 3) of the log ratios of the `seen` patches."""
+    return float(np.median(np.abs(left[seen])))
+
+
+def _tone_curve(
+    patches: Array, baseline: Array, settings: ColourCheckerSettings
+) -> tuple[float, Array]:
+    """Return the power p of the tone curve, and the log ratios (24, 3) that it makes.
+
+    p is the slope of the log ratios over the log of the baseline (Theil-Sen).
+    """
+    usable = _usable(patches, baseline, settings, settings.least_light)
     light, ratio = np.log(np.maximum(baseline, 1e-4)), _log_ratio(patches, baseline)
-    lights = _about_medians(light, usable)
-    ratios = _about_medians(ratio, usable)
-    power = float(theilslopes(ratios, lights).slope)
-    bent = np.median(np.abs(ratios - power * lights))
-    hazy = np.median(np.abs(_without_offset(patches, baseline, usable)))
-    if abs(power) < settings.least_power or bent > min(settings.most_power_misfit, hazy):
-        return ChartLight(gain, 0.0, gain)
-    straight = [np.median((ratio - power * light)[usable[:, i], i]) for i in range(3)]
-    return ChartLight(gain, power, np.array(straight) / (1.0 + power))
+    power = float(theilslopes(_about_medians(ratio, usable), _about_medians(light, usable)).slope)
+    level = [np.median((ratio - power * light)[usable[:, i], i]) for i in range(3)]
+    return power, np.array(level) + power * light
 
 
 def _about_medians(values: Array, usable: Array) -> Array:
@@ -283,23 +309,29 @@ def _about_medians(values: Array, usable: Array) -> Array:
     return np.concatenate([channel - np.median(channel) for channel in channels])
 
 
-def _without_offset(patches: Array, baseline: Array, usable: Array) -> Array:
-    """Return the log ratios (n,) that robust lines, state = gain light + offset, leave."""
-    left = []
+def _haze(patches: Array, baseline: Array, seen: Array) -> tuple[Array, Array]:
+    """Return offset and slope of state = slope light + offset for every channel, (3,) each.
+
+    The brighter half of the patches gives the slope, the darker half the offset, both by medians.
+    """
+    offsets, slopes = np.zeros(3), np.ones(3)
     for i in range(3):
-        state, light = patches[usable[:, i], i], baseline[usable[:, i], i]
-        line = theilslopes(state, light)
-        fitted = np.maximum(line.slope * light + line.intercept, 1e-4)
-        left.append(np.log(np.maximum(state, 1e-4) / fitted))
-    return np.concatenate(left)
+        state, light = patches[seen[:, i], i], baseline[seen[:, i], i]
+        bright = light > np.median(light)
+        for _ in range(_HAZE_ROUNDS):
+            slopes[i] = np.median((state - offsets[i])[bright] / light[bright])
+            offsets[i] = np.median((state - slopes[i] * light)[~bright])
+    return offsets, np.maximum(slopes, 1e-4)
 
 
-def _usable(patches: Array, baseline: Array, settings: ColourCheckerSettings) -> Array:
-    """Return which patches and channels (24, 3) are neither over-exposed nor dark."""
+def _usable(
+    patches: Array, baseline: Array, settings: ColourCheckerSettings, least_light: float
+) -> Array:
+    """Return which patches and channels (24, 3) are neither over-exposed nor darker than that."""
     return np.asarray(
         (patches < settings.over_exposed)
         & (baseline < settings.over_exposed)
-        & (baseline > settings.least_light)
+        & (baseline > least_light)
     )
 
 

@@ -26,7 +26,7 @@ from porotwin_imaging.light_check import (
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
 from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
-from porotwin_imaging.tone_change import tone_change, tone_of_chart
+from porotwin_imaging.tone_change import haze_of_chart, tone_change, tone_of_chart
 from porotwin_imaging.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
@@ -95,12 +95,13 @@ def corrected_light(
     variance: Array = np.zeros((1, 1), np.float32)
     blocks, seen = _blocks(log_ratio, visible)
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
-    checker_gain, tone = None, None
-    if chart_light is not None:
-        checker_gain = chart_light.straight_gain
-        tone = tone_of_chart(chart_light)
+    checker_gain = None if chart_light is None else chart_light.straight_gain
+    tone = None if chart_light is None else tone_of_chart(chart_light)
     tone = tone or tone_change(blocks, before, after, seen, checker_gain, settings)
     remarks = exposure_remarks(checker_gain, settings.light)
+    if tone is None and chart_light is not None:
+        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen, settings)
+        remarks += not_hazy
     if tone is not None:
         if tone.veil is not None and below_veil is not None:
             log_ratio = below_veil(tone.veil)

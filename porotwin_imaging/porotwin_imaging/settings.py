@@ -133,6 +133,11 @@ class ColourCheckerSettings:
     """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
     fewest_patches: int = 4
     """Fewest patches per channel whose median ratio is a reliable gain."""
+    darkest: float = 0.005
+    """Darker patches of the baseline do not show haze [-]: a channel without light is clipped."""
+    least_veil: float = 0.002
+    """Haze that the chart shows [linear light]. It is below 0.001 on rendered and composed
+    photographs without haze."""
     least_power: float = 0.03
     """Change of the power of the tone curve that the chart shows [-]."""
     most_power_misfit: float = 0.02
@@ -188,6 +193,9 @@ class ToneSettings:
     """Cells that are brighter by more count as a sign of it [log ratio]; single cells are noisy."""
     brighter_share: float = 0.03
     """Share of such cells from which a change is searched [-]. In ordinary photographs it is 0."""
+    most_level: float = 0.03
+    """By so much may haze on the chart fit the level of clean sand worse than light alone [log]:
+    light differs between chart and sand."""
     least_gain: float = 1.03
     """Sand that follows one smooth light after the correction, relative to before [-]."""
 

@@ -12,8 +12,9 @@ With r the log ratio of the state to the baseline light b, the change is undone 
 
 which leave a constant gain for the drift of light. Sands of different brightness without tracer
 determine p or the offset: the best value lets most of the sand follow one smooth light. The search
-starts only if dark and bright sand drift apart. A colour chart shows p also where all sand is
-alike (`colour_checker.chart_light`).
+starts only if dark and bright sand drift apart. A colour chart shows both also where all sand is
+alike (`colour_checker.chart_light`). Haze on the chart counts only if the sand cannot tell, and if
+it explains the light of clean sand: a reflection on the chart alone is none.
 
 Haze has a colour of its own. The clean sand of the best offset therefore tells the offset of every
 channel by a straight line, state = gain light + offset. Haze brightens dark grains most, so that it
@@ -97,7 +98,7 @@ class ToneChange:
         share = 100 * self.amount / self.reference
         word = 'more' if share > 0 else 'less'
         line = f'haze or stray light: {abs(share):.0f} % {word} light on dark sand: corrected'
-        if share < 0:
+        if _PALER * share < 1.0:
             return line
         return f'{line}, but strong tracer may read {_PALER * share:.0f} % too pale'
 
@@ -105,6 +106,43 @@ class ToneChange:
 def tone_of_chart(light: ChartLight) -> ToneChange | None:
     """Return the tone curve that the patches of the chart show; None if it is the same."""
     return ToneChange('curve', light.power, reference=1.0) if light.power else None
+
+
+def haze_of_chart(
+    light: ChartLight, log_ratio: Array, before: Array, visible: Mask, settings: ImagingSettings
+) -> tuple[ToneChange | None, list[str]]:
+    """Return the haze that the chart shows if the sand may have it too, and a remark if it has not.
+
+    Sands of different brightness would show haze themselves (`tone_change`). Sand of one brightness
+    shows only a level: that of clean sand must fit the light of the chart better with haze.
+
+    Args:
+        light: light at the chart.
+        log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
+        before: linear light of the baseline in colours of the camera, same shape.
+        visible: cells that show their sand, shape (nz, nx).
+        settings: settings of all steps.
+    """
+    if light.veil is None or not visible.any():
+        return None, []
+    dark = float(np.percentile(before.mean(axis=2)[visible], _DARK_PERCENTILE))
+    veil = (float(light.veil[0]), float(light.veil[1]), float(light.veil[2]))
+    haze = ToneChange('haze', float(light.veil.mean()), max(dark, _SMALLEST_DIVISOR), veil)
+    if not _tells_tone(before, visible, settings):
+        weight = visible.astype(np.float32)
+        drift = light_drift(log_ratio, weight, light.straight_gain, settings.light).channels
+        middle = np.median(before[visible], axis=0)
+        hazy = np.log(np.maximum(np.exp(light.straight_gain) + light.veil / middle, _LEAST_RATIO))
+        apart = [float(np.abs(drift - gain).mean()) for gain in (hazy, light.straight_gain)]
+        if apart[0] <= apart[1] + settings.tone.most_level:
+            return haze, []
+    return None, ['haze or a reflection on the colour chart, but not on the sand: not corrected']
+
+
+def _tells_tone(before: Array, visible: Mask, settings: ImagingSettings) -> bool:
+    """Return whether the sand of the baseline has parts of different brightness."""
+    light = np.log(np.maximum(before.mean(axis=2)[visible], _SMALLEST_DIVISOR))
+    return bool(light.std() >= settings.tone.least_spread)
 
 
 def tone_change(
@@ -177,7 +215,7 @@ class _Search:
     def is_unusual(self) -> bool:
         """Return whether dark and bright sand drift apart, or sand has become brighter."""
         tone, light = self.settings.tone, np.log(self.before.mean(axis=2))
-        if not self.visible.any() or light[self.visible].std() < tone.least_spread:
+        if not self.visible.any() or not _tells_tone(self.before, self.visible, self.settings):
             return False
         weight, residual = self._background(None)
         grey = residual.mean(axis=2)

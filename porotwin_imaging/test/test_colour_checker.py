@@ -82,9 +82,19 @@ def test_another_tone_curve_is_seen_at_the_chart_although_a_patch_is_covered() -
     np.testing.assert_allclose(light.straight_gain, np.log(gain) / (1.0 + power), atol=0.01)
 
 
-@pytest.mark.parametrize('offset', [0.0, 0.02, 0.08])
-def test_stray_light_at_the_chart_is_no_tone_curve(offset: float) -> None:
-    light = colour_checker.chart_light(0.8 * REFERENCE + offset, REFERENCE)
+@pytest.mark.parametrize('offset', [-0.01, 0.005, 0.02, 0.08])
+def test_haze_over_the_chart_is_seen_although_patches_are_covered(offset: float) -> None:
+    later = np.maximum(0.8 * REFERENCE + offset, 0.0)
+    later[[5, 20]] *= 0.3
+    light = colour_checker.chart_light(later, REFERENCE)
     assert light is not None
     assert light.power == 0.0
+    np.testing.assert_allclose(light.veil, offset, atol=0.001)
+    np.testing.assert_allclose(light.straight_gain, np.log(0.8), atol=0.01)
+
+
+def test_light_alone_is_no_haze_over_the_chart() -> None:
+    light = colour_checker.chart_light(0.8 * REFERENCE, REFERENCE)
+    assert light is not None
+    assert (light.power, light.veil) == (0.0, None)
     np.testing.assert_array_equal(light.straight_gain, light.log_gain)

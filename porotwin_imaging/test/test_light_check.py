@@ -59,6 +59,30 @@ def test_sloping_light_and_another_white_balance_are_told(
         assert relative_error(found.values, truth) < 0.08
 
 
+@pytest.mark.parametrize('veil', [0.01, 0.03])
+def test_the_chart_shows_haze_over_even_sand(
+    baseline, laboratory, truth, make_jpeg, relative_error, veil: float
+) -> None:
+    found = concentration_map(make_jpeg(laboratory.scene(truth) + veil), baseline)
+    (line,) = found.status
+    assert 'haze or stray light' in line
+    assert relative_error(found.values, truth) < 0.06
+
+
+def test_a_reflection_on_the_chart_alone_is_no_haze(
+    baseline, laboratory, truth, make_jpeg, relative_error
+) -> None:
+    light = laboratory.scene(truth)
+    corners = np.array(laboratory.rig.camera.colour_checker_px)
+    (left, top), (right, low) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
+    light[top - 9 : low + 9, left - 9 : right + 9] += 0.1
+    found = concentration_map(make_jpeg(light), baseline)
+    assert found.status == [
+        'haze or a reflection on the colour chart, but not on the sand: not corrected'
+    ]
+    assert relative_error(found.values, truth) < 0.06
+
+
 @pytest.mark.parametrize('factor', [1.5, 3.0])
 def test_brighter_pixels_are_refused(baseline, photograph_of_plume, factor: float) -> None:
     pixels = cv2.imdecode(np.frombuffer(photograph_of_plume, np.uint8), cv2.IMREAD_COLOR)
