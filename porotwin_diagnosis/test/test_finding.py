@@ -38,7 +38,7 @@ def test_the_sentence_names_the_cause_and_the_size_of_the_improvement():
     sentence = finding_of(SUMMARY).sentence
     assert sentence.startswith(
         'Pump injector delivers 70 % of the commanded rate (or porosity, which looks the same): '
-        'with it the model errs by 3 % instead of 24 %. The camera: the clock of the'
+        'with it, and with the camera corrected, the model errs by 3 % instead of 24 %. The '
     )
     assert 'photograph the clock of the pumps, then correct the camera' in sentence
     assert 'ask whether the pumps ran before their first known rates' in sentence

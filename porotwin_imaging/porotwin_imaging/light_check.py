@@ -60,8 +60,8 @@ def lit_as_baseline(
     if share > settings.most_brighter_share:
         raise InputError(
             f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
-            'tracer cannot cause: another exposure, a flash or a lamp; set exposure and lamps as '
-            'for the baseline'
+            'tracer cannot cause: another exposure, a flash or a lamp, or a shadow on the '
+            'baseline; set exposure and lamps as for the baseline, or take another baseline'
         )
     if not brighter.any():
         return visible, []

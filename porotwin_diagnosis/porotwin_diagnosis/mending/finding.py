@@ -123,8 +123,9 @@ class Finding:
         if self.effects:
             words = in_words(self.effects)
             same = f' (or {" or ".join(self.same)}, which looks the same)' if self.same else ''
+            both = ', and with the camera corrected,' if self.camera else ''
             parts.append(
-                f'{words[:1].upper()}{words[1:]}{same}: with it the model errs by '
+                f'{words[:1].upper()}{words[1:]}{same}: with it{both} the model errs by '
                 f'{_percent(self.error_after)} instead of {_percent(self.error_before)}.'
             )
         parts += [_of_camera(one) for one in self.camera]
