@@ -77,13 +77,14 @@ def _remarks_by_maps(
         either = f', or the maps to be {turned}' if mirrored else ''
         yield remark_about_maps(
             f'the rates seem to have the wrong sign{either}: {where_they_inject}, and '
-            f'{np.mean(taking):.2g} where wells take water out; a positive rate injects'
+            f'{np.mean(taking):.2g} where wells take water out; a positive rate injects. Or two '
+            "wells have each other's place in rig.yaml"
         )
     elif mirrored:
         yield remark_about_maps(
             f'{mirrored}{where_they_inject}, and {means[turned]:.2g} at their '
             'mirror images; turn the maps, whose rows go from the bottom up and whose columns from '
-            'left to right'
+            'left to right, or correct the places of the wells in rig.yaml'
         )
     else:
         return False
