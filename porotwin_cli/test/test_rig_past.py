@@ -50,7 +50,8 @@ def test_the_second_recording_is_compared_with_the_first(tmp_path: Path) -> None
     assert len(second.before) == 1
     (line,) = second.compare(summary(1.3))
     assert line.startswith(
-        'porosity factor drifts, a stronger effect now: 1.15 on 2025-11-23, 1.3 now, 0.15 a day'
+        'porosity factor drifts: 1.15 on 2025-11-23, 1.3 now. It rises by 0.15 a day. '
+        'The effect is stronger now.'
     )
 
 

@@ -16,15 +16,15 @@ def test_a_second_finding_that_agrees_is_no_drift():
 
 def test_a_difference_beyond_the_intervals_is_a_drift_with_its_rate_and_no_joint_value():
     assert compared([pump(0.7)], pump(0.8, TUESDAY)) == [
-        'factor of the rate of injector drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now, '
-        '0.1 a day; believed before: 0.7 (0.68 to 0.72).'
+        'factor of the rate of injector drifts: 0.7 on 2026-11-23, 0.8 now. It rises by 0.1 a day. '
+        'The effect is weaker now. Believed before: 0.7 (0.68 to 0.72).'
     ]
 
 
 def test_recordings_of_one_hour_give_no_rate_of_a_drift():
     (line,) = compared([pump(0.7)], pump(0.8, MONDAY.replace('10:00:00', '10:00:01')))
     assert line.startswith(
-        'factor of the rate of injector drifts, a weaker effect now: 0.7 on 2026-11-23, 0.8 now; '
+        'factor of the rate of injector drifts: 0.7 on 2026-11-23, 0.8 now. The effect is weaker '
     )
 
 
@@ -35,16 +35,21 @@ def test_the_drift_of_an_effect_that_monday_could_not_tell_from_another_is_seen(
     tuesday = finding(*porous, date=TUESDAY, verdict='porosity', named=('porosity',))
     (line,) = compared([monday], tuesday)
     assert line.startswith(
-        'porosity factor drifts, a stronger effect now: 1.15 on 2026-11-23, 1.3 now, 0.15 a day'
+        'porosity factor drifts: 1.15 on 2026-11-23, 1.3 now. It rises by 0.15 a day. '
+        'The effect is stronger now.'
     )
 
 
 @pytest.mark.parametrize(
-    ('old', 'new', 'way'), [(0.5, 1.5, ', and acts the other way now'), (0.8, 0.6, ', a stronger')]
+    ('old', 'new', 'way'),
+    [
+        (0.5, 1.5, 'It rises by 1 a day. The effect acts the other way now.'),
+        (0.8, 0.6512, 'It falls by 0.15 a day. The effect is stronger now.'),
+    ],
 )
 def test_a_drift_says_which_way_it_goes(old, new, way):
     (line,) = compared([pump(old)], pump(new, TUESDAY))
-    assert line.startswith(f'factor of the rate of injector drifts{way}')
+    assert f' now. {way} Believed before' in line
 
 
 def test_a_leak_that_moves_is_neither_weaker_nor_stronger():

@@ -54,16 +54,13 @@ def _of_course(course: CauseCourse) -> Iterator[str]:
                 f'together: {_with_interval(cause, name, together)}.'
             )
             continue
-        seconds = finding.seconds - last.seconds
-        rate = (
-            f', {_number(cause, name, change * DAY_S / seconds)} a day'
-            if seconds >= LEAST_INTERVAL_S
-            else ''
-        )
+        rate = ''
+        if (seconds := finding.seconds - last.seconds) >= LEAST_INTERVAL_S:
+            daily = _number(cause, name, abs(change) * DAY_S / seconds, digits=2)
+            rate = f' It {"rises" if change > 0.0 else "falls"} by {daily} a day.'
         yield (
-            f'{what} drifts{_way(cause, name, old.value, value.value)}: '
-            f'{_number(cause, name, old.value)} on {last.day}, {now} now{rate}; '
-            f'believed before: {believed}.'
+            f'{what} drifts: {_number(cause, name, old.value)} on {last.day}, {now} now.{rate}'
+            f'{_way(cause, name, old.value, value.value)} Believed before: {believed}.'
         )
 
 
@@ -79,8 +76,8 @@ def _way(cause: FoundCause, parameter: str, old: float, new: float) -> str:
     if described.is_factor:  # half and twice as much are equally strong
         before, after = (math.log(max(one, LEAST_FACTOR)) for one in (old, new))
     if before * after < 0.0:
-        return ', and acts the other way now'
-    return f', a {"stronger" if abs(after) > abs(before) else "weaker"} effect now'
+        return ' The effect acts the other way now.'
+    return f' The effect is {"stronger" if abs(after) > abs(before) else "weaker"} now.'
 
 
 def _back(earlier: Sequence[PastFinding], named: Sequence[CauseCourse]) -> Iterator[str]:
@@ -129,6 +126,6 @@ def _with_interval(cause: FoundCause, parameter: str, value: Value) -> str:
     return f'{middle} ({low} to {high})'
 
 
-def _number(cause: FoundCause, parameter: str, amount: float) -> str:
+def _number(cause: FoundCause, parameter: str, amount: float, digits: int = 3) -> str:
     factor, unit = reading(EFFECTS[cause.effect].parameters[parameter])
-    return f'{number(factor * amount)} {unit}'.strip()
+    return f'{number(factor * amount, digits)} {unit}'.strip()

@@ -436,9 +436,10 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
             else 'These maps are not calibrated, which allows'
         )
         lines.append(
-            f'{reason} errors that all maps share: scale, bend of the response, place, blur. They '
-            f'take away a misfit of {swallowed:.1f}, as much as a gap. An effect may hide there; '
-            'photographs of known dilutions would show it.'
+            f'{reason} errors that all maps share: scale, bend of the response, place, blur. These '
+            f'errors explain a misfit of {swallowed:.2g} between maps and model (1 is the size of '
+            f'the noise). Above {NO_GAP_MISFIT} a misfit counts as a gap. So an effect may look '
+            'like these errors and stay unseen. Photographs of known dilutions would show it.'
         )
     if verdict.not_separable:
         names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.not_separable)
