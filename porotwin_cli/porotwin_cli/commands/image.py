@@ -206,14 +206,17 @@ def _remarks_about_masses(
     - `out_of_course`: which of the `photos` are out of the course of the tracer.
     - `too_much_tracer`: a map holds more tracer than was injected before it.
     - `pale_well`: the maps show no tracer at a well that injects it.
+    - `drifting_tracer`: the tracer in the maps leaves the injected tracer.
     """
     from porotwin_core.mass_check import excess_remark
     from porotwin_core.well_check import pale_well_remark
     from porotwin_imaging.mass_course import jump_remark
+    from porotwin_imaging.mass_drift import drift_remark
     from porotwin_recording.concentration import open_maps
 
     if rates is None:
-        return dict.fromkeys(('out_of_course', 'too_much_tracer', 'pale_well'))
+        keys = ('out_of_course', 'too_much_tracer', 'pale_well', 'drifting_tracer')
+        return dict.fromkeys(keys)
     maps = open_maps(output, rig)
     times = maps.times.tolist()
     excess = (excess_remark(maps[index], time, rig, rates) for index, time in enumerate(times))
@@ -221,6 +224,7 @@ def _remarks_about_masses(
         'out_of_course': jump_remark(maps, times, photos, rig, rates) or None,
         'too_much_tracer': next(filter(None, excess), None),
         'pale_well': pale_well_remark(maps, times, rig, rates) or None,
+        'drifting_tracer': drift_remark(maps, times, rig, rates) or None,
     }
 
 
