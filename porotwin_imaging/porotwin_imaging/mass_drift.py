@@ -67,12 +67,12 @@ def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedul
 
 
 _MORE = (
-    'from {begin} to {end} s the maps gain {ml} ml of tracer more than the pumps injected: does dirt '
-    'or light make the sand darker, or does a pump deliver more than rates.csv says?'
+    'from {begin} to {end} s the maps gain {ml} ml of tracer more than the pumps injected: does '
+    'dirt or light make the sand darker, or does a pump deliver more than rates.csv says?'
 )
 _LESS = (
-    'from {begin} to {end} s the maps lose {ml} ml of the injected tracer, though none is near a way '
-    'out: does the glass fog, does the tracer fade or leak, or does a pump deliver less than '
+    'from {begin} to {end} s the maps lose {ml} ml of the injected tracer, though none is near a '
+    'way out: does the glass fog, does the tracer fade or leak, or does a pump deliver less than '
     'rates.csv says?'
 )
 
@@ -102,11 +102,11 @@ def _is_at_exit(values: FloatArray, rig: Rig, schedule: Schedule) -> bool:
             max(0, column - _EXIT_REACH) : column + _EXIT_REACH + 1,
         ] = True
     edges = {
-        'bottom': np.s_[:_EXIT_REACH],
-        'top': np.s_[-_EXIT_REACH:],
-        'left': np.s_[:, :_EXIT_REACH],
-        'right': np.s_[:, -_EXIT_REACH:],
+        'bottom': exits[:_EXIT_REACH],
+        'top': exits[-_EXIT_REACH:],
+        'left': exits[:, :_EXIT_REACH],
+        'right': exits[:, -_EXIT_REACH:],
     }
     for side in rig.boundaries.open_sides:
-        exits[edges[side]] = True
+        edges[side][:] = True
     return bool((values[exits] > _AT_EXIT).any())

@@ -11,7 +11,7 @@ from porotwin_msgs.msg import WellRates
 from porotwin_recording import topic_names
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import BagMessage
-from porotwin_recording.serialization import Serializer
+from porotwin_recording.serialization import SECOND, Serializer
 
 LATCHED_LIMIT = 64
 """Number of messages of a latched topic that a late subscriber receives."""
@@ -71,14 +71,20 @@ def _ending(names: list[str], ends: list[str]) -> list[str]:
     return [name for name in names if any(f'/{name}'.endswith(f'/{end}') for end in ends)]
 
 
-def as_measured(bag: BagReader, message: BagMessage, serializer: Serializer) -> bytes:
+def as_measured(
+    bag: BagReader, message: BagMessage, serializer: Serializer, *, at: int | None = None
+) -> bytes:
     """Return a recorded setpoint as measured rates (CDR), as if the pumps had followed it exactly.
+
+    The rates begin `at` [ns], or at the time of the setpoint.
 
     Raises:
         InputError: the message is no setpoint, or its rates are not valid.
     """
     setpoint = bag.decode(message)
     stamp = Time(sec=int(setpoint.header.stamp.sec), nanosec=int(setpoint.header.stamp.nanosec))
+    if at is not None:
+        stamp.sec, stamp.nanosec = divmod(at, SECOND)
     return serializer.to_cdr(
         WellRates(
             header=Header(stamp=stamp, frame_id=setpoint.header.frame_id),

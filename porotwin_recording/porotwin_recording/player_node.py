@@ -164,6 +164,7 @@ class PlayerNode(Node):
         self._deaf = self._connections_needed()
         self._answer_subscription: Subscription | None = None
         self._unanswered = 0
+        self._setpoint: BagMessage | None = None
         self._asked: dict[str, Any] = {}
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
@@ -402,6 +403,8 @@ class PlayerNode(Node):
                 self._await_acknowledgements()  # rates and baselines come before the photograph
                 self._lock_step.ask(stamp_of(message.data))
             self._publish_clock(message.log_time)
+            if self._setpoint is not None and message.topic.endswith(_DRIVING):
+                self._publish(self._setpoint, at=stamp_of(message.data))
             self._publish(message)
             answerable = answerable or message.topic.endswith(_BASELINE)
             if driving and answerable:
@@ -439,12 +442,18 @@ class PlayerNode(Node):
         message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
         self._clock_publisher.publish(message)
 
-    def _publish(self, message: BagMessage) -> None:
-        publisher = self._publishers_by_topic[message.topic]
-        converted = publisher.topic_name != message.topic
-        data = as_measured(self._bag, message, self._serializer) if converted else message.data
+    def _publish(self, message: BagMessage, *, at: int | None = None) -> None:
+        """Publish a message; a setpoint that is played as measured rates may be repeated.
+
+        Rates that were told count until the twin chooses a setpoint. In a replay nobody pumps that
+        one, so that the recorded rates are told again `at` each photograph [ns].
+        """
+        publisher, data = self._publishers_by_topic[message.topic], message.data
+        if publisher.topic_name != message.topic:
+            self._setpoint = message
+            data = as_measured(self._bag, message, self._serializer, at=at)
         publisher.publish(data)
-        self._played[message.topic] += 1
+        self._played[message.topic] += at is None
         count, size = self._unacknowledged.get(message.topic, (0, 0))
         self._unacknowledged[message.topic] = (count + 1, size + len(data))
         if count + 1 >= _depth(self._bag.topics[message.topic]) or size + len(data) > QUEUE_SIZE:

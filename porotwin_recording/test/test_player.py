@@ -72,3 +72,5 @@ def test_setpoints_become_rates_that_hold_from_their_stamp_on(tmp_path: Path) ->
     rates = deserialize_message(as_measured(bag, message, serializer), WellRates)
     assert rates.start == rates.header.stamp == setpoint.header.stamp
     assert rates_from_msg(rates.wells) == rates_from_msg(setpoint.wells)
+    again = deserialize_message(as_measured(bag, message, serializer, at=9 * SECOND), WellRates)
+    assert again.start.sec == again.header.stamp.sec == 9

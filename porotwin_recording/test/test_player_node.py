@@ -17,7 +17,7 @@ from porotwin_recording.bag_conversion import IMPORT_START
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import BagMessage
 from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.serialization import SECOND
+from porotwin_recording.serialization import SECOND, stamp_of
 
 pytestmark = pytest.mark.graph
 
@@ -93,6 +93,18 @@ def test_only_the_inputs_of_the_twin_are_played_by_default(tmp_path: Path, bag: 
         '/porotwin/camera/baseline/compressed',
         '/porotwin/wells/measured',
     }
+
+
+def test_setpoints_without_measured_rates_are_told_again_at_each_photograph(
+    tmp_path: Path, bag: Path
+) -> None:
+    recorded = record_replay(tmp_path, bag, rate=0.0)
+    photographs, rates = (
+        {stamp_of(message.data) for message in recorded.messages([f'/porotwin/{name}'])}
+        for name in ('camera/image/compressed', 'wells/measured')
+    )
+    assert len(photographs) == FRAMES - 1
+    assert photographs <= rates
 
 
 def test_a_slow_graph_receives_every_photograph_in_lock_step(tmp_path: Path, bag: Path) -> None:
