@@ -51,7 +51,8 @@ EFFECT = Effect(
     on_physics=scale,
     candidates=candidates,
     phrase=phrase,
-    laboratory_check='weigh the water that fills the rig',
+    laboratory_check='weigh the water that fills the rig, and measure the gap between the plates: '
+    'a wrong depth of the whole rig makes the same maps',
     blind_draw=draw,
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,
