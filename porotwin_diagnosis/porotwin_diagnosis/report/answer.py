@@ -485,7 +485,7 @@ def label(fit: Fit) -> str:
 def closed(errors: Mapping[str, float]) -> str:
     """Return the share of the gap that closes, with its interval."""
     ends = ('gap_closed', 'gap_closed_low', 'gap_closed_high')
-    middle, low, high = (100 * min(max(errors[end], 0.0), 1.0) for end in ends)
+    middle, low, high = (100 * min(max(0.0, errors[end]), 1.0) for end in ends)
     return f'{middle:.0f} % ({low:.0f} … {high:.0f} %)'
 
 
