@@ -14,6 +14,7 @@ from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.node import Diagnostics, declare, declare_photo_interval, run
 from porotwin_core.qos import BASELINE, PHOTO
 from porotwin_core.single_instance import only_one
+from porotwin_core.stamps import time_in_words
 from porotwin_imaging.file_names import one_line, printable
 from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
@@ -181,7 +182,7 @@ class CameraNode(Node):
         self._last_sent = time.monotonic()
         self._next_warning_s = SILENT_INTERVALS * self._forwarder.interval_s
         name = printable(photo.name)
-        line = one_line(f'{photo.role} photograph {name}, exposed at {photo.time:.3f} s')
+        line = one_line(f'{photo.role} photograph {name}, taken {time_in_words(photo.time)}')
         self.get_logger().info(line)
         self._diagnostics.report(DiagnosticStatus.OK, line, file=name)
 

@@ -111,7 +111,7 @@ class ImagingNode(Node):
             if role == 'baseline':
                 return self._take_baseline(time, data)
             if self._session.baseline is not None:
-                with self._diagnostics.busy(f'photograph at {time:.3f} s', LONGEST_WORK_S):
+                with self._diagnostics.busy(f'photograph of {time_in_words(time)}', LONGEST_WORK_S):
                     state = self._session.add_photo(time, data)
                 self._publish(state)
             elif warning := self._session.keep_waiting(time, data):
@@ -179,7 +179,7 @@ class ImagingNode(Node):
     def _report(self, state: ImagedState) -> None:
         found = state.map
         seconds = sum(found.timings.values())
-        summary = f'photograph at {state.time:.3f} s read in {seconds:.2f} s'
+        summary = f'photograph of {time_in_words(state.time)} read in {seconds:.2f} s'
         summary = '; '.join([summary, *found.status])
         self.get_logger().info(summary)
         self._diagnostics.report(
