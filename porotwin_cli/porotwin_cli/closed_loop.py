@@ -118,7 +118,8 @@ class DemoSettings:
 
     `minutes` is the time under control [min]; `page` the HOST:PORT of the page, empty: no page.
     `hidden` is an effect of the rig that the twin is not told, and finds; None: it looks for none.
-    `rig` is the description of the rig; None: the small rig of the paper.
+    `rig` is the description of the rig; None: the small rig of the paper. `ask` leaves the answers
+    to offers to a person.
     """
 
     minutes: float
@@ -130,6 +131,7 @@ class DemoSettings:
     page: str
     hidden: EffectDescription | None = None
     rig: Path | None = None
+    ask: bool = False
 
     @property
     def start_minute(self) -> float:
@@ -356,7 +358,8 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
             if bar.finished:
                 reported.set()
 
-        operator = MendDesk(accept_all) if settings.hidden is not None else nullcontext()
+        automatic = settings.hidden is not None and not settings.ask
+        operator = MendDesk(accept_all) if automatic else nullcontext()
         with (
             operator,
             GraphWatch(on_cycle) as watch,

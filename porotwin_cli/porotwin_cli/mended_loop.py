@@ -137,7 +137,7 @@ def mending_lines(figures: Mapping[str, Any]) -> Iterator[str]:
     if figures['found']:
         yield f'found at minute {minute:.0f}, accepted and kept: {figures["found_in_words"]}'
     elif math.isnan(minute):
-        yield 'found: nothing sure enough to offer, so that the model stayed as described'
+        yield 'no offer was accepted, so that the model stayed as described'
     else:
         yield (
             f'an effect was accepted at minute {minute:.0f} and taken back, because the next '

@@ -11,7 +11,7 @@ from porotwin_cli.mended_loop import mending_lines
     ('found', 'minute', 'told'),
     [
         (['porosity:factor=0.902'], 40.0, 'found at minute 40, accepted and kept: the porosity'),
-        ([], math.nan, 'found: nothing sure enough to offer'),
+        ([], math.nan, 'no offer was accepted'),
         ([], 40.0, 'an effect was accepted at minute 40 and taken back'),
     ],
 )

@@ -8,9 +8,13 @@ import typer
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder, small_rig
+from porotwin_core.errors import InputError
 from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.ros_environment import prepare_environment
 from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
+
+ASKING_SPEED = '10'
+"""Usual speed if a person answers the offers: a photograph every three seconds."""
 
 
 def command(
@@ -32,7 +36,13 @@ def command(
             max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),
     ] = None,
-    speed: Annotated[str, typer.Option(help="'max', or the speed relative to real time.")] = 'max',
+    speed: Annotated[
+        str | None,
+        typer.Option(
+            help="'max', or the speed relative to real time. Default: max; "
+            f'{ASKING_SPEED} with --ask.'
+        ),
+    ] = None,
     seed: Annotated[int, seed_option('Seed of sand, camera and training.')] = 7,
     hidden_effect: Annotated[
         str,
@@ -41,6 +51,12 @@ def command(
             'NAME:PARAM=VALUE,... (docs/mend.md).'
         ),
     ] = '',
+    ask: Annotated[
+        bool,
+        typer.Option(
+            '--ask', help='Leave the answers to offers to you: on the page, or ./porotwin mend.'
+        ),
+    ] = False,
     costa: Annotated[
         bool | None,
         typer.Option(
@@ -79,22 +95,27 @@ def command(
     Example: ./porotwin demo --rig rigs/two_sands --minutes 60
 
     With --hidden-effect the rig differs from its description. The running twin diagnoses the
-    difference and offers a correction, which an automatic operator accepts.
+    difference and offers a correction, which an automatic operator accepts. With --ask you answer.
 
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
 
     Example: ./porotwin demo --hidden-effect surprise
+
+    Example: ./porotwin demo --hidden-effect surprise --ask
     """
     prepare_environment()
     from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures, usual_minutes
     from porotwin_cli.hidden_effect import hidden_effect as draw_hidden
     from porotwin_core.rig import load_rig
 
+    if ask and not hidden_effect:
+        raise InputError('--ask: without a --hidden-effect there is no offer to answer; give one')
     described = load_rig(rig or small_rig())
     hidden = draw_hidden(hidden_effect, described, seed=seed) if hidden_effect else None
     settings = DemoSettings(
         minutes=minutes or usual_minutes(described if rig else None, hidden=hidden is not None),
-        speed=speed,
+        speed=speed or (ASKING_SPEED if ask else 'max'),
+        ask=ask,
         seed=seed,
         costa=hidden is None and rig is None if costa is None else costa,
         preset=preset or ('fast' if hidden or rig else 'upwind'),

@@ -19,6 +19,12 @@ def test_demo_checks_its_options_before_it_works(arguments: list[str], tmp_path:
     assert not (tmp_path / 'demo').exists()
 
 
+def test_a_demo_without_offers_asks_nobody(tmp_path: Path) -> None:
+    result = porotwin('demo', '--output', tmp_path / 'demo', '--ask')
+    assert result.returncode == 2
+    assert 'give one' in result.stderr
+
+
 def test_a_short_demo_begins_when_the_tracer_comes_near_the_zone() -> None:
     short, long = settings(minutes=10.0), settings(minutes=80.0)
     assert short.start_minute > 0.0
