@@ -83,7 +83,7 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'depth_m': '0,01'}, 'decimal point'),
         ({'depth_m': True}, 'write a number'),
         ({'depth_m': float('inf')}, 'finite'),
-        ({'width_mm': 934}, "did you mean 'width_m'"),
+        ({'width_mm': 934}, "write 'width_m'; 1 mm is 0.001 m"),
         ({'name': ''}, 'name'),
         (
             {'wells.wall': {'x_m': 0.0, 'z_m': 0.2}},
@@ -224,6 +224,7 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
             'depth_m.points is 0.1 m at (0.9, 0) m: most points are about 0.011 m deep',
         ),
         ({'control.fuzziness_m': 10}, 'counts as the zone'),
+        ({'control.change_cost_ml_min': 1e9}, 'the twin would never order'),
         ({'wells': {}, 'control': None}, 'no water can be pumped'),
         ({'boundaries': between(right=0.5)}, 'give the head of a second open side'),
         ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),

@@ -26,6 +26,7 @@ from porotwin_core.rig.description import Rig
 from porotwin_core.rig.sand_drawing import sand_raster
 from porotwin_core.rig.sand_sections import DepthPoints
 from porotwin_core.rig.sections import LEAST_CORNERS, Pixel
+from porotwin_core.units import ML
 
 DEEP = 0.5
 """Depth over the smaller side above which a rig is no longer flat, as the model assumes."""
@@ -49,6 +50,9 @@ number is below those of sands is no mistake."""
 TIGHT = 1e-3
 """Permeability at a well over the greatest of the rig below which the well pumps next to nothing.
 """
+
+LONG_HORIZON_MIN = 60.0
+"""Plans look ahead for less than this [min]."""
 
 STEEP = 0.3
 """Gradient of the head [-] between opposite sides that no laboratory flow has."""
@@ -380,6 +384,10 @@ def _control(rig: Rig) -> Iterator[Remark]:
         size = f'the rig is {max(rig.width_m, rig.height_m):g} m long'
         shown = f'{control.fuzziness_m:g} m'
         yield Remark('control.fuzziness_m', shown, size, 'the whole rig then counts as the zone')
+    most_dose = ML * pores * LONG_HORIZON_MIN
+    if (cost := control.change_cost_ml_min or 0.0) > most_dose:
+        why = f'no order can gain more than {most_dose:.2g} ml min, all of the rig for an hour'
+        yield Remark('control.change_cost_ml_min', f'{cost:g}', why, 'the twin would never order')
     if not control.wells:
         yield Remark('control.wells', '[]', 'the twin may set no well', 'name the control wells')
     zones = [('control.disallowed_zone_m', control.disallowed_zone_m)]

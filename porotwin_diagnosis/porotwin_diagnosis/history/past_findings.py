@@ -224,6 +224,8 @@ def read_history(folder: Path) -> tuple[PastFinding, ...]:
     except ValidationError as error:
         first = error.errors()[0]
         place = '.'.join(map(str, first['loc']))
+        if first['type'] == 'extra_forbidden':
+            remedy = 'was it written by a newer version? install that one, or name another folder'
         raise InputError(f'{path}: {" ".join([place, first["msg"]]).strip()}; {remedy}') from None
     return tuple(sorted(findings, key=lambda found: found.seconds))
 
