@@ -71,6 +71,26 @@ def lit_as_baseline(
     return visible & ~left_out, [remark]
 
 
+def spilled_light(residual: Array, bright: Mask, after: Array) -> Array:
+    """Return the error of log ratios (nz, nx) beside a reflection: its light fades, not ends.
+
+    Dark tracer hides it: a little light is no brighter than the baseline there. With the light a
+    that the reflection adds where it is found, and the distance d from there, the error is
+
+        a exp(-d^2 / (2 s^2)) / after,    s = sqrt(found cells) / 4.
+
+    Args:
+        residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
+        bright: cells where the reflection was found, shape (nz, nx).
+        after: linear light of the photograph, shape (nz, nx, 3).
+    """
+    light = after.mean(axis=2)
+    added = float(np.median((light * (1.0 - np.exp(-residual.mean(axis=2))))[bright]))
+    away = cv2.distanceTransform((~bright).astype(np.uint8), cv2.DIST_L2, 5)
+    reach = 0.25 * float(np.sqrt(bright.sum()))
+    return np.asarray(added * np.exp(-0.5 * (away / reach) ** 2) / light, np.float32)
+
+
 def window_mean(residual: Array, visible: Mask) -> Array:
     """Return the mean of `residual` (nz, nx, 3) over the visible cells of small windows."""
     weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))

@@ -22,6 +22,7 @@ from porotwin_imaging.light_check import (
     exposure_remarks,
     lit_as_baseline,
     refuse_unknown_light,
+    spilled_light,
 )
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
@@ -122,6 +123,8 @@ def corrected_light(
         variance = variance + _resized(local.variance, visible.shape)
         remarks += local.remarks
     comparable, bright = lit_as_baseline(residual, seen, settings.light)
+    if (found := seen & ~comparable).any():
+        variance = variance + _resized(spilled_light(residual, found, after) ** 2, visible.shape)
     comparable, foreign = without_foreign_signal(
         residual, comparable, colour, settings.foreign_signal
     )

@@ -108,6 +108,21 @@ def test_a_flash_is_refused_and_a_small_reflection_left_out(
     assert relative_error(found.values, truth) < 0.05
 
 
+def test_beside_a_soft_reflection_maps_are_less_certain(
+    baseline, laboratory, truth, make_jpeg
+) -> None:
+    light = laboratory.scene(truth)
+    rows, columns = np.mgrid[: light.shape[0], : light.shape[1]]
+    distance = np.hypot(columns - 620, rows - 300)
+    soft = light + 0.1 * np.exp(-((distance / 60) ** 2))[..., None]
+    found, plain = (concentration_map(make_jpeg(one), baseline) for one in (soft, light))
+    hidden = np.isnan(found.values)
+    beside = cv2.dilate(hidden.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    beside &= ~hidden
+    assert hidden.any()
+    assert np.median(found.deviation[beside]) > 2.0 * np.median(plain.deviation[beside])
+
+
 def test_a_clipped_part_is_left_out_with_its_share(
     baseline, laboratory, truth, make_jpeg, relative_error
 ) -> None:
