@@ -196,6 +196,7 @@ def _mass_evidence(
     masses = curves @ counts.T / largest  # (bends, photographs)
     volume = injected / largest
     weight = 1.0 / ((settings.photograph_error * volume) ** 2 + settings.common_error**2)
+    weight *= min(1.0, settings.independent_photographs / len(injected))
     widest = np.log(settings.most_factor)
     logs_of_factor = np.linspace(-widest, widest, _FACTORS)
     apart = masses[:, None, :] - np.exp(logs_of_factor)[None, :, None] * volume

@@ -456,6 +456,9 @@ class MassBalanceSettings:
     """Relative deviation of the mass in one photograph [-], from light and noise."""
     common_error: float = 0.003
     """The same relative to the largest injected mass."""
+    independent_photographs: int = 12
+    """More photographs tell the bend no better than this number: neighbours share the error of
+    their light."""
     offset_error: float = 0.01
     """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
     volume of the tubes, remaining light."""

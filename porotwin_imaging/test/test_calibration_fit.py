@@ -99,6 +99,23 @@ def test_a_wrong_pump_log_changes_the_mass_factor_and_not_the_maps(injection) ->
     )
 
 
+def test_remaining_light_away_from_the_plume_is_no_tracer(
+    laboratory_of_two_sands, injection, make_plume, true_shape
+) -> None:
+    """Lamps drift, so that such light comes and goes: in one of four photographs here."""
+    dimmer = make_plume(true_shape, 0.4, 0.24, RADII[1]) + 0.06 * make_plume(
+        true_shape, 0.7, 0.24, 0.1
+    )
+    states = [*injection.states]
+    states[1] = (states[1][0], laboratory_of_two_sands.photograph(dimmer, gain=1.03, seed=1))
+    dimmed, even = (
+        fit_calibration(injection.rig, [injection.empty], seen, schedule=injection.schedule())
+        for seen in (states, injection.states)
+    )
+    assert dimmed.response.bend == pytest.approx(even.response.bend, abs=0.01)
+    assert dimmed.evidence.mass_factor == pytest.approx(even.evidence.mass_factor, abs=0.01)
+
+
 def test_dilutions_are_the_anchor_where_there_are_some(
     laboratory_of_two_sands, injection, make_plume, true_shape, tmp_path
 ) -> None:

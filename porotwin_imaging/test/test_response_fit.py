@@ -38,6 +38,17 @@ def test_tracer_that_a_late_clock_shows_does_not_bend_the_response(offset) -> No
     assert found.bend == pytest.approx(-0.05, abs=0.07)
 
 
+def test_photographs_in_quick_succession_make_the_bend_no_surer() -> None:
+    truth = plumes()
+    volume = np.full(truth[0].shape, PORE_VOLUME_M3)
+    injected = [float((c * volume).sum()) for c in truth]
+    twice, often = (
+        fit_response(times * [bent(c, 0.4) for c in truth], volume, times * injected)
+        for times in (2, 20)
+    )
+    assert often.deviation == pytest.approx(twice.deviation, rel=0.02)
+
+
 def test_without_evidence_the_prior_and_its_deviation_remain() -> None:
     found = fit_response([], np.ones((2, 2)), [])
     assert found.bend == pytest.approx(-0.02, abs=0.003)
