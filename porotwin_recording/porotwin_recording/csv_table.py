@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from porotwin_core.errors import InputError
+from porotwin_core.other_unit import in_other_unit
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
@@ -43,7 +44,7 @@ def read_table(
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
                 first = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
-                hint = _separator_hint(','.join(found))
+                hint = _separator_hint(','.join(found)) or _unit_hint(found, header)
                 raise InputError(f"{path}: first line is '{first}'; write {','.join(header)}{hint}")
             for line in lines:
                 words = [word.strip() for word in line]
@@ -65,6 +66,12 @@ def read_table(
     except (OSError, csv.Error) as error:
         reason = ' '.join(str(error).split())
         raise InputError(f'{path}: not readable as CSV: {reason}') from None
+
+
+def _unit_hint(found: tuple[str, ...], header: tuple[str, ...]) -> str:
+    """Return the end of the message about columns in other units; '' if there are none."""
+    units = filter(None, (in_other_unit(word, header) for word in found))
+    return ''.join(f'; {unit.split("; ")[1]}' for unit in units)
 
 
 def _separator_hint(first: str) -> str:

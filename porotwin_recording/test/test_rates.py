@@ -59,6 +59,10 @@ def test_any_rate_in_si_comes_back_within_its_round_off(
     ('content', 'complaint'),
     [
         ('time,well,rate,c\n', "first line is 'time,well,rate,c'; write time_s"),
+        (
+            'time_min,well,rate_ml_min,concentration\n',
+            'write time_s,well,rate_ml_h,concentration; 1 min is 60 s; 1 ml/min is 60 ml/h',
+        ),
         ('', "first line is ''"),
         ('time_s,well,rate_ml_h,concentration\n\n', 'no rows, so that no well ever pumps'),
         ('time_s;well;rate_ml_h;concentration\n', 'it uses semicolons: separate the columns'),
