@@ -27,6 +27,15 @@ _AT_EXIT = 0.05
 """Concentration at a way out above which tracer may have left [-]."""
 _EXIT_REACH = 3
 """Cells around a producing well, and beside an open side, that are looked at."""
+_MORE = (
+    'from {begin} to {end} s the maps gain {ml} ml of tracer more than the pumps injected: does '
+    'dirt or light make the sand darker, or does a pump deliver more than rates.csv says?'
+)
+_LESS = (
+    'from {begin} to {end} s the maps lose {ml} ml of the injected tracer, though none is near a '
+    'way out: does the glass fog, does the tracer fade or leak, or does a pump deliver less than '
+    'rates.csv says?'
+)
 
 
 def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedule) -> str:
@@ -64,17 +73,6 @@ def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedul
                 begin=f'{kept[first]:.0f}', end=f'{kept[last]:.0f}', ml=f'{change * ML:.3g}'
             )
     return ''
-
-
-_MORE = (
-    'from {begin} to {end} s the maps gain {ml} ml of tracer more than the pumps injected: does '
-    'dirt or light make the sand darker, or does a pump deliver more than rates.csv says?'
-)
-_LESS = (
-    'from {begin} to {end} s the maps lose {ml} ml of the injected tracer, though none is near a '
-    'way out: does the glass fog, does the tracer fade or leak, or does a pump deliver less than '
-    'rates.csv says?'
-)
 
 
 def _medians_of_three(values: FloatArray) -> FloatArray:
