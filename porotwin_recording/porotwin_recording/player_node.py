@@ -405,6 +405,8 @@ class PlayerNode(Node):
             self._publish_clock(message.log_time)
             if self._setpoint is not None and message.topic.endswith(_DRIVING):
                 self._publish(self._setpoint, at=stamp_of(message.data))
+                if driving:
+                    self._await_acknowledgements()
             self._publish(message)
             answerable = answerable or message.topic.endswith(_BASELINE)
             if driving and answerable:
