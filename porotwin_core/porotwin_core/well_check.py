@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Rig, Well
 from porotwin_core.wells import Schedule
 
 LEAST_AT_WELL = 0.5
@@ -57,11 +57,16 @@ def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Sch
     for number in numbers:
         values = maps[int(number)]
         grid = rig.grid(*values.shape[::-1])
-        for well in rig.wells:
-            around = _around(rig, well, grid)
+        pores = rig.cell_pore_volume(grid)
+        for well, place in rig.wells.items():
+            around = cells_around(place, grid, _REACH)
             if np.isfinite(values[around]).any():
                 uncovered.add(well)
-            seen = _share_at(well, values[around], float(times[number]), rig, grid, schedule)
+            seen = _share_at(
+                values[around],
+                float(pores[around].sum()),
+                *_same_fluid(schedule, well, float(times[number])),
+            )
             if seen is not None:
                 shares.setdefault(well, []).append(seen)
     for well, found in shares.items():
@@ -83,26 +88,26 @@ def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Sch
     return ''
 
 
-def _around(rig: Rig, well: str, grid: Grid) -> tuple[slice, slice]:
-    """Return the rows and columns of the cells around a well."""
-    place = rig.wells[well]
-    row, column = int(place.z_m / grid.dz), int(place.x_m / grid.dx)
+def cells_around(well: Well, grid: Grid, reach: int) -> tuple[slice, slice]:
+    """Return the rows and columns of `grid` within `reach` cells of the cell of a well."""
+    row, column = int(well.z_m / grid.dz), int(well.x_m / grid.dx)
     return (
-        slice(max(0, row - _REACH), row + _REACH + 1),
-        slice(max(0, column - _REACH), column + _REACH + 1),
+        slice(max(0, row - reach), row + reach + 1),
+        slice(max(0, column - reach), column + reach + 1),
     )
 
 
-def _share_at(
-    well: str, near: FloatArray, time: float, rig: Rig, grid: Grid, schedule: Schedule
-) -> float | None:
-    """Return the concentration at a well relative to the one it injects at `time` [s].
+def _share_at(near: FloatArray, pores: float, volume: float, injected: float) -> float | None:
+    """Return the concentration in the cells `near` a well relative to the one that it injects.
 
-    `near` are the cells around it. None if the well injects no tracer, or too little yet; NaN if
-    its cells are hidden.
+    None if the well injects no tracer, or too little yet; NaN if its cells are hidden.
+
+    Args:
+        near: concentration of these cells [-].
+        pores: volume of their pores [m^3].
+        volume: volume of the fluid that the well has injected [m^3].
+        injected: its concentration [-].
     """
-    volume, injected = _same_fluid(schedule, well, time)
-    pores = float(rig.cell_pore_volume(grid)[_around(rig, well, grid)].sum())
     if volume <= _FILLINGS * pores or injected <= 0:
         return None
     if not np.isfinite(near).any():

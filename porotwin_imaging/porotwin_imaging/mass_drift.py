@@ -9,12 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.mass_check import LEAST_SHARE, stock_in_map
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
-from porotwin_core.well_check import Maps
+from porotwin_core.well_check import Maps, cells_around
 from porotwin_core.wells import Schedule
 
 _MOST_DRIFT = 0.12
@@ -49,8 +50,9 @@ def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedul
         rig: the rig; its depth, porosity and size give the pore volume.
         schedule: the injected rates.
     """
-    if not schedule.rows:
+    if not schedule.rows or len(times) < _FEWEST_MAPS:
         return ''
+    exits = _exits(rig, schedule, rig.grid(*maps[0].shape[::-1]))
     kept, excess, left = [], [], False
     for number, time in enumerate(times):
         values = maps[number]
@@ -58,13 +60,14 @@ def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedul
             continue
         kept.append(time)
         excess.append(stock_in_map(values, rig) - schedule.injected_stock(-np.inf, time))
-        left = left or _is_at_exit(values, rig, schedule)
+        left = left or bool((values[exits] > _AT_EXIT).any())
     if len(kept) < _FEWEST_MAPS:
         return ''
     limit = max(
         _MOST_DRIFT * schedule.injected_stock(-np.inf, kept[-1]), LEAST_SHARE * rig.pore_volume
     )
-    smooth = _medians_of_three(np.array(excess))
+    # medians of neighbours, so that one wrong photograph does not count
+    smooth = median_filter(np.array(excess), 3, mode='nearest')
     for sign, words in ((1.0, _MORE), (-1.0, _LESS)):
         first, last = _largest_rise(sign * smooth)
         change = sign * (smooth[last] - smooth[first])
@@ -75,12 +78,6 @@ def drift_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedul
     return ''
 
 
-def _medians_of_three(values: FloatArray) -> FloatArray:
-    """Return the medians of each value and its neighbours: one wrong photograph does not count."""
-    padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
-
-
 def _largest_rise(values: FloatArray) -> tuple[int, int]:
     """Return the numbers of the two values, in their order, between which the rise is largest."""
     rise = values - np.minimum.accumulate(values)
@@ -88,17 +85,11 @@ def _largest_rise(values: FloatArray) -> tuple[int, int]:
     return int(np.argmin(values[: last + 1])), last
 
 
-def _is_at_exit(values: FloatArray, rig: Rig, schedule: Schedule) -> bool:
-    """Return whether a map shows tracer at a well that produces, or at an open side."""
-    rows, columns = values.shape
-    exits: NDArray[np.bool_] = np.zeros(values.shape, dtype=bool)
-    grid = rig.grid(columns, rows)
+def _exits(rig: Rig, schedule: Schedule, grid: Grid) -> NDArray[np.bool_]:
+    """Return the cells (nz, nx) at wells that produce, and at open sides."""
+    exits: NDArray[np.bool_] = np.zeros(grid.shape, dtype=bool)
     for name in {row.well for row in schedule.rows if row.rate.rate < 0.0}:
-        row, column = int(rig.wells[name].z_m / grid.dz), int(rig.wells[name].x_m / grid.dx)
-        exits[
-            max(0, row - _EXIT_REACH) : row + _EXIT_REACH + 1,
-            max(0, column - _EXIT_REACH) : column + _EXIT_REACH + 1,
-        ] = True
+        exits[cells_around(rig.wells[name], grid, _EXIT_REACH)] = True
     edges = {
         'bottom': exits[:_EXIT_REACH],
         'top': exits[-_EXIT_REACH:],
@@ -107,4 +98,4 @@ def _is_at_exit(values: FloatArray, rig: Rig, schedule: Schedule) -> bool:
     }
     for side in rig.boundaries.open_sides:
         edges[side][:] = True
-    return bool((values[exits] > _AT_EXIT).any())
+    return exits
