@@ -270,15 +270,15 @@ def chart_light(
     if gain is None:
         return None
     seen = _usable(patches, baseline, settings, settings.darkest)
-    even = _scatter(_log_ratio(patches, baseline) - gain, seen)
-    power, curved = _tone_curve(patches, baseline, settings)
+    ratio, light = _log_ratio(patches, baseline), np.log(np.maximum(baseline, 1e-4))
+    bright = _usable(patches, baseline, settings, settings.least_light)
+    power, level = _tone_curve(ratio, light, bright)
     veil, slope = _haze(patches, baseline, seen)
-    bent = _scatter(_log_ratio(patches, baseline) - curved, seen)
+    even = _scatter(ratio - gain, seen)
+    bent = _scatter(ratio - level - power * light, seen)
     hazy = _scatter(_log_ratio(patches, slope * np.maximum(baseline, 1e-4) + veil), seen)
     if abs(power) >= settings.least_power and bent <= min(settings.most_power_misfit, hazy):
-        light = np.log(np.maximum(baseline, 1e-4))
-        straight = np.median(curved - power * light, axis=0)
-        return ChartLight(gain, power, None, straight / (1.0 + power))
+        return ChartLight(gain, power, None, level / (1.0 + power))
     if abs(float(veil.mean())) >= settings.least_veil and hazy < even:
         return ChartLight(gain, 0.0, veil, np.log(slope))
     return ChartLight(gain, 0.0, None, gain)
@@ -289,18 +289,15 @@ def _scatter(left: Array, seen: Array) -> float:
     return float(np.median(np.abs(left[seen])))
 
 
-def _tone_curve(
-    patches: Array, baseline: Array, settings: ColourCheckerSettings
-) -> tuple[float, Array]:
-    """Return the power p of the tone curve, and the log ratios (24, 3) that it makes.
+def _tone_curve(ratio: Array, light: Array, usable: Array) -> tuple[float, Array]:
+    """Return power p and levels (3,) of a tone curve, ratio = level + p light, by robust lines.
 
-    p is the slope of the log ratios over the log of the baseline (Theil-Sen).
+    `ratio` (24, 3) are log ratios of the patches, `light` the logs of the baseline; only `usable`
+    patches count. p is a slope by Theil and Sen.
     """
-    usable = _usable(patches, baseline, settings, settings.least_light)
-    light, ratio = np.log(np.maximum(baseline, 1e-4)), _log_ratio(patches, baseline)
     power = float(theilslopes(_about_medians(ratio, usable), _about_medians(light, usable)).slope)
     level = [np.median((ratio - power * light)[usable[:, i], i]) for i in range(3)]
-    return power, np.array(level) + power * light
+    return power, np.array(level)
 
 
 def _about_medians(values: Array, usable: Array) -> Array:

@@ -110,7 +110,8 @@ def command(
             f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
             '--photo-interval-s'
         )
-    if grid and photo_width_px is not None:
+    photographs = photo_width_px is not None
+    if grid and photographs:
         raise InputError('--grid: photographs have no cells yet; give it to ./porotwin image')
     map_grid = grid_of(grid, recording.rig)
     with one_writer(output), whole_folder(output) as unfinished, progress() as bar:
@@ -128,14 +129,15 @@ def command(
             photo_width_px=photo_width_px,
             progress=lambda share: bar.update(task, completed=share),
         )
-        if photo_width_px is not None:  # imaging makes the maps
+        if photographs:  # imaging makes the maps
             (unfinished / MAPS_FILE).unlink()
+    kind = 'photographs' if photographs else 'maps'
     if as_json:
         print_json(
             {
                 'output': output,
-                'photographs' if photo_width_px else 'maps': len(made.times),
-                'noise_floor': None if photo_width_px else made.noise_floor,
+                kind: len(made.times),
+                'noise_floor': None if photographs else made.noise_floor,
                 'injected_m3': made.injected,
                 'removed_m3': made.removed,
                 'hidden': effect or [],
@@ -143,7 +145,6 @@ def command(
         )
         return
     ways = ' or '.join(_ways_out(recording, effects))
-    kind = 'photographs' if photo_width_px else 'maps'
     print(
         f'{output}: {len(made.times)} {kind} over {duration / 60.0:.0f} min; '
         f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml of it removed'
@@ -151,7 +152,7 @@ def command(
     )
     if effect:
         print(f'hidden: {"; ".join(effect)}')
-    print(_next_step(output, len(made.times), photographs=photo_width_px is not None))
+    print(_next_step(output, len(made.times), photographs=photographs))
 
 
 def _next_step(output: Path, maps: int, *, photographs: bool) -> str:
