@@ -229,6 +229,7 @@ class PlayerNode(Node):
                 f'playing {count} topics of {self._bag.path} into {self._graph_found()}'
             )
             while not self._stopping.is_set():
+                self._setpoint = None  # rates of the end do not hold at the start
                 self._play_once()
                 if not self._loop:
                     break
