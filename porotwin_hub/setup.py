@@ -6,7 +6,7 @@ PACKAGE = 'porotwin_hub'
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
+    version='0.2.0',
     packages=find_packages(exclude=['test']),
     package_data={PACKAGE: ['py.typed', 'node_parameters.json']},
     data_files=[

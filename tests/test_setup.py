@@ -84,3 +84,11 @@ def test_a_link_to_the_command_finds_its_checkout(tmp_path: Path) -> None:
     link = tmp_path / 'porotwin'
     link.symlink_to(checkout / 'porotwin')
     assert subprocess.run([link], check=False).returncode == 7
+
+
+def test_all_files_state_one_version() -> None:
+    spec = importlib.util.spec_from_file_location('set_version', ROOT / 'setup' / 'set_version.py')
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert len(set(module.stated().values())) == 1
