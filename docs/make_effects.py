@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from porotwin_core.effect_parameter import Parameter
+from porotwin_core.model.effect_parameter import Parameter
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_rig.effects.definition.registry import PACKAGE as RIG_PACKAGE
 from porotwin_solver.effects import EFFECTS

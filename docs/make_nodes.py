@@ -33,13 +33,13 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
-from porotwin_core.node import ensure_diagnostics, rules_of
-from porotwin_core.parameter_rule import ParameterRule
+from porotwin_core.ros.node import ensure_diagnostics, rules_of
+from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_imaging.sources.source_registry import SOURCES
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / 'docs' / 'nodes.md'
-RULES = ROOT / 'porotwin_hub' / 'porotwin_hub' / 'node_parameters.json'
+RULES = ROOT / 'porotwin_hub' / 'porotwin_hub' / 'launching' / 'node_parameters.json'
 SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 NAMESPACE = '/porotwin'
 
@@ -60,12 +60,13 @@ nodes. `docs/make_nodes.py` writes it from the running nodes. Names are relative
 
 The quality of service of a topic names its reliability, the depth of its queue and its durability.
 *Transient local* means that a late subscriber gets the last messages; otherwise it gets none.
-`porotwin_core/porotwin_core/qos.py` gives the reasons.
+`porotwin_core/porotwin_core/ros/qos.py` gives the reasons.
 
 `./porotwin up` starts all nodes. To start one node alone:
 
 ```
-.venv/bin/python -m porotwin_solver.solver_node --ros-args -r __ns:=/porotwin -p rig:=rig.yaml
+.venv/bin/python -m porotwin_solver.service.solver_node --ros-args -r __ns:=/porotwin \\
+    -p rig:=rig.yaml
 ```
 """
 

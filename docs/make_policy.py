@@ -85,7 +85,7 @@ def _nodes(page: str) -> Iterable[tuple[str, tuple[Rights, Path]]]:
 
 def _words(module: Path) -> tuple[set[str], set[str]]:
     """Return all texts in `module` and its imports from its package, and the services it offers."""
-    package, seen, waiting = module.parent.name, set[Path](), [module]
+    package, seen, waiting = module.relative_to(ROOT).parts[0], set[Path](), [module]
     words: set[str] = set()
     served: set[str] = set()
     while waiting:
@@ -99,7 +99,7 @@ def _words(module: Path) -> tuple[set[str], set[str]]:
             if isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'create_service':
                 served.add(str(getattr(node.args[1], 'value', '')))
             if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(f'{package}.'):
-                waiting.append(module.parents[1] / f'{str(node.module).replace(".", "/")}.py')
+                waiting.append(ROOT / package / f'{str(node.module).replace(".", "/")}.py')
     return words, served
 
 

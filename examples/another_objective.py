@@ -14,15 +14,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import draw_map, picture_path
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import ObjectiveDescription, Rig, load_rig
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
-from porotwin_hub.objective import Objective, WeightedTracer, pore_volume
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_solver.model import Model
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective import Objective, WeightedTracer, pore_volume
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_solver.model.model import Model
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 ZONE = [[0.08, 0.0], [0.80, 0.0], [0.80, 0.36], [0.08, 0.36]]

@@ -10,16 +10,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import draw_map, picture_path
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import load_rig
-from porotwin_hub.controller import Controller
-from porotwin_hub.cycle import Observation
-from porotwin_hub.forecast import no_correction
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
+from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from picture import draw_map, picture_path
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
 from porotwin_diagnosis.examine import examine
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_solver.effects import EFFECTS, parse_effect

@@ -10,10 +10,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import picture_path
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

@@ -14,12 +14,12 @@ import numpy as np
 from picture import picture_path
 from scipy.optimize import minimize
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

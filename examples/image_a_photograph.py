@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.image import imread
 from picture import draw_map, picture_path
 
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_recording.recording import open_recording
+from porotwin_imaging.tracer.calibration import load_calibration
+from porotwin_recording.experiment.recording import open_recording
 
 BAGS = Path(__file__).parents[1] / 'bags'
 

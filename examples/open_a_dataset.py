@@ -13,8 +13,8 @@ import netCDF4
 import numpy as np
 from picture import picture_path
 
-from porotwin_recording.dataset_export import export_dataset
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.dataset_export import export_dataset
+from porotwin_recording.experiment.recording import open_recording
 
 BAG = Path(__file__).parents[1] / 'bags' / 'sample'
 folder = Path(tempfile.mkdtemp()) / 'sample.zarr'

@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import picture_path
 
-from porotwin_core.units import to_ml_h
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.units import to_ml_h
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap.bag_reader import BagReader
 
 BAG = Path(__file__).parents[1] / 'bags' / 'sample'
 

@@ -14,17 +14,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import picture_path
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate, WellRates
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate, WellRates
-from porotwin_costa.corrective_source import corrective_source
-from porotwin_costa.dataset_builder import build_dataset
-from porotwin_costa.evaluation import evaluate
-from porotwin_costa.frames import Frames
+from porotwin_costa.correction.corrective_source import corrective_source
+from porotwin_costa.data.dataset_builder import build_dataset
+from porotwin_costa.data.frames import Frames
+from porotwin_costa.evaluation.evaluation import evaluate
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import train
-from porotwin_solver.model import Model
-from porotwin_solver.simulation import simulate
+from porotwin_costa.training.training import train
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import simulate
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

@@ -11,9 +11,9 @@ import matplotlib.pyplot as plt
 from matplotlib.image import imread
 from picture import draw_map, picture_path
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
 from porotwin_rig.camera import camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.render import Photographer

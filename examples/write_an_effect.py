@@ -14,17 +14,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 from picture import draw_map, picture_path
 
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.grid import relative_error
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import relative_error
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import EFFECTS, parse_effect
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import factor
-from porotwin_solver.physics import Physics
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

@@ -11,10 +11,10 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 
-from porotwin_core import qos
-from porotwin_core.node_thread import NodeThread
-from porotwin_hub.graph import NAMESPACE, NodeDescription
-from porotwin_hub.processes import GraphProcesses
+from porotwin_core.ros import qos
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_hub.launching.graph import NAMESPACE, NodeDescription
+from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
 
 TOPICS: dict[str, tuple[Any, Any]] = {

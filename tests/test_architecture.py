@@ -59,12 +59,31 @@ MAY_IMPORT = {
 }  # fmt: skip
 """Imports point one way; the virtual rig and the solver, above all, share no numerics."""
 
-DIAGNOSIS_ORDER = (
-    'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision', 'advice',
-    'diagnosis', 'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
-    'history',
-)  # fmt: skip
-"""Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
+ROOMS = {
+    'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'checks', 'ros'),
+    'porotwin_recording': ('tables', 'mcap', 'experiment', 'importers', 'live'),
+    'porotwin_imaging': (
+        'settings', 'numerics', 'photograph', 'sources', 'camera', 'geometry', 'tracer',
+        'smoothing', 'light', 'baseline', 'photo_to_map', 'calibrating', 'live', 'measures',
+        'phases', 'imaging_bench', 'laser_grid_check',
+    ),
+    'porotwin_solver': (
+        'coefficients', 'effects', 'flow', 'transport', 'model', 'adjoint', 'service',
+        'exact_solutions', 'large_grid_bench', 'solver_bench',
+    ),
+    'porotwin_costa': (
+        'data', 'networks', 'correction', 'physics', 'training', 'evaluation', 'service',
+    ),
+    'porotwin_hub': (
+        'models', 'objectives', 'control', 'estimation', 'operator', 'loop', 'launching',
+    ),
+    'porotwin_diagnosis': (
+        'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision',
+        'advice', 'diagnosis', 'report', 'examine', 'archive', 'diagnosis_node', 'mending',
+        'mend_node', 'history',
+    ),
+}  # fmt: skip
+"""Sub-packages and modules of a package; each may import only those before it and itself."""
 
 
 @cache
@@ -149,18 +168,22 @@ def test_no_modules_import_each_other_in_a_circle(package: str) -> None:
         pytest.fail(f'circle of imports: {" -> ".join(error.args[1])}')
 
 
-def test_imports_of_the_diagnosis_follow_the_order_of_its_parts() -> None:
-    def part(module: str) -> str:
+@pytest.mark.parametrize('package', ROOMS)
+def test_imports_follow_the_order_of_the_rooms(package: str) -> None:
+    def room(module: str) -> str:
         return module.partition('.')[2].partition('.')[0]
 
-    for module, others in imports_within('porotwin_diagnosis').items():
-        if not part(module):
-            assert not others, 'porotwin_diagnosis/__init__.py imports nothing'
+    order = ROOMS[package]
+    late = []
+    for module, others in imports_within(package).items():
+        if not room(module):
             continue
-        assert part(module) in DIAGNOSIS_ORDER, f'say in this test where {part(module)} stands'
-        before = DIAGNOSIS_ORDER[: DIAGNOSIS_ORDER.index(part(module)) + 1]
-        late = sorted(other for other in others if part(other) not in before)
-        assert not late, f'{module} imports {late}, which come after it'
+        assert room(module) in order, f'say in this test where {room(module)} stands'
+        before = order[: order.index(room(module)) + 1]
+        late += [
+            f'{module} <- {other}' for other in sorted(others) if room(other) not in (*before, '')
+        ]
+    assert not late, f'imports of rooms that come after: {late}'
 
 
 @pytest.mark.parametrize('package', PACKAGES)

@@ -8,14 +8,14 @@ from rclpy.action import ActionClient
 
 from porotwin_cli.live_diagnosis import diagnose_run_so_far
 from porotwin_cli.rehearsal import calibration_fit
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_diagnosis.progress import no_progress
-from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
-from porotwin_imaging.calibration import save_calibration
+from porotwin_hub.launching.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_imaging.tracer.calibration import save_calibration
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.camera import camera_before
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]

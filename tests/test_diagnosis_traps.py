@@ -13,10 +13,10 @@ from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, read_sample
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.levels import make_levels
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording, open_recording
-from porotwin_solver.model import Model
-from porotwin_solver.simulation import simulate
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import simulate
 
 DIFFUSION = 2e-8
 """Diffusion coefficient of the spreading tracer [m^2/s]."""

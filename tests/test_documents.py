@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_core.grid import conservative_resample
-from porotwin_recording.concentration import ConcentrationWriter
-from porotwin_recording.recording import open_recording
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import ConcentrationWriter
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]

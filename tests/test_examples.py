@@ -16,7 +16,7 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
 SCRIPTS = sorted(path for path in EXAMPLES.glob('*.py') if path.name != 'picture.py')
 
-LARGE = ['matplotlib.pyplot', 'scipy.optimize', 'porotwin_solver.simulation']
+LARGE = ['matplotlib.pyplot', 'scipy.optimize', 'porotwin_solver.model.simulation']
 """Modules that most scripts import."""
 
 

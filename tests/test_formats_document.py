@@ -8,11 +8,11 @@ import netCDF4
 import pytest
 
 from porotwin_core.rig import load_rig
-from porotwin_imaging.calibration import load_calibration
-from porotwin_recording.bag_conversion import export_bag
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.photos import read_photos
-from porotwin_recording.rates import read_rates
+from porotwin_imaging.tracer.calibration import load_calibration
+from porotwin_recording.experiment.bag_conversion import export_bag
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.tables.photos import read_photos
+from porotwin_recording.tables.rates import read_rates
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / 'docs' / 'formats.md').read_text(encoding='utf-8')

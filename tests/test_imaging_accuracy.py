@@ -12,11 +12,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porotwin_core.grid import conservative_resample
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig, rig_from_maps
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.calibrating.calibration_fit import fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Conditions, Photographer

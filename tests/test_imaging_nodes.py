@@ -13,8 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from graph import running_graph
 
 from porotwin_core.rig import Rig, write_rig
-from porotwin_hub.graph import NodeDescription
-from porotwin_imaging.sent_photos import SentPhotos
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_imaging.photograph.sent_photos import SentPhotos
 from porotwin_msgs.msg import CleanState
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer

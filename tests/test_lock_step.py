@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from graph import running_graph
 
-from porotwin_core import conversions
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_hub.graph import (
+from porotwin_core.ros import conversions
+from porotwin_hub.launching.graph import (
     GraphSettings,
     NodeDescription,
     in_namespace,

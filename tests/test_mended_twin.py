@@ -15,16 +15,16 @@ from rclpy.action import ActionServer
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_msgs.msg import Header
 
-from porotwin_core import conversions, qos
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.ros import conversions, qos
 from porotwin_diagnosis.mending.shadow_forecast import LEAST_WATCHED
-from porotwin_hub.graph import GraphSettings, twin_nodes
+from porotwin_hub.launching.graph import GraphSettings, twin_nodes
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CycleReport, MendOffer, ModelEffects, NewState, Outcome, WellRates
 from porotwin_msgs.srv import AnswerMend, ModelInfo
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 pytestmark = pytest.mark.graph
 

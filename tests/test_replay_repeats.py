@@ -12,10 +12,10 @@ from graph import running_graph
 
 from porotwin_cli.kernels import compile_kernels
 from porotwin_core.rig import write_rig
-from porotwin_hub.graph import NAMESPACE, GraphSettings, operator_node, twin_nodes
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.recording import open_recording
+from porotwin_hub.launching.graph import NAMESPACE, GraphSettings, operator_node, twin_nodes
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -62,7 +62,7 @@ def replayed(bag: Path, folder: Path, domain: int) -> BagReader:
         use_sim_time=True,
     )
     nodes = [*twin_nodes(settings), operator_node(settings, asset=True)]
-    command = [sys.executable, '-m', 'porotwin_recording.player_node', '--ros-args']
+    command = [sys.executable, '-m', 'porotwin_recording.live.player_node', '--ros-args']
     parameters = [f'bag:={bag}', 'rate:=0.0', 'lockstep:=hub/cycle', 'discovery_s:=200.0']
     command += [word for value in parameters for word in ('-p', value)]
     command += ['-r', f'__ns:={NAMESPACE}']

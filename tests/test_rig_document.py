@@ -12,12 +12,12 @@ import yaml
 from porotwin_core.rig import Control, Rig, load_rig
 from porotwin_core.rig.known_keys import SECTIONS, json_schema
 from porotwin_core.rig.oddities import remarks_about
-from porotwin_hub.objective_registry import OBJECTIVES, make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_recording.odd_recording import remarks_about_recording
-from porotwin_recording.recording import open_recording
-from porotwin_solver.effects_in_force import checked_effects
-from porotwin_solver.simulation import simulate
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective_registry import OBJECTIVES, make_objective
+from porotwin_recording.experiment.odd_recording import remarks_about_recording
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_solver.model.simulation import simulate
+from porotwin_solver.service.effects_in_force import checked_effects
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT = (ROOT / 'docs' / 'rig.md').read_text(encoding='utf-8')
@@ -124,7 +124,7 @@ def test_a_rig_to_copy_is_not_odd_and_can_be_simulated(name: str) -> None:
 
 @pytest.mark.parametrize('name', RIGS)
 def test_a_rig_with_sands_survives_the_way_through_a_message(name: str) -> None:
-    conversions = pytest.importorskip('porotwin_core.conversions')
+    conversions = pytest.importorskip('porotwin_core.ros.conversions')
     rig = load_rig(ROOT / 'rigs' / name)
     again = conversions.rig_from_msg(conversions.rig_to_msg(rig))
     assert again.physics_fingerprint == rig.physics_fingerprint

@@ -9,12 +9,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from porotwin_core.rig import load_rig
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.recording import Recording, open_recording
-from porotwin_solver.simulation import simulate
+from porotwin_imaging.tracer.calibration import load_calibration
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_solver.model.simulation import simulate
 
 BAGS = Path(__file__).resolve().parents[1] / 'bags'
 PHOTOGRAPHS = 13

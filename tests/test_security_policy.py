@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.senders import GUARD
+from porotwin_core.ros.senders import GUARD
 
 POLICY = Path(__file__).resolve().parents[1] / 'porotwin_guard' / 'config' / 'porotwin.policy.xml'
 

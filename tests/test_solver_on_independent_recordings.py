@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_recording.recording import open_recording
-from porotwin_solver.batch import Job, simulate_many
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_solver.model.batch import Job, simulate_many
 
 CASES = (2, 5, 9, 10, 11, 12, 13, 15, 16, 17, 18, 20, 22)
 """A recording without effect, and one of each physical effect. The effects of the camera leave the

@@ -13,19 +13,19 @@ import pytest
 import yaml
 from graph import RunningGraph, running_graph
 
-from porotwin_core import conversions
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.clock.stamps import time_in_words
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.stamps import time_in_words
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_hub.graph import (
+from porotwin_core.ros import conversions
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.launching.graph import (
     GraphSettings,
     NodeDescription,
     live_graph,
     operator_node,
     twin_nodes,
 )
-from porotwin_hub.setpoint_limits import Limits
 from porotwin_msgs.srv import ConfirmRates
 from porotwin_rig.made_experiment import make_experiment
 

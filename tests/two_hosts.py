@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from porotwin_hub.network import Network
+from porotwin_hub.launching.network import Network
 
 ADDRESSES = {'rig': '10.91.7.1', 'server': '10.91.7.2'}
 """The host beside the rig, and the one that computes."""
@@ -23,7 +23,7 @@ PORT = 11811
 CAMERA = """
 import time
 import rclpy
-from porotwin_core import qos
+from porotwin_core.ros import qos
 from sensor_msgs.msg import CompressedImage
 rclpy.init()
 node = rclpy.create_node('camera', namespace='/porotwin')
@@ -40,7 +40,7 @@ while rclpy.ok():
 IMAGING = """
 import json, time
 import rclpy
-from porotwin_core import qos
+from porotwin_core.ros import qos
 from sensor_msgs.msg import CompressedImage
 rclpy.init()
 node = rclpy.create_node('imaging', namespace='/porotwin')

@@ -13,8 +13,8 @@ from typing import Any
 
 from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.workspace import continued_folder
-from porotwin_core.errors import InputError
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_file import write_whole
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 from porotwin_validation.photo_flaws import WITHHELD_KIND
 from porotwin_validation.photo_scores import MapScore, PhotoCaseScore, score_case

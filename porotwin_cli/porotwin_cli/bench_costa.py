@@ -15,16 +15,16 @@ from porotwin_cli.rehearsal import (
     training_schedules,
 )
 from porotwin_cli.workspace import small_rig
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, load_rig
-from porotwin_core.wells import Schedule
-from porotwin_costa.corrective_source import corrective_source
-from porotwin_costa.evaluation import evaluate
-from porotwin_costa.frames import Frames
+from porotwin_costa.correction.corrective_source import corrective_source
+from porotwin_costa.data.frames import Frames
+from porotwin_costa.evaluation.evaluation import evaluate
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import train
+from porotwin_costa.training.training import train
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 INTERVAL_S = 30.0
 """Time between two frames [s], as in the demo."""

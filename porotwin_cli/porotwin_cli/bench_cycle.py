@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from porotwin_cli.workspace import small_rig
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig
-from porotwin_hub.controller import Controller
-from porotwin_hub.cycle import Observation
-from porotwin_hub.forecast import no_correction
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
-from porotwin_solver.model import Model
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_solver.model.model import Model
 
 HORIZON_S = 1800.0
 EVALUATIONS = 60

@@ -18,13 +18,13 @@ import numpy as np
 from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
-from porotwin_core.conversions import time_from_msg
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_core.ros_environment import claim_domain, prepare_environment
-from porotwin_hub.graph import GraphSettings, live_graph
-from porotwin_hub.processes import GraphProcesses
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.ros.conversions import time_from_msg
+from porotwin_core.ros.ros_environment import claim_domain, prepare_environment
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.launching.graph import GraphSettings, live_graph
+from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.render import Photographer

@@ -19,7 +19,7 @@ from porotwin_cli.endurance import (
 )
 from porotwin_cli.fuzzing import READERS, fuzz
 from porotwin_cli.terminal import progress, say
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 KILLS = 100
 HOURS = 24.0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from porotwin_cli.terminal import duration_in_words, progress, say
-from porotwin_core.parallel import crew
+from porotwin_core.basis.parallel import crew
 
 
 class BenchJob(Protocol):

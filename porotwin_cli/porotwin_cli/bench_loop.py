@@ -20,8 +20,8 @@ from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import RUNS, TWINS, LoopFigures, run_closed, run_free, run_optimum
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_cli.workspace import run_folder
-from porotwin_core.errors import InputError
-from porotwin_core.whole_file import whole_file
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_file import whole_file
 
 SETTINGS = 'settings.json'
 """File in the folder of a bench with everything that its figures follow from."""

@@ -10,17 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.delivered_rates import delivered
-from porotwin_core.grid import FloatArray
-from porotwin_core.units import to_ml_min
-from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
-from porotwin_hub.objective import WeightedTracer
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.basis.units import to_ml_min
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.delivered_rates import delivered
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective import WeightedTracer
+from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 CELL_M = 0.015
 """Width of the cells [m]: with smaller ones the limiter leaves kinks in the dose, and searches end

@@ -26,10 +26,10 @@ from porotwin_cli.bench_loop_scenarios import (
     PumpFault,
     plain_rig,
 )
-from porotwin_core.blind_draw import DrawContext
-from porotwin_core.polygons import inside
+from porotwin_core.geometry.polygons import inside
+from porotwin_core.geometry.zone_shapes import PolygonZone
+from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rig import Control, FixedWell, ObjectiveDescription, Polygon
-from porotwin_core.zone_shapes import PolygonZone
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_validation.blind_effects import LIBRARY, OUTSIDE, drawn
 

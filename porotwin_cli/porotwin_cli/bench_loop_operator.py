@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.rates_in_force import same_rates
-from porotwin_core.units import percent
-from porotwin_core.wells import WellRates
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.basis.units import percent
+from porotwin_core.rates.rates_in_force import same_rates
+from porotwin_core.rates.wells import WellRates
+from porotwin_hub.control.setpoint_limits import Limits
 
 REFUSAL_PHOTOGRAPHS = 6
 """Photographs over which an operator who has refused an order sets nothing: some minutes."""

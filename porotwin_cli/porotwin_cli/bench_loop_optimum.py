@@ -15,9 +15,9 @@ from porotwin_cli.bench_loop_dose import Plan, ScenarioDose, simple_plans
 from porotwin_cli.bench_loop_operator import photographs_until_set
 from porotwin_cli.bench_loop_rig import LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import Schedule
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
+from porotwin_hub.control.setpoint_limits import Limits
 
 PIECE_S = 480.0
 """Length of a piece of constant rates [s]: shorter ones hardly lower the dose."""

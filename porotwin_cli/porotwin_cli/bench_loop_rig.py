@@ -7,22 +7,22 @@ from functools import partial
 import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.units import ML
-from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
-from porotwin_hub.cycle import Observation
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule, WellRate, WellRates, mean_rates
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.calibrating.calibration_fit import fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.plume_model import plume_model
+from porotwin_solver.model.plume_model import plume_model
 
 CALIBRATION_S = 2400.0
 CALIBRATION_PHOTOS = 8

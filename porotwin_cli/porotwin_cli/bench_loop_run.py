@@ -13,24 +13,24 @@ from porotwin_cli.bench_loop_operator import OperatorAtWork
 from porotwin_cli.bench_loop_optimum import optimum_schedules, play
 from porotwin_cli.bench_loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
-from porotwin_core.errors import InputError
-from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.rates_in_force import KnownRates, same_rates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rates_in_force import KnownRates, same_rates
+from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.state_filter import StateFilter
-from porotwin_core.wells import Schedule, WellRates
 from porotwin_guard.guard import Guard, SetpointRequest
-from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import PhysicsModel, no_correction
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.plan_controller import PlanModel, plan_controller
-from porotwin_hub.rate_learning import RateLearner
-from porotwin_hub.setpoint_expiry import SetpointDecision
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.plan_controller import PlanModel, plan_controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import PhysicsModel, no_correction
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 from porotwin_rig.limits import refuse_broken_limits
-from porotwin_solver.grid_models import GridModels
-from porotwin_solver.model import Model
+from porotwin_solver.adjoint.grid_models import GridModels
+from porotwin_solver.model.model import Model
 
 OPEN_HORIZON_S = 1800.0
 """Horizon of a plan without a known end [s], as in the hub."""

@@ -25,22 +25,22 @@ from porotwin_cli.mended_loop import Mending, forecast_errors, run_beside, scena
 from porotwin_cli.run_account import TrueTracer
 from porotwin_cli.terminal import print_table
 from porotwin_cli.workspace import continued_folder, small_rig
-from porotwin_core.grid import FloatArray
-from porotwin_core.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.basis.whole_file import write_whole
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import EffectDescription, Rig, load_rig
-from porotwin_core.wells import WellRates
-from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.mending.finding import finding_of
 from porotwin_diagnosis.mending.mender import Effects, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
-from porotwin_hub.cycle import Cycle, Observation
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_recording.recording import open_recording
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Cycle, Observation
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.grid_models import GridModels
+from porotwin_solver.adjoint.grid_models import GridModels
 
 START_S, END_S = 1200.0, 3600.0
 """Time when the twin takes over, and end of an experiment [s]: the tracer then approaches the zone,

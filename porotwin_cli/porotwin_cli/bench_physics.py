@@ -18,22 +18,22 @@ from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.costa_data import train_on_runs
 from porotwin_cli.terminal import print_table
 from porotwin_cli.workspace import continued_folder
-from porotwin_core.blind_draw import DrawContext
-from porotwin_core.grid import FloatArray, Grid, conservative_resample, fill_unseen
-from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.basis.whole_file import write_whole
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample, fill_unseen
+from porotwin_core.model.blind_draw import DrawContext
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule
-from porotwin_core.whole_file import write_whole
-from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.frames import Frames, cut, mean_rates, resampled
-from porotwin_costa.free_run_gate import SETTLED, Judge, KeptRun, corrector
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.free_run_gate import SETTLED, Judge, KeptRun, corrector
+from porotwin_costa.data.frames import Frames, cut, mean_rates, resampled
 from porotwin_costa.networks import architecture
-from porotwin_costa.rollout_training import CURRICULUM
+from porotwin_costa.training.rollout_training import CURRICULUM
 from porotwin_rig.made_experiment import NoiseFloor, signals
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.learnt_coefficients import LearntModels
+from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_validation.blind_cases import SMALL, small_schedule
 from porotwin_validation.blind_effects import drawn
 

@@ -15,15 +15,15 @@ from typing import Any
 
 from porotwin_cli.simulated_schedule import handing_seconds, longest_chain, simulated_seconds
 from porotwin_cli.task_trace import Away, Here, Strand, TraceCrew
-from porotwin_core.parallel import crew
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_diagnosis.examine import examine
-from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
-from porotwin_solver.batch import Job
+from porotwin_solver.model.batch import Job
 from porotwin_solver.solver_bench import bench_rig
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_study import make_recording

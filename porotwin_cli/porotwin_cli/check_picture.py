@@ -19,12 +19,12 @@ from matplotlib.patches import Circle, Patch
 from porotwin_cli.output_files import maker
 from porotwin_cli.rig_check import CheckedRig, delivered_rates
 from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
-from porotwin_core.control_zones import control_zones
-from porotwin_core.errors import InputError, writing
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError, writing
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_imaging.geometry import Geometry
+from porotwin_core.rig.control_zones import control_zones
+from porotwin_imaging.geometry.corners_and_lens import Geometry
 
 DPI = 120
 """Resolution of the picture [dots per inch]."""

@@ -20,13 +20,14 @@ from porotwin_cli.run_account import TrueTracer, read_account, summary
 from porotwin_cli.run_pictures import course_picture, plume_picture
 from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
-from porotwin_core.control_zones import control_zones
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig, load_rig, write_rig
-from porotwin_core.ros_environment import claim_domain
-from porotwin_hub.graph import (
+from porotwin_core.rig.control_zones import control_zones
+from porotwin_core.ros.ros_environment import claim_domain
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.launching.graph import (
     GraphSettings,
     NodeDescription,
     Parameters,
@@ -35,15 +36,14 @@ from porotwin_hub.graph import (
     supervised,
     twin_nodes,
 )
-from porotwin_hub.processes import GraphProcesses
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_page.address import listen, settled
-from porotwin_recording.concentration import open_maps
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.session import parse_speed
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.model import preset_named
+from porotwin_solver.model.model import preset_named
 
 PREPARATION_S = 35.0
 """Calibration of the camera, start of the nodes and pictures on two cores [s]."""

@@ -2,8 +2,8 @@
 
 from collections import Counter
 
-from porotwin_core.control_zones import control_zones
 from porotwin_core.rig import Rig
+from porotwin_core.rig.control_zones import control_zones
 
 
 def control_words(rig: Rig) -> list[str]:

@@ -15,7 +15,7 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
     Raises:
         InputError: `target` exists, or `source` is no recording.
     """
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
 
     refuse_existing(target)
     with progress() as bar:

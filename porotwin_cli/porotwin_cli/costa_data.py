@@ -9,25 +9,25 @@ import numpy as np
 
 from porotwin_cli.given_twice import refuse_twice
 from porotwin_cli.terminal import progress
-from porotwin_core.grid import Grid
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.parallel import crew
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
-from porotwin_core.units import percent
-from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.dataset import Dataset
-from porotwin_costa.dataset_builder import build_dataset
-from porotwin_costa.frames import Frames, resampled
-from porotwin_costa.free_run_gate import Judge, kept_runs
-from porotwin_costa.learnt_account import gap_shares, look_alikes
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.free_run_gate import Judge, kept_runs
+from porotwin_costa.data.dataset import Dataset
+from porotwin_costa.data.dataset_builder import build_dataset
+from porotwin_costa.data.frames import Frames, resampled
 from porotwin_costa.networks import Architecture
-from porotwin_costa.rollout_training import CURRICULUM, Stage
-from porotwin_costa.run_training import Experiments, train_from_runs
-from porotwin_costa.training import TrainingProgress, train
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_costa.physics.learnt_account import gap_shares, look_alikes
+from porotwin_costa.training.rollout_training import CURRICULUM, Stage
+from porotwin_costa.training.run_training import Experiments, train_from_runs
+from porotwin_costa.training.training import TrainingProgress, train
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_solver.effects import parse_effect
-from porotwin_solver.learnt_coefficients import LearntModels
-from porotwin_solver.presets import IMPLICIT
+from porotwin_solver.model.presets import IMPLICIT
 
 PRECISE_PRESET = 'accurate'
 """Scheme that missing physics is found with, whichever scheme COSTA corrects; learnt physics runs
@@ -125,7 +125,7 @@ def train_on_runs(
     """Return a model trained on single steps and through free runs, with a progress display.
 
     `dataset_of` and `train_from_runs` explain the arguments. So many `workers` make free runs and
-    prepare the pairs, here or at the Dask `scheduler`; see `porotwin_core.parallel.crew`.
+    prepare the pairs, here or at the Dask `scheduler`; see `porotwin_core.basis.parallel.crew`.
 
     Raises:
         InputError: too few maps, or the model cannot run.

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from porotwin_core.grid import Grid
+from porotwin_core.basis.units import GRAVITY
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_core.units import GRAVITY
+from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.effects.definition.words import number
 from porotwin_solver.exact_solutions import radial_front
-from porotwin_solver.physics import nominal_physics
 
 DENSITY_DIFFERENCE = 1.0
 """Density difference of the example [kg/m^3]: 0.1 % of salt or dye in the stock."""

@@ -22,12 +22,12 @@ import psutil
 from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.basis.units import HOUR_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_core.ros_environment import claim_domain, prepare_environment
-from porotwin_core.units import HOUR_S
-from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
-from porotwin_hub.processes import GraphProcesses
+from porotwin_core.ros.ros_environment import claim_domain, prepare_environment
+from porotwin_hub.launching.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_rig.camera import camera_before
 
 ASSET = 'virtual_rig'

@@ -3,10 +3,10 @@
 import math
 from typing import TYPE_CHECKING
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
-    from porotwin_recording.recording import Recording
+    from porotwin_recording.experiment.recording import Recording
 
 SHORTEST_STEP_S = 30.0
 """Time between two maps where only the rates are known [s]: the paper's photo interval."""

@@ -10,9 +10,9 @@ from pathlib import Path
 import yaml
 
 from porotwin_cli.terminal import WorkFailed
-from porotwin_core.parent import PARENT, WRONG_PARAMETERS
-from porotwin_core.ros_environment import enter_domain, namespace_of, prepare_environment
-from porotwin_hub.graph import NAMESPACE, Parameter
+from porotwin_core.basis.parent import PARENT, WRONG_PARAMETERS
+from porotwin_core.ros.ros_environment import enter_domain, namespace_of, prepare_environment
+from porotwin_hub.launching.graph import NAMESPACE, Parameter
 
 
 def run_node(

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, relative_error
-from porotwin_core.units import percent
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import FloatArray, relative_error
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.sample import HELD_OUT_SHARE, TRACER_PRESENT
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 LACKS_START = (
     '. The free run starts clean, but the first map holds tracer from before the recording: these '

@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import Any
 
 from porotwin_cli.workspace import ROOT, small_rig
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 LONGEST_S = 20.0
 """Longest time [s] of a reader with a small file."""
@@ -189,9 +189,9 @@ def _rig(folder: Path) -> None:
 
 def _experiment(folder: Path) -> None:
     """Write an experiment of two minutes with photographs."""
+    from porotwin_core.basis.units import from_ml_h
+    from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
     from porotwin_core.rig import load_rig
-    from porotwin_core.units import from_ml_h
-    from porotwin_core.wells import Schedule, ScheduleRow, WellRate
     from porotwin_rig.made_experiment import make_experiment
 
     rig = load_rig(small_rig())
@@ -238,13 +238,13 @@ def _read_rig(path: Path) -> None:
 
 def _read_rates(path: Path) -> None:
     from porotwin_core.rig import load_rig
-    from porotwin_recording.rates import read_rates
+    from porotwin_recording.tables.rates import read_rates
 
     read_rates(path, load_rig(small_rig()).wells)
 
 
 def _read_photos(path: Path) -> None:
-    from porotwin_recording.photos import read_photos
+    from porotwin_recording.tables.photos import read_photos
 
     for photo in read_photos(path.parent):
         photo.read()
@@ -258,15 +258,15 @@ def _read_protocol(path: Path) -> None:
 
 def _read_maps(path: Path) -> None:
     from porotwin_core.rig import load_rig
-    from porotwin_recording.concentration import open_maps
+    from porotwin_recording.tables.concentration import open_maps
 
     for frame in open_maps(path, load_rig(small_rig())):
         frame.sum()
 
 
 def _read_photograph(path: Path) -> None:
-    from porotwin_imaging.exposure_time import exif_time
-    from porotwin_imaging.photo_file import decode
+    from porotwin_imaging.photograph.exposure_time import exif_time
+    from porotwin_imaging.photograph.photo_file import decode
 
     data = path.read_bytes()
     exif_time(data)
@@ -274,13 +274,13 @@ def _read_photograph(path: Path) -> None:
 
 
 def _read_calibration(path: Path) -> None:
-    from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.tracer.calibration import load_calibration
 
     load_calibration(path)
 
 
 def _read_bag(path: Path) -> None:
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
 
     recording = open_recording(path.parent)
     for photo in recording.photos:

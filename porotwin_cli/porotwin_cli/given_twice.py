@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.report.origin import place_of
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 
 def refuse_twice(recordings: Sequence[Recording]) -> None:

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from typing import Self
 
 from porotwin_cli.live_node import listening, live_node
-from porotwin_core import qos
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.ros import qos
+from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CleanState, CycleReport, Setpoint
 
 

@@ -1,11 +1,11 @@
 """The grid that a user chooses with --grid, and the cost of computing on it."""
 
 from porotwin_cli.terminal import say
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.grid_oddities import MOST_CELLS, chosen_grid
-from porotwin_solver.physics import Physics
-from porotwin_solver.prediction_cost import PredictionCost, in_words
+from porotwin_solver.coefficients.physics import Physics
+from porotwin_solver.model.prediction_cost import PredictionCost, in_words
 
 LONG_S = 20.0
 """Expected time of a work above which a command tells it before it begins [s]."""

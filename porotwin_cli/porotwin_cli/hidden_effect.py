@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext
-from porotwin_core.errors import InputError
-from porotwin_core.grid import relative_error
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import relative_error
+from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_rig.effects import parse_effects, refuse_slips
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 from porotwin_validation.blind_effects import LIBRARY, OUTSIDE, drawn
 
 SURPRISE = 'surprise'

@@ -11,15 +11,15 @@ from porotwin_cli.map_sureness import Doubt, doubt_entry, plume_doubt
 from porotwin_cli.photo_remarks import PhotoRemarks
 from porotwin_cli.same_photos import PhotoDigests, SameFiles
 from porotwin_cli.terminal import WorkFailed, progress, say
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import Crew
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import Crew
 from porotwin_core.rig import Rig
-from porotwin_imaging.baseline import Baseline
+from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.map_parts import MapParts
-from porotwin_recording.photos import Photo
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import open_maps
+from porotwin_recording.tables.map_parts import MapParts
+from porotwin_recording.tables.photos import Photo
 
 
 @dataclass(frozen=True)

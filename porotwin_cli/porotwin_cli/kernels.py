@@ -7,19 +7,19 @@ keeps the results beside the sources and compiles changed functions again by its
 import numpy as np
 
 from porotwin_cli.workspace import small_rig
-from porotwin_core.cost_term import CostTerm
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, Schedule
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.wells import RateStep, Schedule
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_imaging.baseline import make_baseline
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
-from porotwin_solver.model import Model
-from porotwin_solver.presets import PRESETS
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.presets import PRESETS
+from porotwin_solver.model.simulation import simulate
 
 COLUMNS, ROWS = 47, 28
 """A coarse grid of the small rig: kernels compile for types, not for sizes."""

@@ -10,8 +10,8 @@ from rclpy.executors import Executor
 
 from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
-from porotwin_core.errors import InputError
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.basis.errors import InputError
+from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
 

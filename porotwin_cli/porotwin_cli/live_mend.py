@@ -9,9 +9,9 @@ from typing import Any, Self
 
 from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
-from porotwin_core import qos
-from porotwin_core.errors import InputError
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import qos
+from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
 

@@ -8,8 +8,8 @@ from rclpy.context import Context
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from porotwin_core.node_thread import NodeThread
-from porotwin_core.ros_environment import prepare_environment
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.ros_environment import prepare_environment
 
 
 def live_node(name: str, *, namespace: str) -> Node:

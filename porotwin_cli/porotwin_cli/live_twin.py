@@ -6,15 +6,15 @@ from pathlib import Path
 
 from porotwin_cli.page_told import tell_page
 from porotwin_cli.terminal import say
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_hub.graph import GraphSettings, live_graph
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.processes import GraphProcesses
-from porotwin_imaging.calibration import load_calibration
+from porotwin_hub.launching.graph import GraphSettings, live_graph
+from porotwin_hub.launching.processes import GraphProcesses
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_imaging.tracer.calibration import load_calibration
 from porotwin_page.address import listen
-from porotwin_solver.model import preset_named
+from porotwin_solver.model.model import preset_named
 
 OPTIONAL = ('costa', 'trainer', 'diagnosis', 'mend', 'page', 'supervisor')
 """Nodes without which the twin goes on: it predicts, controls and records all the same."""
@@ -56,7 +56,7 @@ def check_early(
     if calibration is not None:
         load_calibration(calibration).check_rig(rig)
     if model is not None:
-        from porotwin_costa.corrective_model import CorrectiveModel  # loads torch
+        from porotwin_costa.correction.corrective_model import CorrectiveModel  # loads torch
 
         learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
         if learned.doubt:

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import Crew, in_order
-from porotwin_recording.photos import Photo
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import Crew, in_order
+from porotwin_recording.tables.photos import Photo
 
 Known = TypeVar('Known')
 Found = TypeVar('Found')

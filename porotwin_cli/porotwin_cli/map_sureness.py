@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.plume_measures import LEVEL
+from porotwin_imaging.measures.plume_measures import LEVEL
 
 GUESSED = 0.15
 """Relative deviation of a sand factor from which on it is a guess from the light of the sand [-].

@@ -23,19 +23,19 @@ from porotwin_cli.rehearsal import producer_of
 from porotwin_cli.rig_drawing import DPI, draw_map, percent_scale
 from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
-from porotwin_core.errors import writing
-from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
-from porotwin_core.grid import FloatArray, relative_error
-from porotwin_core.parallel import crew
+from porotwin_core.basis.errors import writing
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.units import MINUTE_S, ML
+from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import MINUTE_S, ML
-from porotwin_core.wells import Schedule
-from porotwin_hub.graph import NAMESPACE
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.concentration import open_maps
+from porotwin_core.ros.from_messages import effects_from_msg, rates_from_msg, time_from_msg
+from porotwin_hub.launching.graph import NAMESPACE
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.effects_in_force import in_words
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
+from porotwin_solver.service.effects_in_force import in_words
 
 FORECAST_S = 900.0
 """Length of the forecasts that are compared [s]: the plume moves by some centimetres."""

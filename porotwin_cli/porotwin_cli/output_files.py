@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError, check_writable, writing
+from porotwin_core.basis.errors import InputError, check_writable, writing
 
 _Arguments = ParamSpec('_Arguments')
 _Result = TypeVar('_Result')
@@ -33,7 +33,7 @@ def one_call_for_each_output(
 
     @functools.wraps(command)
     def guarded(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
-        from porotwin_recording.one_writer import only_writer
+        from porotwin_recording.tables.one_writer import only_writer
 
         output = inspect.signature(command).bind(*args, **kwargs).arguments['output']
         _refuse_folder(output)
@@ -101,7 +101,7 @@ def _made(file: Path, command: str) -> bool:
     import netCDF4
     from PIL import Image
 
-    from porotwin_recording.experiment_folder import FILES
+    from porotwin_recording.experiment.experiment_folder import FILES
 
     if not command or {file.name, file.resolve().name} & {*FILES}:
         return False

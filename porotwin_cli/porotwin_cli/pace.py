@@ -2,9 +2,9 @@
 
 import logging
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_solver.prediction_cost import (
+from porotwin_solver.model.prediction_cost import (
     in_words,
     prediction_cost,
     slowness_of_this_machine,

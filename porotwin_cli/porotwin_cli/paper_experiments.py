@@ -16,22 +16,22 @@ from porotwin_cli.costa_data import train_on_runs
 from porotwin_cli.rehearsal import balanced, training_schedules
 from porotwin_cli.terminal import progress, say
 from porotwin_cli.workspace import small_rig
-from porotwin_core.grid import Grid, conservative_resample
-from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.basis.units import HOUR_S, from_ml_h
+from porotwin_core.geometry.grid import Grid, conservative_resample
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import EffectDescription, Rig, load_rig
-from porotwin_core.units import HOUR_S, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.corrective_source import LearntStep, corrective_source
-from porotwin_costa.evaluation import Evaluation, evaluate
-from porotwin_costa.evaluation_pictures import write_pictures
-from porotwin_costa.frames import Frames, cut
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.corrective_source import LearntStep, corrective_source
+from porotwin_costa.data.frames import Frames, cut
+from porotwin_costa.evaluation.evaluation import Evaluation, evaluate
+from porotwin_costa.evaluation.evaluation_pictures import write_pictures
 from porotwin_costa.networks import architecture
-from porotwin_costa.rollout_training import CURRICULUM
+from porotwin_costa.training.rollout_training import CURRICULUM
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
-from porotwin_solver.learnt_coefficients import LearntModels
+from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_validation.blind_cases import large_rig
 
 SEED = 7

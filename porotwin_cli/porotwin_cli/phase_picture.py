@@ -9,14 +9,14 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from porotwin_cli.rig_drawing import DPI, INTERFACE, PANEL_WIDTH, UNSEEN
-from porotwin_core.errors import writing
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import writing
+from porotwin_core.clock.time_units import time_unit
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
-from porotwin_core.time_units import time_unit
-from porotwin_imaging.phase_colours import PHASES
-from porotwin_imaging.phase_measures import SURE
-from porotwin_imaging.phase_segmentation import PhaseMap
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
+from porotwin_imaging.phases.phase_colours import PHASES
+from porotwin_imaging.phases.phase_measures import SURE
+from porotwin_imaging.phases.phase_segmentation import PhaseMap
 
 COLOURS = ('#e9e2d3', '#3f86c4', '#e0a020')
 """Colours of water, dissolved CO2 and gas, which differ for colour-blind readers too."""

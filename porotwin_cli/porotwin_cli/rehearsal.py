@@ -14,22 +14,22 @@ import numpy as np
 
 from porotwin_cli.costa_data import dataset_of, source_name, train_with_progress
 from porotwin_cli.terminal import progress
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.parallel import crew
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.units import MINUTE_S, from_ml_h
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import MINUTE_S, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_costa.frames import Frames
+from porotwin_costa.data.frames import Frames
 from porotwin_costa.networks import architecture
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.calibration_fit import CalibrationFit, fit_calibration
-from porotwin_imaging.calibration_pictures import write_fit
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.calibrating.calibration_fit import CalibrationFit, fit_calibration
+from porotwin_imaging.calibrating.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_imaging.tracer.calibration import load_calibration
+from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
-from porotwin_solver.plume_model import plume_model
+from porotwin_solver.model.plume_model import plume_model
 
 ARCHITECTURE = 'local'
 """This network learns from few experiments; the paper's network needs many."""

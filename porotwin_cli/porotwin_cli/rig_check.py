@@ -16,37 +16,37 @@ from PIL import Image, UnidentifiedImageError
 from porotwin_cli.control_words import control_words
 from porotwin_cli.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings
-from porotwin_core.coarse_grid import coarse_grid
-from porotwin_core.control_zones import unwanted_tracer
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
-from porotwin_core.plausibility import PERMEABILITY, WATER_WEIGHT, Remark
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT, Remark
+from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig, read_rig
+from porotwin_core.rig.coarse_grid import coarse_grid
+from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
-from porotwin_core.units import DARCY, ML, percent, to_ml_h
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_imaging.corner_check import REMEDY, corners_off_the_sand, small_rig
-from porotwin_imaging.geometry import Geometry
-from porotwin_imaging.photo_file import JPEG_START, PNG_START, is_complete
-from porotwin_recording.bag import read_bag
-from porotwin_recording.bag_folder import is_bag
-from porotwin_recording.experiment_folder import FILES, folder_data
-from porotwin_recording.odd_recording import remarks_about_recording
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import Recording
-from porotwin_solver.background_flux import background_flux
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
+from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
+from porotwin_recording.experiment.bag import read_bag
+from porotwin_recording.experiment.experiment_folder import FILES, folder_data
+from porotwin_recording.experiment.odd_recording import remarks_about_recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.mcap.bag_folder import is_bag
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.effects.water_level import with_true_levels
-from porotwin_solver.engine import BALANCE_TOLERANCE
-from porotwin_solver.prediction_cost import (
+from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.model.engine import BALANCE_TOLERANCE
+from porotwin_solver.model.prediction_cost import (
     PredictionCost,
     prediction_cost,
     slowness_of_this_machine,

@@ -17,12 +17,12 @@ from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from porotwin_cli.output_files import maker
-from porotwin_core.control_zones import ZoneKind, control_zones
-from porotwin_core.errors import InputError, writing
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError, writing
+from porotwin_core.clock.time_units import time_unit
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
-from porotwin_core.time_units import time_unit
+from porotwin_core.rig.control_zones import ZoneKind, control_zones
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_cli.terminal import say
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.history.comparison import compared
 from porotwin_diagnosis.history.past_findings import (
     PastFinding,
@@ -18,8 +18,8 @@ from porotwin_diagnosis.history.past_findings import (
     read_history,
 )
 from porotwin_diagnosis.report.origin import place_of
-from porotwin_recording.recording import Recording
-from porotwin_recording.recording_date import date_of_files, parse_date
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.recording_date import date_of_files, parse_date
 
 
 def _past(date: datetime) -> datetime:

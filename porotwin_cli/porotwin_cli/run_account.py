@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, relative_error
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML, to_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import ML, to_ml_h
-from porotwin_core.wells import WellRates
-from porotwin_hub.graph import NAMESPACE
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import RATE_TOLERANCE
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_hub.control.setpoint_limits import RATE_TOLERANCE
+from porotwin_hub.launching.graph import NAMESPACE
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 
 @dataclass

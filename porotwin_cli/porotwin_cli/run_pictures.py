@@ -11,10 +11,10 @@ import numpy as np
 
 from porotwin_cli.rig_drawing import DPI, draw_map, percent_scale
 from porotwin_cli.run_account import RunAccount, TrueTracer
-from porotwin_core.errors import writing
+from porotwin_core.basis.errors import writing
+from porotwin_core.basis.units import ML
 from porotwin_core.rig import Rig
-from porotwin_core.units import ML
-from porotwin_core.well_colours import well_colours
+from porotwin_core.rig.well_colours import well_colours
 
 DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
 """Line styles of the wells."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
-from porotwin_core.errors import InputError
-from porotwin_recording.photos import Photo
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.photos import Photo
 
 _MOST_TOLD = 3
 """Runs of equal photographs that are told one by one."""

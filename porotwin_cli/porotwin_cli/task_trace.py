@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from porotwin_core.parallel import Crew
+from porotwin_core.basis.parallel import Crew
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from porotwin_core.errors import InputError, check_writable
+from porotwin_core.basis.errors import InputError, check_writable
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
 

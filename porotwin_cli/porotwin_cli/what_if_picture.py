@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from porotwin_cli.output_files import maker
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.what_if_study import REACHED, WhatIfStudy
-from porotwin_core.errors import writing
-from porotwin_core.units import ML
+from porotwin_core.basis.errors import writing
+from porotwin_core.basis.units import ML
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.zone_measure import ZoneMeasure
-from porotwin_solver.quantities import PLUME_THRESHOLD
+from porotwin_solver.coefficients.quantities import PLUME_THRESHOLD
 
 PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
-from porotwin_core.errors import InputError
-from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
+from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.state_filter import Seen
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import RateStep, WellRate, planned_rates
 from porotwin_core.rig import Rig
-from porotwin_core.state_filter import Seen
-from porotwin_core.time_units import MINUTES, TimeUnit, time_unit
-from porotwin_core.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
-from porotwin_core.wells import RateStep, WellRate, planned_rates
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_imaging.plume_measures import plume_cells
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording
+from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_imaging.measures.plume_measures import plume_cells
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (

@@ -5,7 +5,7 @@ import itertools
 from contextlib import suppress
 from pathlib import Path
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 """The checkout. For an installed package it has no meaning; such a package has no tests either."""

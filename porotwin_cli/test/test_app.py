@@ -21,7 +21,7 @@ from porotwin_cli.app import (
     refuse_empty_paths,
     refuse_unreadable_names,
 )
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pytest
 
 from porotwin_cli import bench_calibration
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_validation.photo_scores import MapScore, PhotoCaseScore
 
 GOOD = MapScore((0.02, 0.03), {'pale': 0.0, 'low': 0.0, 'high': 0.0, 'stock': float('nan')})

@@ -11,8 +11,8 @@ from porotwin_cli.bench_loop_rig import LoopRig, LoopSettings, delivered_rates, 
 from porotwin_cli.bench_loop_run import LoopFigures, run_closed, run_free
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault, demo_scenario
 from porotwin_cli.bench_loop_table import summary
-from porotwin_core.errors import InputError
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.basis.errors import InputError
+from porotwin_hub.control.setpoint_limits import Limits
 
 COARSE = LoopSettings(photographs=False, cell_m=0.03, rig_cell_m=0.02)
 """Seconds for everything."""

@@ -10,8 +10,8 @@ from porotwin_cli.bench_loop_operator import (
     photographs_until_set,
 )
 from porotwin_cli.bench_loop_scenarios import demo_scenario
-from porotwin_core.wells import WellRates
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.rates.wells import WellRates
+from porotwin_hub.control.setpoint_limits import Limits
 
 
 @pytest.fixture(scope='module')

@@ -6,7 +6,7 @@ from porotwin_cli.bench_loop import SCENARIOS
 from porotwin_cli.bench_loop_run import with_plan
 from porotwin_cli.bench_loop_scenarios import PumpFault, demo_scenario
 from porotwin_guard.guard import Guard
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.control.setpoint_limits import Limits
 
 
 def test_the_demo_has_the_limits_of_the_paper() -> None:

@@ -7,9 +7,9 @@ import pytest
 from porotwin_cli.closed_loop import DemoSettings, check_rig, usual_minutes
 from porotwin_cli.rehearsal import balanced, injected_tracer
 from porotwin_cli.workspace import small_rig
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rig import ObjectiveDescription, Rig, load_rig
-from porotwin_core.units import to_ml_h
 
 RIG = load_rig(small_rig())
 

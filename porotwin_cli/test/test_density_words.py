@@ -8,8 +8,8 @@ import yaml
 from box_rig import box_rig
 
 from porotwin_cli.density_words import density_words
+from porotwin_core.basis.units import GRAVITY
 from porotwin_core.rig import Rig, load_rig
-from porotwin_core.units import GRAVITY
 from porotwin_solver.effects.definition.words import number
 
 

@@ -4,11 +4,11 @@ import pytest
 
 from porotwin_cli.grids import coupled_flow_seconds, grid_of, tell_cost
 from porotwin_cli.workspace import small_rig
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig
+from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.effects import changed_physics, parse_effects
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.prediction_cost import prediction_cost
+from porotwin_solver.model.prediction_cost import prediction_cost
 
 RIG = load_rig(small_rig())
 

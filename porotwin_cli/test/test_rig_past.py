@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from porotwin_cli.rig_past import RigPast
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig, load_rig
-from porotwin_recording.concentration import VIRTUAL, MapOrigin
+from porotwin_recording.tables.concentration import VIRTUAL, MapOrigin
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 PORE_EFFECT = EffectDescription(name='porosity', parameters={'factor': 1.15})

@@ -3,8 +3,8 @@
 import pytest
 
 from porotwin_cli.run_account import RunAccount
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ import pytest
 
 from porotwin_cli.run_course import run_course
 from porotwin_cli.workspace import small_rig
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.free_run_step import longest_free_step
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.simulation import simulate
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.model.free_run_step import longest_free_step
+from porotwin_solver.model.simulation import simulate
 
 DAY_S = 86400.0
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from porotwin_cli.same_photos import PhotoDigests, SameFiles, told
-from porotwin_core.errors import InputError
-from porotwin_recording.photos import Photo
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.photos import Photo
 
 
 def photos(*contents: bytes | None) -> list[Photo]:

@@ -15,7 +15,7 @@ from porotwin_cli.terminal import (
     say,
     seconds_left,
 )
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 
 def test_json_has_text_for_paths_and_null_for_nan(capsys: pytest.CaptureFixture[str]) -> None:

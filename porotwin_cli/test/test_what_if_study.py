@@ -20,12 +20,12 @@ from porotwin_cli.what_if_study import (
     study_what_if,
     zone_noise,
 )
-from porotwin_core.errors import InputError
-from porotwin_core.time_units import HOURS, MINUTES
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import RateStep, Schedule, WellRate
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.clock.time_units import HOURS, MINUTES
+from porotwin_core.rates.wells import RateStep, Schedule, WellRate
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_siblings.rate_log import proposed_plan

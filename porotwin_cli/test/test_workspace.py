@@ -8,7 +8,7 @@ import pytest
 
 from porotwin_cli import workspace
 from porotwin_cli.workspace import run_folder, small_rig
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 
 def test_the_small_rig_is_there() -> None:

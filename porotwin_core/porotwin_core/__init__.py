@@ -5,7 +5,7 @@ import os
 # before NumPy: sums of several threads differ in their last bits with the number of threads
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-import porotwin_core.libraries  # noqa: F401  before all others: it names old libraries
+import porotwin_core.basis.libraries  # noqa: F401  before all others: it names old libraries
 
 __version__ = '0.2.0'
 PROGRAM = f'PoroTwin {__version__}'

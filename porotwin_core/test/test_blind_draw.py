@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_core.blind_draw import (
+from porotwin_core.model.blind_draw import (
     DrawContext,
     displacement,
     factor_off_one,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.rig import load_rig
+from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 
 RIGS = Path(__file__).resolve().parents[2] / 'rigs'
 

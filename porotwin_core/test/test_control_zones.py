@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porotwin_core.control_zones import control_zones, unwanted_tracer
 from porotwin_core.rig import ObjectiveDescription, Rig, load_rig
+from porotwin_core.rig.control_zones import control_zones, unwanted_tracer
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 SQUARE = [[0.2, 0.2], [0.4, 0.2], [0.4, 0.4], [0.2, 0.4]]

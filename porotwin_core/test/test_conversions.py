@@ -14,13 +14,13 @@ pytest.importorskip('porotwin_msgs.msg', reason='needs ROS 2 and the built inter
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from porotwin_core import conversions
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
-from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.ros import conversions
 from porotwin_msgs.msg import NewState, Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porotwin_core.correction import Correction
+from porotwin_core.model.correction import Correction
 
 
 def test_without_sigma_the_prediction_stays_as_it_is():

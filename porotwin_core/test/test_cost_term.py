@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.cost_term import CostTerm
 
 RANDOM = np.random.default_rng(5)
 LINEAR, QUADRATIC, TARGET, MAP = RANDOM.random((4, 6, 8))

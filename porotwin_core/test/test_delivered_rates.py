@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.delivered_rates import delivered
-from porotwin_core.wells import WellRate, net_rate
+from porotwin_core.rates.delivered_rates import delivered
+from porotwin_core.rates.wells import WellRate, net_rate
 
 RATES = {'in': WellRate(1e-7, 1.0), 'water': WellRate(1e-7), 'out': WellRate(-2e-7)}
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from porotwin_core.discovery import discovered, module_names
-from porotwin_core.errors import InputError
+from porotwin_core.basis.discovery import discovered, module_names
+from porotwin_core.basis.errors import InputError
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_helpers_need_no_object(package) -> None:
 
 def test_a_module_instead_of_a_package_is_refused() -> None:
     with pytest.raises(InputError, match='not a package'):
-        module_names('porotwin_core.errors')
+        module_names('porotwin_core.basis.errors')
 
 
 def test_a_module_that_cannot_be_imported_is_refused_with_one_line(tmp_path, monkeypatch) -> None:

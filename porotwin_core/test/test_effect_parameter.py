@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.effect_parameter import Parameter, Reading, checked_values
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.effect_parameter import Parameter, Reading, checked_values
 
 PARAMETERS = {
     'well': Parameter(unit='name', is_name=True),

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from porotwin_core.errors import InputError, check_writable, refuse_file, write_error, writing
+from porotwin_core.basis.errors import InputError, check_writable, refuse_file, write_error, writing
 
 
 def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.rates_in_force import same_rates
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.rates_in_force import same_rates
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import RateStep, WellRate, net_rate
 from porotwin_core.rig import load_rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.wells import RateStep, WellRate, net_rate
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from porotwin_core.freshness import AGREEMENT, LEARNING_PHOTOGRAPHS, PhotographClock
+from porotwin_core.clock.freshness import AGREEMENT, LEARNING_PHOTOGRAPHS, PhotographClock
 
 NOW = 1.8e9
 """Seconds since 1970 when the first photograph of a test is taken."""

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid, conservative_resample, fill_unseen, relative_error
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid, conservative_resample, fill_unseen, relative_error
 
 SIZES = st.integers(1, 23)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import load_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 

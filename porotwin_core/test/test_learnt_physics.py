@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 
 GRID = Grid(40, 20, 0.8, 0.4)
 

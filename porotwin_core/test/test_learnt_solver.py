@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.learnt_solver import solver_named
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.learnt_solver import solver_named
 
 
 @pytest.mark.parametrize('name', ['', 'json', 'json:Nothing', 'no_such_package:Solver'])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.levenberg_marquardt import Bounds, minimise
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.levenberg_marquardt import Bounds, minimise
 
 WIDE = Bounds(np.array([-50.0]), np.array([50.0]))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.likely_name import did_you_mean
+from porotwin_core.basis.likely_name import did_you_mean
 
 
 @pytest.mark.parametrize(

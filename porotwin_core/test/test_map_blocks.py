@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from porotwin_core.grid import Grid
-from porotwin_core.map_blocks import Blocks
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.map_blocks import Blocks
 
 GRID = Grid(10, 5, 0.10, 0.05)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_rig import box_rig
 
-from porotwin_core.mass_check import excess_remark
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.checks.mass_check import excess_remark
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 
 RIG = box_rig(**{'in': (0.1, 0.1)})
 """1920 ml of pores."""

@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
-from porotwin_core.errors import InputError
-from porotwin_core.node import DIAGNOSTICS, Diagnostics, declare, run
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, declare, run
 
 pytestmark = pytest.mark.graph
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.node_health import CALLBACK_PATIENCE_S, NodeHealth
+from porotwin_core.ros.node_health import CALLBACK_PATIENCE_S, NodeHealth
 
 
 class SetClock:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, parse_rig
 from porotwin_core.rig.oddities import remarks_about
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from porotwin_core.order_delay import MOST_DELAY_S, OrderDelay
-from porotwin_core.rates_in_force import KnownRates
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay
+from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 
 CONTROL_WELLS = ('control1', 'control2')
 

@@ -4,7 +4,7 @@ import io
 
 from PIL import Image
 
-from porotwin_core.orientation import orientation
+from porotwin_core.geometry.orientation import orientation
 
 
 def test_without_a_readable_orientation_a_picture_is_upright() -> None:

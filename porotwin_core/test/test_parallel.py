@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import (
     Crew,
     LastingCrew,
     SchedulerLost,

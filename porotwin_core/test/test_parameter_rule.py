@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.parameter_rule import ParameterRule
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.parameter_rule import ParameterRule
 
 HORIZON = ParameterRule('horizon_s', 600.0, 'look-ahead [s]', at_least=1.0, at_most=86400.0)
 COUNT = ParameterRule('count', 3, 'a number', at_least=1)

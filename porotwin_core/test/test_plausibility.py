@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core import plausibility
-from porotwin_core.plausibility import PlausibleRange, plausible_rate_ml_h, rate_remark
+from porotwin_core.basis import plausibility
+from porotwin_core.basis.plausibility import PlausibleRange, plausible_rate_ml_h, rate_remark
 
 RANGES = [value for value in vars(plausibility).values() if isinstance(value, PlausibleRange)]
 SMALL_RIG_PORES = 1.97e-3

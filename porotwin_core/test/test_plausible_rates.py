@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.plausible_rates import greatest_rate_ml_h, refuse_too_great
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.plausible_rates import greatest_rate_ml_h, refuse_too_great
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
 
 SMALL_RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 

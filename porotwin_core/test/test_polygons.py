@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_core.polygons import crosses_itself, inside, signed_area
+from porotwin_core.geometry.polygons import crosses_itself, inside, signed_area
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 BOW_TIE = SQUARE[[0, 2, 1, 3]]

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from porotwin_core.rates_in_force import (
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.rates_in_force import (
     MOST_PERIODS,
     KnownRates,
     RatePeriod,
@@ -14,8 +15,7 @@ from porotwin_core.rates_in_force import (
     rates_in_force,
     same_rates,
 )
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, net_rate
+from porotwin_core.rates.wells import WellRate, net_rate
 
 
 def push(rate_ml_h: float) -> dict[str, WellRate]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, parse_rig, rig_from_maps, write_rig
 
 SMALL: dict[str, Any] = {

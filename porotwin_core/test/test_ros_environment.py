@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.ros_environment import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.ros_environment import (
     DomainClaim,
     check_environment,
     claim_domain,

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import net_rate
 from porotwin_core.rig import load_rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import net_rate
 
 RIG = load_rig(Path(__file__).parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 

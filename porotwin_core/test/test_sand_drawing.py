@@ -8,7 +8,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, parse_rig, write_rig
 from porotwin_core.rig.sand_drawing import MOST_SAND_SQUARES, sand_raster
 

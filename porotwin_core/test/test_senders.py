@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.senders import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.senders import (
     Sender,
     callers,
     check_only_guard_calls,
@@ -88,7 +88,7 @@ def test_two_senders_of_one_name_are_refused() -> None:
 
 
 def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('porotwin_core.senders.NAME_PATIENCE_S', 0.0)
+    monkeypatch.setattr('porotwin_core.ros.senders.NAME_PATIENCE_S', 0.0)
     graph: Any = Graph(service='_NODE_NAME_UNKNOWN_')
     assert callers(graph, 'asset/control')[0].node.endswith('_NODE_NAME_UNKNOWN_')
     with pytest.raises(InputError, match='a program without a name calls asset/control'):

@@ -18,8 +18,8 @@ PATIENCE = 60.0
 
 SCRIPT = """
 from rclpy.node import Node
-from porotwin_core.node import run
-from porotwin_core.single_instance import another_lives, only_one
+from porotwin_core.ros.node import run
+from porotwin_core.ros.single_instance import another_lives, only_one
 
 class Thing(Node):
     def __init__(self):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.stamps import believed_age, believed_start, time_in_words
+from porotwin_core.clock.stamps import believed_age, believed_start, time_in_words
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import relative_error
-from porotwin_core.state_filter import Estimate, Seen, StateFilter
+from porotwin_core.geometry.grid import relative_error
+from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
 
 SHAPE = (20, 30)
 PORES = np.full(SHAPE, 1e-7)

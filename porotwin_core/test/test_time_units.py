@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.time_units import DAYS, HOURS, MINUTES, time_unit
+from porotwin_core.clock.time_units import DAYS, HOURS, MINUTES, time_unit
 
 
 @pytest.mark.parametrize(

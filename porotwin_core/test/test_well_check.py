@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_rig import box_rig
 
-from porotwin_core.well_check import pale_well_remark
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.checks.well_check import pale_well_remark
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 
 RIG = box_rig(**{'in': (0.3, 0.2), 'other': (0.05, 0.2)})
 GRID = RIG.grid(120, 80)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from porotwin_core.rig import load_rig
-from porotwin_core.well_colours import COLOURS, well_colours
+from porotwin_core.rig.well_colours import COLOURS, well_colours
 
 RIG = load_rig(Path(__file__).parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 

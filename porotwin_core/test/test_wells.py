@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import ML_H, from_ml_h, to_ml_h
-from porotwin_core.wells import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML_H, from_ml_h, to_ml_h
+from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
     ScheduleRow,

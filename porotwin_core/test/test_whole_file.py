@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.whole_file import write_whole
 
 
 def test_a_failed_write_leaves_the_file_as_it_was(tmp_path, monkeypatch):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.whole_folder import whole_folder
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_folder import whole_folder
 
 
 def names(folder: Path) -> list[str]:
@@ -20,7 +20,7 @@ def killed(path: Path, source: str = '') -> None:
     """Write a file for the folder `path` in a process that is killed before the end."""
     program = (
         'import os, signal, sys; from pathlib import Path\n'
-        'from porotwin_core.whole_folder import whole_folder\n'
+        'from porotwin_core.basis.whole_folder import whole_folder\n'
         'with whole_folder(Path(sys.argv[1]), source=sys.argv[2]) as unfinished:\n'
         "    (unfinished / 'first').touch()\n"
         '    os.kill(os.getpid(), signal.SIGKILL)\n'

@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig.rig_file import rig_file
 from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file, yaml_text
 

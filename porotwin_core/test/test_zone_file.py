@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from porotwin_core import conversions
-from porotwin_core.control_zones import control_zones, unwanted_tracer
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_core.rig.control_zones import control_zones, unwanted_tracer
 from porotwin_core.rig.property_file import write_map
 from porotwin_core.rig.zone_file import read_zone
+from porotwin_core.ros import conversions
 
 WIDTH, HEIGHT = 0.9, 0.6
 TEXT = """

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.grid import Grid
-from porotwin_core.zone_shapes import PictureZone, PolygonZone
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.zone_shapes import PictureZone, PolygonZone
 
 SQUARE = PolygonZone(np.array([[0.2, 0.2], [0.6, 0.2], [0.6, 0.6], [0.2, 0.6]]))
 L_SHAPE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.3], [0.4, 0.3], [0.4, 1.0], [0.0, 1.0]])

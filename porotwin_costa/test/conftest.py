@@ -9,12 +9,12 @@ import pytest
 import torch
 from costa_examples import TIME_STEP, ToyModel, injecting, toy_rig
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, write_rig
-from porotwin_core.wells import Schedule
-from porotwin_costa.dataset import Dataset
-from porotwin_costa.dataset_builder import build_dataset
-from porotwin_costa.frames import Frames
+from porotwin_costa.data.dataset import Dataset
+from porotwin_costa.data.dataset_builder import build_dataset
+from porotwin_costa.data.frames import Frames
 
 
 @pytest.fixture(autouse=True, scope='session')

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Boundaries, Rig, Well
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_costa.dataset import Dataset
-from porotwin_costa.flow_shape import flow_shape_of, homogeneous_flow
+from porotwin_costa.data.dataset import Dataset
+from porotwin_costa.data.flow_shape import flow_shape_of, homogeneous_flow
 from porotwin_costa.networks import RigFields
 
 TIME_STEP = 30.0

@@ -14,10 +14,10 @@ import rclpy
 from rclpy.action import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
 
-from porotwin_core import conversions, qos
-from porotwin_core.errors import InputError
-from porotwin_core.node_thread import NodeThread
-from porotwin_costa.frames import Frames, mean_rates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_costa.data.frames import Frames, mean_rates
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual

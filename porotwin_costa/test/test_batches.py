@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from porotwin_costa.batches import TRACER_PRESENT, Batches
+from porotwin_costa.data.scaling import Scaling
 from porotwin_costa.networks import CorrectiveNetwork
-from porotwin_costa.scaling import Scaling
+from porotwin_costa.training.batches import TRACER_PRESENT, Batches
 
 
 @pytest.mark.parametrize('standardise', [True, False])

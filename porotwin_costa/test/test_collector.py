@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import fill_unseen
-from porotwin_core.wells import WellRate
-from porotwin_costa.collector import Collector
-from porotwin_costa.dataset import load_dataset
-from porotwin_costa.frames import mean_rates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import fill_unseen
+from porotwin_core.rates.wells import WellRate
+from porotwin_costa.data.collector import Collector
+from porotwin_costa.data.dataset import load_dataset
+from porotwin_costa.data.frames import mean_rates
 
 
 @pytest.fixture

@@ -10,16 +10,16 @@ import safetensors.numpy
 import torch
 from costa_examples import question
 
-from porotwin_core.errors import InputError
-from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription
-from porotwin_costa.corrective_model import FORMAT, CorrectiveModel
-from porotwin_costa.corrective_source import corrective_source
+from porotwin_costa.correction.corrective_model import FORMAT, CorrectiveModel
+from porotwin_costa.correction.corrective_source import corrective_source
+from porotwin_costa.data.physics_id import PhysicsId
+from porotwin_costa.data.tensor_files import write_tensors
 from porotwin_costa.networks import architecture
-from porotwin_costa.physics_id import PhysicsId
-from porotwin_costa.tensor_files import write_tensors
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.training import train
 
 NETWORKS = {
     'paper': architecture('paper').described(

@@ -8,14 +8,19 @@ import torch
 from costa_examples import question
 from toy_solver import MovingTracers
 
-from porotwin_core.errors import InputError
-from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_costa.corrective_source import APPLIED, NO_MODEL, LearntStep, corrective_source
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.rates.wells import WellRate
+from porotwin_costa.correction.corrective_source import (
+    APPLIED,
+    NO_MODEL,
+    LearntStep,
+    corrective_source,
+)
 from porotwin_costa.networks import CorrectiveNetwork, architecture
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.training import train
 
 NETWORKS = {
     'paper': architecture('paper').described(

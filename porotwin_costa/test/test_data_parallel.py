@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from porotwin_costa.data_parallel import joined, own_part
-from porotwin_costa.dataset import load_dataset
+from porotwin_costa.data.dataset import load_dataset
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.data_parallel import joined, own_part
+from porotwin_costa.training.training import train
 
 SETTINGS = TrainingSettings(epochs=2, batch_size=5, window=12)
 """The last batch has an odd number of samples, so that the processes have unequal parts."""
@@ -38,7 +38,7 @@ def test_alone_a_process_learns_from_everything_and_writes() -> None:
 
 @pytest.mark.slow
 def test_two_processes_learn_the_weights_of_one(dataset, tmp_path: Path) -> None:
-    from porotwin_costa.corrective_model import CorrectiveModel
+    from porotwin_costa.correction.corrective_model import CorrectiveModel
 
     one = train(dataset, architecture('local'), SETTINGS, seed=3)
     dataset.save(tmp_path / 'pairs')

@@ -5,10 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_costa.dataset import FORMAT, empty_dataset, join_datasets, load_dataset, newest_pairs
-from porotwin_costa.physics_id import PhysicsId
-from porotwin_costa.tensor_files import write_tensors
+from porotwin_core.basis.errors import InputError
+from porotwin_costa.data.dataset import (
+    FORMAT,
+    empty_dataset,
+    join_datasets,
+    load_dataset,
+    newest_pairs,
+)
+from porotwin_costa.data.physics_id import PhysicsId
+from porotwin_costa.data.tensor_files import write_tensors
 
 
 def test_file_gives_back_the_same_data_set(build, unseen_frames, tmp_path):

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_costa.frames import mean_rates
+from porotwin_core.basis.errors import InputError
+from porotwin_costa.data.frames import mean_rates
 
 
 def test_exact_residual_returns_the_observed_state(build, model, unseen_frames):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from costa_examples import TIME_STEP
 
-from porotwin_core.correction import Correction
-from porotwin_core.errors import InputError
-from porotwin_core.grid import relative_error
-from porotwin_costa.corrective_source import APPLIED, NO_MODEL, PHYSICS_ONLY
-from porotwin_costa.evaluation import evaluate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import relative_error
+from porotwin_core.model.correction import Correction
+from porotwin_costa.correction.corrective_source import APPLIED, NO_MODEL, PHYSICS_ONLY
+from porotwin_costa.evaluation.evaluation import evaluate
 
 
 def _nothing(*_):

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from porotwin_core.correction import Correction
-from porotwin_costa.evaluation import evaluate
-from porotwin_costa.evaluation_pictures import write_pictures
+from porotwin_core.model.correction import Correction
+from porotwin_costa.evaluation.evaluation import evaluate
+from porotwin_costa.evaluation.evaluation_pictures import write_pictures
 
 
 def test_curves_and_fields_are_drawn(model, unseen_frames, grid, tmp_path):

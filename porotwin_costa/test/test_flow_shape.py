@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Boundaries
-from porotwin_costa.flow_shape import homogeneous_flow
+from porotwin_costa.data.flow_shape import homogeneous_flow
 
 GRID = Grid(23, 14, 0.9, 0.5)
 WELLS = {'a': (0.21, 0.11), 'b': (0.7, 0.3)}

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_costa.frames import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_costa.data.frames import (
     Frames,
     enough_seen,
     frame_pairs,

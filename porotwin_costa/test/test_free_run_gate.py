@@ -8,11 +8,11 @@ import torch
 from costa_examples import injecting
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
-from porotwin_core.errors import InputError
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.wells import Schedule
-from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.free_run_gate import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import Schedule
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.free_run_gate import (
     Judge,
     KeptRun,
     RunErrors,
@@ -23,8 +23,8 @@ from porotwin_costa.free_run_gate import (
     nearly_best,
 )
 from porotwin_costa.networks import CorrectiveNetwork, architecture
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.training import train
 
 SLOWER = LearntPhysics(log_retardation=-np.log(0.8))
 FASTER = LearntPhysics(log_retardation=np.log(0.8))

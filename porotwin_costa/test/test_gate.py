@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_costa.gate import TrainingRange
+from porotwin_costa.correction.gate import TrainingRange
 
 WELLS = ('a', 'b')
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_costa.free_run_gate import Judge, KeptRun
-from porotwin_costa.learnt_account import EffectSources, gap_shares, look_alikes, matched
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_costa.correction.free_run_gate import Judge, KeptRun
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.physics.learnt_account import EffectSources, gap_shares, look_alikes, matched
+from porotwin_costa.training.training import train
 
 
 @pytest.fixture

@@ -2,9 +2,9 @@
 
 import math
 
-from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
-from porotwin_core.units import from_ml_h
-from porotwin_costa.learnt_words import coefficient_lines
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_costa.physics.learnt_words import coefficient_lines
 
 
 def test_a_model_without_learnt_physics_tells_none() -> None:

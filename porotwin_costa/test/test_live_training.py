@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from toy_solver import POROSITY, SPEED, STEP_S, MovingTracer, MovingTracers, moving_frames
 
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_costa.dataset_builder import build_dataset
-from porotwin_costa.live_training import LiveTraining, frames_of_pairs, not_used
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import TrainingCancelledError
+from porotwin_costa.training.live_training import LiveTraining, frames_of_pairs, not_used
+from porotwin_costa.training.training import TrainingCancelledError
 
 
 def _pairs(rig, grid, frames):

@@ -8,7 +8,7 @@ import torch
 from costa_examples import rig_fields, scaled_rates
 from torch import nn
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_costa.networks import architecture, parameter_count
 from porotwin_costa.networks.local import LocalFluxNetwork, LocalFluxSettings
 

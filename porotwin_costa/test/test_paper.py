@@ -5,7 +5,7 @@ import torch
 from costa_examples import rig_fields, scaled_rates
 from torch import nn
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_costa.networks import architecture
 from porotwin_costa.networks.paper import PaperSettings
 

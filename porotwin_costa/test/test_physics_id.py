@@ -1,6 +1,6 @@
 """The identity of a physics-based model."""
 
-from porotwin_costa.physics_id import PhysicsId
+from porotwin_costa.data.physics_id import PhysicsId
 
 
 def test_the_first_difference_is_named():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from toy_solver import SPEED, MovingTracers, moving_frames
 
-from porotwin_core.errors import InputError
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.parallel import ThreadCrew
-from porotwin_costa.physics_learning import Solvers, learn_physics, no_finer
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import ThreadCrew
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_costa.physics.physics_learning import Solvers, learn_physics, no_finer
 
 SOLVERS = Solvers(lambda _: MovingTracers(), lambda _: MovingTracers())
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_costa.physics_parts import LearntUnknown, PartMaker, physics_of
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_costa.physics.physics_parts import LearntUnknown, PartMaker, physics_of
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_costa.retraining import RETRY_S, SILENCE_S, Retraining
+from porotwin_costa.training.retraining import RETRY_S, SILENCE_S, Retraining
 
 
 def _running(now: float = 0.0) -> Retraining:

@@ -6,9 +6,9 @@ import torch
 from toy_solver import SPEED, MovingTracer, moving_frames
 
 from porotwin_costa.networks import architecture
-from porotwin_costa.rollout_training import RollOuts, Run, Stage, train_through_runs
-from porotwin_costa.training import train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.rollout_training import RollOuts, Run, Stage, train_through_runs
+from porotwin_costa.training.training import train
 
 LOCAL = architecture('local').described({'filters': 2})
 

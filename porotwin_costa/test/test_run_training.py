@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.parallel import ThreadCrew
+from porotwin_core.basis.parallel import ThreadCrew
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_costa.networks import architecture
-from porotwin_costa.run_training import Experiments, train_from_runs
+from porotwin_costa.training.run_training import Experiments, train_from_runs
 
 
 def _solver(_grid):

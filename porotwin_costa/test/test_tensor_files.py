@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
-from porotwin_core.errors import InputError
-from porotwin_costa.tensor_files import read_header, write_tensors
+from porotwin_core.basis.errors import InputError
+from porotwin_costa.data.tensor_files import read_header, write_tensors
 
 
 def test_a_file_whose_length_looks_like_a_pickle_is_read(tmp_path):

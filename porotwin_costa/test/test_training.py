@@ -8,14 +8,14 @@ import pytest
 import torch
 from costa_examples import question
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import rig_from_maps
-from porotwin_costa.corrective_source import corrective_source
-from porotwin_costa.dataset import join_datasets
-from porotwin_costa.evaluation import evaluate
+from porotwin_costa.correction.corrective_source import corrective_source
+from porotwin_costa.data.dataset import join_datasets
+from porotwin_costa.evaluation.evaluation import evaluate
 from porotwin_costa.networks import architecture
-from porotwin_costa.training import TrainingCancelledError, split_samples, train
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.training import TrainingCancelledError, split_samples, train
 
 LOCAL = architecture('local')
 LOCAL_TRAINING = TrainingSettings(epochs=15, batch_size=4, learning_rate=5e-3, patience=15)

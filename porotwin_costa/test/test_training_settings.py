@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_core.basis.errors import InputError
+from porotwin_costa.networks.training_settings import TrainingSettings
 
 
 def test_number_of_epochs_can_be_chosen_or_kept():

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.wells import Schedule, WellRates
-from porotwin_costa.frames import Frames
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_costa.data.frames import Frames
 
 STEP_S = 30.0
 SPEED = 0.4

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError, refuse_file, writing
-from porotwin_core.parallel import Crew, SchedulerLost
+from porotwin_core.basis.errors import InputError, refuse_file, writing
+from porotwin_core.basis.parallel import Crew, SchedulerLost
+from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.rig import Rig
-from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.origin import (
     check_unchanged,
@@ -31,7 +31,7 @@ from porotwin_diagnosis.report.report_folder import (
     checked_folder,
     write_diagnosis,
 )
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 RECORDING_BYTES = 1.5e9
 """Memory of one diagnosis with one worker [B]."""

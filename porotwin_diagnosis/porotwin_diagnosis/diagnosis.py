@@ -11,7 +11,7 @@ from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.gap_map import GapMap
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -15,15 +15,16 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import PROGRAM, conversions
-from porotwin_core.errors import InputError
-from porotwin_core.freshness import stamp_doubts
-from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import declare, declare_grid, declare_photo_interval, declare_rig, run
-from porotwin_core.parallel import crew
-from porotwin_core.run_topics import follow_run
-from porotwin_core.single_instance import only_one
-from porotwin_core.wells import WellRates as Rates
+from porotwin_core import PROGRAM
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import crew
+from porotwin_core.clock.freshness import stamp_doubts
+from porotwin_core.rates.wells import WellRates as Rates
+from porotwin_core.ros import conversions
+from porotwin_core.ros.model_effects import ToldEffects
+from porotwin_core.ros.node import declare, declare_grid, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.run_topics import follow_run
+from porotwin_core.ros.single_instance import only_one
 from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.progress import WorkClock
@@ -31,9 +32,9 @@ from porotwin_diagnosis.report.named_rows import verdict_words
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
-from porotwin_recording.bag import origin_of_state
-from porotwin_recording.recording import open_recording
-from porotwin_solver.presets import PRESETS
+from porotwin_recording.experiment.bag import origin_of_state
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_solver.model.presets import PRESETS
 
 NICENESS = 10
 """Increase of the process's nice value: the diagnosis uses only time that the twin leaves."""

@@ -9,8 +9,8 @@
 import time
 from collections.abc import Callable, Sequence
 
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import Crew
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
 from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
@@ -33,8 +33,8 @@ from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
 from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
-from porotwin_recording.recording import Recording
-from porotwin_solver.model import preset_named
+from porotwin_recording.experiment.recording import Recording
+from porotwin_solver.model.model import preset_named
 
 SIMULATION_BYTES = 3e8
 """Memory of a simulation on the finest cells of a diagnosis, with its comparison [B]."""

@@ -19,7 +19,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from porotwin_core.parallel import Crew, versions
+from porotwin_core.basis.parallel import Crew, versions
 from porotwin_core.rig import Rig
 
 FOLDER = 'simulations'

@@ -22,11 +22,13 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from porotwin_core import conversions, qos
-from porotwin_core.errors import InputError
-from porotwin_core.freshness import stamp_doubts
-from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, MINUTE_S
+from porotwin_core.clock.freshness import stamp_doubts
+from porotwin_core.rig import EffectDescription
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.model_effects import ToldEffects
+from porotwin_core.ros.node import (
     END_S,
     Diagnostics,
     declare,
@@ -35,11 +37,9 @@ from porotwin_core.node import (
     declare_rig,
     run,
 )
-from porotwin_core.rig import EffectDescription
-from porotwin_core.run_topics import follow_run
-from porotwin_core.service_answer import answer_within
-from porotwin_core.single_instance import only_one
-from porotwin_core.units import DAY_S, MINUTE_S
+from porotwin_core.ros.run_topics import follow_run
+from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.single_instance import only_one
 from porotwin_diagnosis.mending.finding import read_finding
 from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
@@ -55,8 +55,8 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_msgs.srv import AnswerMend, SetEffects
-from porotwin_solver.effects_in_force import checked_effects
-from porotwin_solver.presets import PRESETS
+from porotwin_solver.model.presets import PRESETS
+from porotwin_solver.service.effects_in_force import checked_effects
 
 NICENESS = 5
 """Increase of the process's nice value: a shadow forecast may be late, a setpoint may not."""

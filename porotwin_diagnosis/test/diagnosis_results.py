@@ -19,7 +19,7 @@ from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_recording.experiment.recording import Recording, open_recording
 
 
 def diagnosis_of_denser_sand(path: Path) -> Diagnosis:

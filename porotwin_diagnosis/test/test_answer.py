@@ -15,7 +15,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.report.answer import answer, sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
-from porotwin_recording.concentration import MapOrigin
+from porotwin_recording.tables.concentration import MapOrigin
 
 
 def said(result, verdict=None):

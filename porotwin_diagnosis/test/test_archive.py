@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import SchedulerLost, crew
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import SchedulerLost, crew
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_diagnosis import archive
 from porotwin_diagnosis.archive import TABLE, ArchiveTask, archive_tasks, diagnose_archive
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report.origin import origin_of
 from porotwin_diagnosis.report.report_folder import REPORT
-from porotwin_recording.experiment_folder import COMMANDED_FILE
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_validation.blind_cases import SMALL
 
 

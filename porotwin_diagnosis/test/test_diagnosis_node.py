@@ -8,21 +8,24 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL
 
+from porotwin_core.basis.units import DAY_S
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import write_rig
-from porotwin_core.units import DAY_S
-from porotwin_core.wells import WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.action import ActionClient  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
-from porotwin_core import conversions, qos  # noqa: E402
-from porotwin_core.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros import (  # noqa: E402
+    conversions,
+    qos,
+)
+from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
 from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
 from porotwin_msgs.action import Diagnose  # noqa: E402
 from porotwin_msgs.msg import NewState, Outcome, Setpoint  # noqa: E402
-from porotwin_recording.recording import open_recording  # noqa: E402
+from porotwin_recording.experiment.recording import open_recording  # noqa: E402
 
 pytestmark = pytest.mark.graph
 

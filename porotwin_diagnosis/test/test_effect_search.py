@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from diagnosis_examples import candidate, sample_of
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.progress import STAGE_ENDS
 from porotwin_diagnosis.search.effect_search import fitted_again_alone, search_effects

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL, all_but, recorded, schedule
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import write_rig
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 
 

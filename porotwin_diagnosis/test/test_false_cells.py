@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells, without_false_cells
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 SHAPE = (30, 60)
 NO_WELLS = np.zeros(SHAPE, dtype=bool)

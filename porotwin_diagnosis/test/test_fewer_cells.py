@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import load_rig
 from porotwin_diagnosis.data import fewer_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
-from porotwin_recording.concentration import ConcentrationMaps, MapSeries
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import ConcentrationMaps, MapSeries
 
 RIG = load_rig('rigs/small')
 TIMES = np.arange(5) * 60.0

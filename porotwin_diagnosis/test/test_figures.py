@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.well_colours import well_colours
+from porotwin_core.rig.well_colours import well_colours
 from porotwin_diagnosis.report.figures import MOST_HEIGHT, course, plumes, where
 
 

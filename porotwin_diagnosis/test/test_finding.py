@@ -5,7 +5,7 @@ import json
 import pytest
 from mending_examples import finding, notice, weak_pump
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.mending.finding import finding_of, read_finding
 
 SUMMARY = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_examples import at_factor, candidate, fitted, recorded, sample_of
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from diagnosis_examples import CHASE, DENSER, SMALL, commanded, recorded, with_frames
 
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.model.gap_map import StepEnergy, map_gap, operating_phases
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 def test_a_gap_arises_at_the_leak_and_not_downstream_of_it(tmp_path):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from porotwin_core.basis.units import ML, from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import ML, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer, start_of
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 

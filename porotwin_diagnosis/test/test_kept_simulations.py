@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
-from porotwin_core.parallel import ThreadCrew
+from porotwin_core.basis.parallel import ThreadCrew
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis import kept_simulations
 from porotwin_diagnosis.kept_simulations import FOLDER, LEAST_FREE_BYTES, KeptSimulations, key_of

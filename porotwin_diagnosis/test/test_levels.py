@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_examples import TYPICAL_SEED, candidate, sample_of
 
-from porotwin_core.grid import relative_error
-from porotwin_core.parallel import crew
+from porotwin_core.basis.parallel import crew
+from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.search.levels import make_levels

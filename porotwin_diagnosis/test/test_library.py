@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_examples import candidate, sample_of
 
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Boundaries
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import library, pumping_wells
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.live_run import KEPT_RUNS, MOST_MAPS, LiveRun, forget_old_runs
-from porotwin_recording.concentration import MapOrigin
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import MapOrigin
 
 GRID = SMALL.grid(20, 12)
 EMPTY = np.zeros(GRID.shape)

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.data.map_file import MapFile
 
 

@@ -5,12 +5,12 @@ import pytest
 from diagnosis_examples import SMALL
 from mending_examples import finding, weak_pump
 
-from porotwin_core.errors import InputError
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.mender import LEAST_MAPS, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import OfferState
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 GRID = SMALL.grid(23, 14)
 RATES = {'injector': WellRate(1.4e-7, 1.0), 'producer': WellRate(-1.4e-7)}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_diagnosis.data.misfit import misfit, noise_misfit
 from porotwin_diagnosis.data.noise import Noise
 from porotwin_diagnosis.data.sample import Sample

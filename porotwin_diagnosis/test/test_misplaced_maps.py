@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
 
 TIMES = [60.0 * number for number in range(20)]

@@ -13,7 +13,7 @@ from porotwin_diagnosis.data.noise_estimation import (
     measure_noise,
     measure_point_spread_width,
 )
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.data.observed_maps import (
     evenly_spread,
     filled_map,
     observed_maps,
     tracer_share,
 )
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 GRID = SMALL.grid(20, 12)
 

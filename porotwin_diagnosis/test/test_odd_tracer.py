@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.odd_tracer import odd_times, remarks_about_tracer
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 RIG = load_rig('rigs/small')
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from mending_examples import finding, notice, weak_pump
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.mending.offer_book import OfferBook, OfferState
 

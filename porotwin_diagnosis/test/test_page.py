@@ -13,7 +13,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.page import write_report
-from porotwin_recording.photos import Photo
+from porotwin_recording.tables.photos import Photo
 
 pytestmark = pytest.mark.usefixtures('undrawn')
 

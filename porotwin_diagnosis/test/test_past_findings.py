@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 from history_examples import MONDAY, TUESDAY, pump
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.history.past_findings import (
     add_finding,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from diagnosis_examples import candidate, recorded, sample_of
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at

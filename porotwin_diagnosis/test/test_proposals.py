@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_examples import ELEMENT_M, SMALL
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.data.sample import coarsened, read_sample
@@ -16,7 +16,7 @@ from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_solver.effects import EFFECTS

@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import Schedule, WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_diagnosis.data.rate_table import RateTable
 
 WELLS = ('injector', 'producer')

@@ -7,8 +7,8 @@ import pytest
 from diagnosis_examples import ELEMENT_M, recorded, sample_of
 from scipy.ndimage import shift
 
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.advice.causes_of_the_camera import causes_of_the_camera
 from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns

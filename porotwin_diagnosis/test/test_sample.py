@@ -7,13 +7,13 @@ import pytest
 from diagnosis_examples import recorded, with_frames
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STATED_SHARE, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_recording.concentration import MapSeries
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import MapSeries
 
 
 def test_a_short_recording_is_refused(tmp_path):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL, schedule
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.schedule_changes import SCHEDULE_CHANGES
 from porotwin_diagnosis.data.sample import coarsened, read_sample
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 @pytest.fixture(scope='module')

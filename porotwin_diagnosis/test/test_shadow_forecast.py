@@ -5,15 +5,15 @@ import pytest
 from diagnosis_examples import SMALL
 from mending_examples import weak_pump
 
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.wells import WellRate
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.shadow_forecast import (
     LEAST_WATCHED,
     WATCHED,
     ShadowForecast,
     ShadowJudgement,
 )
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 GRID = SMALL.grid(47, 28)
 RATES = {'injector': WellRate(1.4e-7, 1.0), 'producer': WellRate(-1.4e-7)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import rig_from_maps
 from porotwin_diagnosis.data.shared_errors import (
     ErrorSizes,

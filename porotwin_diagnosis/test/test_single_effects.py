@@ -5,7 +5,7 @@ import math
 import pytest
 from diagnosis_examples import SLOW_EFFECTS, recorded, sample_of
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search import single_effects

@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.wells import WellRate
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.state_periods import StatePeriods
 
 

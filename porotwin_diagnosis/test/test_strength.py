@@ -10,7 +10,7 @@ from porotwin_diagnosis.data.sample import coarsened, read_sample
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import library
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 @pytest.fixture(scope='module')

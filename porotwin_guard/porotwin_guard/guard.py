@@ -7,10 +7,10 @@ of the hub's limits.
 import math
 from dataclasses import dataclass
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.wells import WellRates, net_rate_words
 from porotwin_core.rig import Rig
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates, net_rate_words
 from porotwin_guard.camera_lag import CameraLag
 
 VALIDITY_INTERVALS = 3

@@ -8,11 +8,11 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos, senders
-from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
-from porotwin_core.service_answer import answer_within
-from porotwin_core.single_instance import another_lives, only_one
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control

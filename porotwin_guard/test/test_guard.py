@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate
 from porotwin_guard.guard import Guard, SetpointRequest
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')

@@ -9,10 +9,10 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from porotwin_core import conversions, qos
-from porotwin_core.node_thread import NodeThread
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node_thread import NodeThread
 from porotwin_guard.guard_node import GuardNode
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control

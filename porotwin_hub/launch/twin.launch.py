@@ -11,8 +11,8 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from porotwin_core.parent import PARENT
-from porotwin_hub.graph import GraphSettings, description_of, live_graph
+from porotwin_core.basis.parent import PARENT
+from porotwin_hub.launching.graph import GraphSettings, description_of, live_graph
 
 RESTART_PAUSE_S = 1.0
 """Pause before a node that ended is started again [s]."""

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hub_examples import SMALL_RIG, TOY, ToyModel
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, parse_rig
-from porotwin_hub.controller import Controller
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective_registry import make_objective
 
 
 @pytest.fixture(scope='session')

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.models.forecast import ModelUnavailable
 
 SMALL_RIG = Path(__file__).resolve().parents[1] / 'config' / 'small_rig.yaml'
 

@@ -2,9 +2,9 @@
 
 import re
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import announce, announce_expiry, clock_time
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
+from porotwin_hub.operator.announcement import announce, announce_expiry, clock_time
 
 BEFORE = {'control1': WellRate(from_ml_h(120.0)), 'producer': WellRate(from_ml_h(-620.0))}
 AFTER = {'control1': WellRate(from_ml_h(240.5)), 'producer': WellRate(from_ml_h(-740.5))}

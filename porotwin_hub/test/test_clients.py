@@ -11,13 +11,13 @@ import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Trigger
 
-from porotwin_core import conversions
-from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
-from porotwin_core.node_thread import NodeThread
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
+from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
-from porotwin_core.wells import RateStep
-from porotwin_hub.clients import Caller, PhysicsModelClient, PlanModelClient
-from porotwin_hub.forecast import ModelUnavailable
+from porotwin_core.ros import conversions
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_hub.models.clients import Caller, PhysicsModelClient, PlanModelClient
+from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.srv import CostGradient, Predict
 
 pytestmark = pytest.mark.graph

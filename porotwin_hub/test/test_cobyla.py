@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hub_examples import LIMITS, quadratic
 
-from porotwin_core.units import to_ml_h
-from porotwin_hub import cobyla
-from porotwin_hub.optimisation import optimise
+from porotwin_core.basis.units import to_ml_h
+from porotwin_hub.control import cobyla
+from porotwin_hub.control.optimisation import optimise
 
 
 @pytest.mark.parametrize('best', [(120.0, 40.0, 210.0), (0.0, 0.0, 0.0), (0.0, 480.0, 0.0)])

@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
-from porotwin_core.plausible_rates import greatest_rate_ml_h
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, rig_from_maps
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.confirmed_rates import (
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.operator.confirmed_rates import (
     question_about,
     refuse_implausible,
 )
-from porotwin_hub.setpoint_limits import Limits
 
 
 def rate(ml_h: float, concentration: float = 0.0) -> WellRate:

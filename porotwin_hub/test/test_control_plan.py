@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hub_examples import LIMITS
 
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_hub.control_plan import SHORTEST_BLOCK_S, ControlPlan, growing_blocks
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_hub.control.control_plan import SHORTEST_BLOCK_S, ControlPlan, growing_blocks
 
 ML_H = from_ml_h(1.0)
 ONE, TWO, NONE = (np.array(rates) * ML_H for rates in ([500.0, 0, 0], [0, 0, 500.0], [0.0, 0, 0]))

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.door import Door, StateNumbers
+from porotwin_hub.loop.door import Door, StateNumbers
 
 PUSH = {'push': WellRate(from_ml_h(300.0))}
 

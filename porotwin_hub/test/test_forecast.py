@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hub_examples import ToyModel
 
-from porotwin_core.correction import Correction
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.forecast import Forecaster, ModelUnavailable, no_correction
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.correction import Correction
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_hub.models.forecast import Forecaster, ModelUnavailable, no_correction
 
 
 def push(rate_ml_h: float) -> dict[str, WellRate]:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.rig import load_rig
-from porotwin_hub.graph import (
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.launching.graph import (
     GraphSettings,
     NodeDescription,
     camera_node,
@@ -15,7 +16,6 @@ from porotwin_hub.graph import (
     live_graph,
     twin_nodes,
 )
-from porotwin_hub.setpoint_limits import Limits
 
 ROOT = Path(__file__).resolve().parents[2]
 FULL = GraphSettings(
@@ -41,7 +41,7 @@ SHARED_DECLARATIONS = {
     'declare_grid': 'grid',
     'declare_photo_interval': 'photo_interval_s',
 }
-"""Helpers of `porotwin_core.node` that declare one parameter each."""
+"""Helpers of `porotwin_core.ros.node` that declare one parameter each."""
 
 
 def declared_parameters(module: Path) -> set[str]:

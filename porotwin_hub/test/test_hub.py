@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from hub_examples import ToyModel
 
-from porotwin_core.correction import Correction
-from porotwin_core.freshness import IN_TIME, PhotographClock
-from porotwin_core.rates_in_force import KnownRates
-from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.hub import Hub
-from porotwin_hub.inbox import ArrivedState, ReadyState
-from porotwin_hub.setpoint_expiry import SetpointDecision
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
+from porotwin_core.clock.freshness import IN_TIME, PhotographClock
+from porotwin_core.model.correction import Correction
+from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.hub import Hub
+from porotwin_hub.loop.inbox import ArrivedState, ReadyState
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import ModelUnavailable
+from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 
 SHAPE = (10, 20)
 NOW = 1.8e9

@@ -10,14 +10,14 @@ import rclpy
 from hub_examples import SMALL_RIG
 from rclpy.parameter import Parameter
 
-from porotwin_core import conversions, qos
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.node_thread import NodeThread
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRates
-from porotwin_hub.forecast import no_correction
-from porotwin_hub.hub_node import HubNode
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.hub_node import HubNode
+from porotwin_hub.models.forecast import no_correction
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed
 from porotwin_msgs.msg import WellRates as WellRatesMessage
 from porotwin_msgs.srv import Control

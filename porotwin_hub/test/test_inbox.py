@@ -5,10 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from porotwin_core.freshness import IN_TIME, StampJudgement
-from porotwin_core.rates_in_force import KnownRates
-from porotwin_core.wells import WellRate
-from porotwin_hub.inbox import REMEMBERED_STATES, WAITING_STATES, ArrivedState, Inbox, ReadyState
+from porotwin_core.clock.freshness import IN_TIME, StampJudgement
+from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.wells import WellRate
+from porotwin_hub.loop.inbox import (
+    REMEMBERED_STATES,
+    WAITING_STATES,
+    ArrivedState,
+    Inbox,
+    ReadyState,
+)
 
 RATES = {'push': WellRate(1e-7)}
 OTHER = {'push': WellRate(2e-7)}

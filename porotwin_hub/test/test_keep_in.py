@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_core.units import to_ml_h
-from porotwin_hub.controller import Controller
-from porotwin_hub.cycle import Observation
-from porotwin_hub.forecast import no_correction
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
+from porotwin_hub.objectives.objective_registry import make_objective
 
 
 def rig_with(unit_rig: dict[str, Any], zone: FloatArray, fuzziness: float) -> Rig:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.objectives.objective_registry import make_objective
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from porotwin_hub.liveness import COMPUTING_FACTOR, Liveness
-from porotwin_hub.node_processes import NodeProcess
+from porotwin_hub.launching.liveness import COMPUTING_FACTOR, Liveness
+from porotwin_hub.launching.node_processes import NodeProcess
 
 
 class Watch:

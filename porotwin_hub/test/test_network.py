@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_hub.graph import GraphSettings, live_graph
-from porotwin_hub.network import Network, network_of
+from porotwin_core.basis.errors import InputError
+from porotwin_hub.launching.graph import GraphSettings, live_graph
+from porotwin_hub.launching.network import Network, network_of
 
 
 def written(tmp_path: Path, text: str) -> Path:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from porotwin_core.parent import PARENT
-from porotwin_hub.node_processes import await_end, kill, nodes_of, process_of
+from porotwin_core.basis.parent import PARENT
+from porotwin_hub.launching.node_processes import await_end, kill, nodes_of, process_of
 
 LAUNCHER = 'test-of-node-processes'
 

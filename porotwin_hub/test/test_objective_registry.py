@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import parse_rig
-from porotwin_hub.objective_registry import OBJECTIVES, make_objective
+from porotwin_hub.objectives.objective_registry import OBJECTIVES, make_objective
 
 TRIANGLE = [[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]]
 

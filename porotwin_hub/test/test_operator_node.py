@@ -11,12 +11,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from porotwin_core import conversions, qos
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.operator_node import OperatorNode
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.ros import conversions, qos
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.operator.operator_node import OperatorNode
 from porotwin_msgs.msg import CycleReport, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control
 

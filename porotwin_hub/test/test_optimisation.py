@@ -9,11 +9,11 @@ from hub_examples import LIMITS, quadratic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRates
-from porotwin_hub.optimisation import optimise
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import WellRates
+from porotwin_hub.control.optimisation import optimise
+from porotwin_hub.control.setpoint_limits import Limits
 
 
 def test_the_best_point_counts_when_the_time_is_over() -> None:

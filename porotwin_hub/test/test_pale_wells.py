@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.pale_wells import MAPS_IN_A_ROW, PaleWells
+from porotwin_hub.estimation.pale_wells import MAPS_IN_A_ROW, PaleWells
 
 RIG = load_rig(Path(__file__).parents[1] / 'config' / 'small_rig.yaml')
 SHAPE = (56, 93)

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porotwin_core.errors import InputError
-from porotwin_core.parameter_rule import ParameterRule
-from porotwin_hub.graph import NodeDescription
-from porotwin_hub.parameter_file import known_rules, template, with_parameters
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.parameter_rule import ParameterRule
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_hub.launching.parameter_file import known_rules, template, with_parameters
 
 
 def rule(name: str, default: object, **limits: object) -> ParameterRule:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_hub.photo_pace import odd_pace
+from porotwin_hub.loop.photo_pace import odd_pace
 
 
 @pytest.mark.parametrize(

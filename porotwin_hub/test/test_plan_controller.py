@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from hub_examples import LIMITS, ToyModel
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.grid import FloatArray
-from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.order_delay import OrdersAhead
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
-from porotwin_hub.controller import Controller, WithSubstitute
-from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.objective import WeightedTracer
-from porotwin_hub.plan_controller import PlanController
-from porotwin_hub.plant_knowledge import PlantKnowledge
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.order_delay import OrdersAhead
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
+from porotwin_hub.control.controller import Controller, WithSubstitute
+from porotwin_hub.control.plan_controller import PlanController
+from porotwin_hub.models.forecast import ModelUnavailable
+from porotwin_hub.models.plant_knowledge import PlantKnowledge
+from porotwin_hub.objectives.objective import WeightedTracer
 
 SHAPE = (2, 3)
 STATE = np.zeros(SHAPE)

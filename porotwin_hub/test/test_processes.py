@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_hub.graph import NodeDescription
-from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_hub.launching.processes import GraphProcesses
 
 SLEEPER = """
 import sys, time
-from porotwin_core.parent import end_with_parent
+from porotwin_core.basis.parent import end_with_parent
 if {bound}:
     end_with_parent()
 print('here', flush=True)
@@ -25,8 +25,8 @@ time.sleep(60)
 SUPERVISOR = """
 import sys, time
 from pathlib import Path
-from porotwin_hub.graph import NodeDescription
-from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_hub.launching.processes import GraphProcesses
 with GraphProcesses([NodeDescription('sleeper', 'pretend', 'sleeper')], Path(sys.argv[1])) as graph:
     print(graph.process('sleeper').pid, flush=True)
     time.sleep(60)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.grid import FloatArray
-from porotwin_hub.projected_gradient import descend, project
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_hub.control.projected_gradient import descend, project
 
 RATES = st.lists(st.floats(-2.0, 3.0), min_size=3, max_size=3)
 

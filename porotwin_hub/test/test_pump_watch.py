@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_hub.pump_watch import NOTHING, REST_S, Expectations, PumpWatch, likeliest
+from porotwin_hub.estimation.pump_watch import NOTHING, REST_S, Expectations, PumpWatch, likeliest
 
 BLOCKS = 40
 USUAL = np.full(BLOCKS, 0.5)

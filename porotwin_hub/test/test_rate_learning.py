@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from porotwin_core.correction import Correction
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import KnownRates, RatePeriod
-from porotwin_core.state_filter import Estimate, Seen, Volume
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.cycle import Observation
-from porotwin_hub.rate_learning import DeliveringModel, RateLearner, joined
-from porotwin_hub.twin import Twin
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.correction import Correction
+from porotwin_core.model.state_filter import Estimate, Seen, Volume
+from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_hub.estimation.rate_learning import DeliveringModel, RateLearner, joined
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
 
 GRID = Grid(30, 20, 0.3, 0.2)
 RATE = 1e-7

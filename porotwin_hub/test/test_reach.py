@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objective import Objective
-from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.objectives.objective import Objective
+from porotwin_hub.objectives.objective_registry import make_objective
 
 
 def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.operator.setpoint_book import SetpointBook, ShownSetpoint
 
 
 @pytest.fixture

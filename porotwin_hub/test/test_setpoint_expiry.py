@@ -1,6 +1,6 @@
 """Tests of the expiry of setpoints."""
 
-from porotwin_hub.setpoint_expiry import ExpiryWatch, SetpointDecision, validity
+from porotwin_hub.operator.setpoint_expiry import ExpiryWatch, SetpointDecision, validity
 
 
 def test_a_setpoint_is_valid_for_three_photo_intervals() -> None:

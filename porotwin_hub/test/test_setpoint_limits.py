@@ -9,8 +9,8 @@ from hub_examples import LIMITS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, net_rate
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.wells import WellRate, net_rate
 
 ANYTHING = st.lists(
     st.one_of(st.floats(-1.0, 1.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300])),

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.state_filter import StateFilter
-from porotwin_hub.cycle import Cycle, Observation
-from porotwin_hub.forecast import Forecast
-from porotwin_hub.state_estimation import StateEstimation
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.state_filter import StateFilter
+from porotwin_hub.loop.cycle import Cycle, Observation
+from porotwin_hub.loop.state_estimation import StateEstimation
+from porotwin_hub.models.forecast import Forecast
 
 SHAPE = (6, 8)
 TRUTH = np.tile(np.linspace(1.0, 0.2, SHAPE[1]), (SHAPE[0], 1))

@@ -12,12 +12,12 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from porotwin_core.node import DIAGNOSTICS
-from porotwin_core.node_thread import NodeThread
-from porotwin_hub.graph import NodeDescription
-from porotwin_hub.node_processes import process_of
-from porotwin_hub.processes import GraphProcesses
-from porotwin_hub.supervisor_node import SupervisorNode
+from porotwin_core.ros.node import DIAGNOSTICS
+from porotwin_core.ros.node_thread import NodeThread
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_hub.launching.node_processes import process_of
+from porotwin_hub.launching.processes import GraphProcesses
+from porotwin_hub.launching.supervisor_node import SupervisorNode
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -26,8 +26,8 @@ SMALL_RIG = Path(__file__).resolve().parents[1] / 'config' / 'small_rig.yaml'
 LAUNCHER = """
 import sys, time
 from pathlib import Path
-from porotwin_hub.graph import NodeDescription
-from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.launching.graph import NodeDescription
+from porotwin_hub.launching.processes import GraphProcesses
 nodes = [
     NodeDescription('operator', 'porotwin_hub', 'operator_node', {'rig': sys.argv[2]}),
     NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': 'operator'}),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porotwin_hub.tracer_balance import imbalance
+from porotwin_hub.estimation.tracer_balance import imbalance
 
 PORES = np.full((4, 5), 1e-5)
 PLUME = np.zeros((4, 5))

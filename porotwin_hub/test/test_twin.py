@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from hub_examples import TOY, ToyModel
 
-from porotwin_core.correction import Correction, CorrectionFn
-from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.rates_in_force import KnownRates, RatePeriod
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.controller import Controller
-from porotwin_hub.cycle import Observation
-from porotwin_hub.forecast import no_correction
-from porotwin_hub.optimisation import Decision
-from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Twin
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.model.correction import Correction, CorrectionFn
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_hub.control.controller import Controller
+from porotwin_hub.control.optimisation import Decision
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
 
 SHAPE = (10, 20)
 """Shape of the toy grid, (nz, nx)."""

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import announce_expiry
-from porotwin_hub.voice import Voice
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
+from porotwin_hub.operator.announcement import announce_expiry
+from porotwin_hub.operator.voice import Voice
 
 
 def wait_for_file(path: Path) -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.zone_shapes import PolygonZone
-from porotwin_hub.zones import distance_to_zones, fuzzy_mask
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.zone_shapes import PolygonZone
+from porotwin_hub.objectives.zones import distance_to_zones, fuzzy_mask
 
 
 def test_the_mask_falls_from_one_to_zero_over_the_fuzziness(square: FloatArray) -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.rig import Rig
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.calibration import Calibration
-from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.light.colour_checker import REFERENCE
 from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_imaging.tracer.calibration import Calibration
 
 CAMERA = (7952, 4472)
 """Columns and rows of the camera of the FluidFlower rigs [px]."""

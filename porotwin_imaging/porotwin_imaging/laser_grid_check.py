@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.geometry import Geometry
-from porotwin_imaging.photo_file import decode
-from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.photograph.photo_file import decode
 
 Array = NDArray[Any]
 

@@ -28,22 +28,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.alignment import Alignment, alignment_remarks
-from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import log_ratio_variance
-from porotwin_imaging.colour_correction import light_at_chart
-from porotwin_imaging.denoising import denoised
-from porotwin_imaging.front_curvature import without_curvature
-from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
-from porotwin_imaging.level_smoothing import smooth_along_levels
-from porotwin_imaging.light_correction import corrected_light
-from porotwin_imaging.light_drift import LightDrift
-from porotwin_imaging.light_error import SeenTracer, light_error
-from porotwin_imaging.map_deviation import map_deviation
-from porotwin_imaging.photo_cells import log_ratio_below, photo_cells
-from porotwin_imaging.row_bands import by_bands
-from porotwin_imaging.stopwatch import Stopwatch
-from porotwin_imaging.validity import unclipped_cells, visible_cells
+from porotwin_imaging.baseline.baseline import Baseline
+from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
+from porotwin_imaging.baseline.photo_cells import log_ratio_below, photo_cells
+from porotwin_imaging.baseline.validity import unclipped_cells, visible_cells
+from porotwin_imaging.geometry.alignment import Alignment, alignment_remarks
+from porotwin_imaging.light.colour_correction import light_at_chart
+from porotwin_imaging.light.light_correction import corrected_light
+from porotwin_imaging.light.light_drift import LightDrift
+from porotwin_imaging.numerics.row_bands import by_bands
+from porotwin_imaging.numerics.stopwatch import Stopwatch
+from porotwin_imaging.smoothing.denoising import denoised
+from porotwin_imaging.smoothing.front_sharpening import blur_in_cells, sharpened
+from porotwin_imaging.smoothing.level_smoothing import smooth_along_levels
+from porotwin_imaging.smoothing.map_deviation import map_deviation
+from porotwin_imaging.tracer.front_curvature import without_curvature
+from porotwin_imaging.tracer.light_error import SeenTracer, light_error
 
 Array = NDArray[Any]
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from porotwin_core.grid import conservative_resample
+from porotwin_core.geometry.grid import conservative_resample
 from porotwin_core.rig import Rig
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.calibration import Calibration, Response
-from porotwin_imaging.colour_checker import REFERENCE
-from porotwin_imaging.tracer_signal import TracerSignal
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.light.colour_checker import REFERENCE
+from porotwin_imaging.tracer.calibration import Calibration, Response
+from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 SHARED = Path(__file__).resolve().parents[2].parent / 'shared'
 TRACER_PHOTOGRAPHS = SHARED / 'data' / 'fluidflower_tracer'

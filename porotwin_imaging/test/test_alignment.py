@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.alignment import (
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.alignment import (
     Alignment,
     ReferenceFeatures,
     align,

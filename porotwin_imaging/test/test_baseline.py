@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import make_baseline
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 
 ORIENTATION_TAG = 0x0112

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.baseline_agreement import refuse_other_sand
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.baseline.baseline_agreement import refuse_other_sand
 from porotwin_imaging.photo_to_map import concentration_map
 
 COARSE, MIDDLE, FINE = (45, 25), (90, 50), (240, 134)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.baseline_mask import baseline_mask, texture
+from porotwin_imaging.baseline.baseline_mask import baseline_mask, texture
 
 ROWS, COLUMNS = 300, 500
 CHART = np.array([[400.0, 100], [400, 140], [460, 140], [460, 100]])

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio, log_ratio_variance
-from porotwin_imaging.cell_sums import BlockSums, CellSums
+from porotwin_imaging.baseline.baseline_subtraction import (
+    cells_per_block,
+    log_ratio,
+    log_ratio_variance,
+)
+from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
 from porotwin_imaging.settings import DEFAULTS
 
 SAMPLES_ACROSS = 8

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import yaml
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.live.imaging_session import ImagingSession
+from porotwin_imaging.tracer.calibration import (
     Calibration,
     Response,
     load_calibration,
     save_calibration,
 )
-from porotwin_imaging.imaging_session import ImagingSession
-from porotwin_imaging.tracer_signal import TracerSignal
+from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 
 def test_a_calibration_survives_its_file(tmp_path) -> None:

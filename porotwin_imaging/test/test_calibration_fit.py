@@ -6,14 +6,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
-from porotwin_imaging.calibration_pictures import write_fit
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
+from porotwin_imaging.calibrating.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_imaging.tracer.calibration import load_calibration
 
 RADII = (0.05, 0.08, 0.11, 0.14)
 INTERVAL_S = 60.0

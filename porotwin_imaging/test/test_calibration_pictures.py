@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from porotwin_imaging import calibration_pictures
-from porotwin_imaging.calibration import Calibration, load_calibration
-from porotwin_imaging.calibration_pictures import REFUSED, write_fit
-from porotwin_imaging.calibration_trust import CalibrationRefused, Objection, Trust
+from porotwin_imaging.calibrating import calibration_pictures
+from porotwin_imaging.calibrating.calibration_pictures import REFUSED, write_fit
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused, Objection, Trust
+from porotwin_imaging.tracer.calibration import Calibration, load_calibration
 
 PICTURE = '6_mass.png'
 

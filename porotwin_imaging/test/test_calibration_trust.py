@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_imaging.calibration_evidence import (
+from porotwin_imaging.baseline.covered_baseline import Cover
+from porotwin_imaging.baseline.sand_edges import EdgeEvidence
+from porotwin_imaging.calibrating.calibration_evidence import (
     CalibrationEvidence,
     PhotographEvidence,
     SandEvidence,
     evidence_lines,
 )
-from porotwin_imaging.calibration_trust import Trust, judged
-from porotwin_imaging.covered_baseline import Cover
-from porotwin_imaging.front_response import FrontFit
-from porotwin_imaging.plume_evidence import PlumeEvidence
-from porotwin_imaging.sand_edges import EdgeEvidence
+from porotwin_imaging.calibrating.calibration_trust import Trust, judged
+from porotwin_imaging.calibrating.front_response import FrontFit
+from porotwin_imaging.calibrating.plume_evidence import PlumeEvidence
 
 NAN = float('nan')
 SAND = SandEvidence(1.0, 0.02, 'core', 400, 60, at_bound=False)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.baseline_subtraction import log_ratio
-from porotwin_imaging.cell_sums import CellSums, cell_sums
-from porotwin_imaging.linear_light import LINEAR_LIGHT, linear_light
+from porotwin_imaging.baseline.baseline_subtraction import log_ratio
+from porotwin_imaging.numerics.cell_sums import CellSums, cell_sums
+from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT, linear_light
 
 SAMPLES_ACROSS = 3
 IDENTITY = np.eye(3)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_imaging.colour_change import Box, box_of, colour_change
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.phases.colour_change import Box, box_of, colour_change
 
 
 def test_a_box_is_read_and_written() -> None:

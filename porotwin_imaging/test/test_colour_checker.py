@@ -4,8 +4,8 @@ import colour
 import numpy as np
 import pytest
 
-from porotwin_imaging import colour_checker
-from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.light import colour_checker
+from porotwin_imaging.light.colour_checker import REFERENCE
 
 CORNERS = np.array([[60.0, 25.0], [60, 120], [205, 120], [205, 25]])
 

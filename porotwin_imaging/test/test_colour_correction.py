@@ -1,6 +1,6 @@
 """The correction of colours and light by the chart."""
 
-from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.calibration_evidence import PhotographEvidence
-from porotwin_imaging.core_trend import core_trend
+from porotwin_imaging.calibrating.calibration_evidence import PhotographEvidence
+from porotwin_imaging.calibrating.core_trend import core_trend
 
 NAN = float('nan')
 STAINED = (0.47, 0.71, 0.86, 0.95, 1.0, 1.03, 1.05, 1.06, 1.06)

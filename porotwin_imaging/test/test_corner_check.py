@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.corner_check import corners_off_the_sand, small_rig
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.baseline.corner_check import corners_off_the_sand, small_rig
 
 CORNERS = [(100.0, 105.0), (98.0, 585.0), (902.0, 592.0), (898.0, 104.0)]
 SIZE = (1000, 700)

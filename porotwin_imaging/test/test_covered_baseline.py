@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.covered_baseline import uncovered
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.photo_to_map import concentration_map
 
 HAND = (slice(300, 460), slice(400, 560))

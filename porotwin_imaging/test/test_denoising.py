@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from porotwin_core.grid import Grid
-from porotwin_imaging.denoising import data_weights, denoised
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.smoothing.denoising import data_weights, denoised
 
 
 def test_a_cell_of_median_noise_has_weight_one() -> None:

@@ -7,9 +7,13 @@ import pytest
 import yaml
 
 from porotwin_core.rig import Rig, load_rig, parse_rig
-from porotwin_imaging import sands
-from porotwin_imaging.described_sands import described_kinds, described_parts, sand_names
-from porotwin_imaging.sands import SandLevel
+from porotwin_imaging.calibrating import sands
+from porotwin_imaging.calibrating.described_sands import (
+    described_kinds,
+    described_parts,
+    sand_names,
+)
+from porotwin_imaging.calibrating.sands import SandLevel
 
 ROWS, COLUMNS = 60, 100
 

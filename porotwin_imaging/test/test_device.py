@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.device import DeviceSource, check_device
 
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from porotwin_core.rig import Camera
-from porotwin_imaging.edge_search import SeenEdge, Side, seen_edges
-from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.baseline.edge_search import SeenEdge, Side, seen_edges
+from porotwin_imaging.geometry.corners_and_lens import Geometry
 
 COLUMNS, ROWS = 1000, 640
 LEFT, TOP, RIGHT, BOTTOM = 100, 100, 900, 560

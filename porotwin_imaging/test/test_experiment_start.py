@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.experiment_start import ExperimentStart
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.live.experiment_start import ExperimentStart
 
 
 def test_an_experiment_goes_on_after_a_restart_only(tmp_path: Path) -> None:

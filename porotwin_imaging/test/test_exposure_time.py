@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.exposure_time import exif_time, exif_words
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.exposure_time import exif_time, exif_words
 
 
 def with_exif(**tags: str) -> bytes:

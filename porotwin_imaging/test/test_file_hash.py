@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from porotwin_imaging.file_hash import sha256_of_file
+from porotwin_imaging.photograph.file_hash import sha256_of_file
 
 
 def test_the_hash_is_that_of_sha256sum(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from porotwin_imaging.file_names import LONGEST_NAME, natural_order, one_line, printable
+from porotwin_imaging.photograph.file_names import LONGEST_NAME, natural_order, one_line, printable
 
 
 @pytest.mark.parametrize(

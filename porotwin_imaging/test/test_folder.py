@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.exposure_time import HEADER_BYTES
-from porotwin_imaging.photo_forwarding import PhotoForwarder
-from porotwin_imaging.sent_photos import SentPhotos
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.camera.photo_forwarding import PhotoForwarder
+from porotwin_imaging.photograph.exposure_time import HEADER_BYTES
+from porotwin_imaging.photograph.sent_photos import SentPhotos
 from porotwin_imaging.sources.camera_source import CameraPhoto
 from porotwin_imaging.sources.folder import (
     MOST_AT_ONCE,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.foreign_signal import without_foreign_signal
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.light.foreign_signal import without_foreign_signal
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.tracer_colour import TracerColour
+from porotwin_imaging.tracer.tracer_colour import TracerColour
 
 SHAPE = (50, 100)
 ALL = np.ones(SHAPE, bool)

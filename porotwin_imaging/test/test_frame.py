@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_imaging.frame import frame_remarks, in_frame
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.geometry.frame import frame_remarks, in_frame
+from porotwin_imaging.geometry.sampling import Sampling
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.sampling import Sampling
 
 
 @pytest.mark.parametrize('shift', [(60.0, 0.0), (-64.0, 48.0), (0.0, 170.0)])

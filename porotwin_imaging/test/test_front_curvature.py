@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.grid import conservative_resample
-from porotwin_imaging.calibration import Calibration, Response
-from porotwin_imaging.front_curvature import without_curvature
-from porotwin_imaging.tracer_signal import Contrast
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_imaging.tracer.calibration import Calibration, Response
+from porotwin_imaging.tracer.front_curvature import without_curvature
+from porotwin_imaging.tracer.tracer_signal import Contrast
 
 CELLS, SAMPLES, TILES = 40, 6, 2
 POINTS = np.linspace(0.0, 1.0, 41)

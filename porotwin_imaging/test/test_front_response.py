@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import erfc
 
-from porotwin_imaging.front_response import FrontPhotographs, fit_fronts
-from porotwin_imaging.response_family import concentration_of
-from porotwin_imaging.tracer_signal import Contrast
+from porotwin_imaging.calibrating.front_response import FrontPhotographs, fit_fronts
+from porotwin_imaging.tracer.response_family import concentration_of
+from porotwin_imaging.tracer.tracer_signal import Contrast
 
 Array = NDArray[Any]
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.grid import conservative_resample
-from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
-from porotwin_imaging.level_smoothing import SmoothedMap
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_imaging.smoothing.front_sharpening import blur_in_cells, sharpened
+from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 
 CELLS, FINER = 80, 8
 BLUR = (0.35, 0.3)

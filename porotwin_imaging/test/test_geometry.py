@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Camera
-from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.geometry.corners_and_lens import Geometry
 
 CORNERS = ((11, 8), (16, 1755), (3165, 1748), (3165, 5))
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.gphoto2 import SOURCE, TetheredSource, check_port
 
 FAKE = """#!/bin/sh

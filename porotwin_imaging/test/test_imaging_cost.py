@@ -2,9 +2,9 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.imaging_cost import map_cost, refuse_costly
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.geometry.imaging_cost import map_cost, refuse_costly
 
 CAMERA_PX = (7952, 4472)
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_imaging.imaging_session import ImagingSession
+from porotwin_imaging.live.imaging_session import ImagingSession
 
 
 @pytest.fixture

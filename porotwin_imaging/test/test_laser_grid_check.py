@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.rig import Camera
-from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.laser_grid_check import check_laser_grid
 
 ROWS, COLUMNS = 600, 1000

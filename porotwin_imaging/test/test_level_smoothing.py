@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
-from porotwin_imaging.denoising import denoised
-from porotwin_imaging.level_smoothing import smooth_along_levels
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.smoothing.denoising import denoised
+from porotwin_imaging.smoothing.level_smoothing import smooth_along_levels
 
 GRID = Grid(90, 60, 0.45, 0.3)
 NOISE = np.full(GRID.shape, 0.02)

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import Baseline, make_baseline
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.light_drift import light_drift
+from porotwin_imaging.light.light_drift import light_drift
 
 NZ, NX = 60, 100
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.calibration import Calibration, Response
-from porotwin_imaging.light_error import SeenTracer, light_error
 from porotwin_imaging.settings import DEFAULTS
-from porotwin_imaging.tracer_signal import TracerSignal
+from porotwin_imaging.tracer.calibration import Calibration, Response
+from porotwin_imaging.tracer.light_error import SeenTracer, light_error
+from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 STOCK = np.log([0.3, 0.62, 0.42])
 SHAPE = (40, 60)

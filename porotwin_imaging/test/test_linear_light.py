@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.linear_light import LINEAR_LIGHT, linear_light, linear_light_near
+from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT, linear_light, linear_light_near
 
 
 def test_linear_light_is_the_inverse_of_the_srgb_curve() -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.local_light import local_light
+from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.tracer_colour import TracerColour
+from porotwin_imaging.tracer.tracer_colour import TracerColour
 
 SHAPE = (75, 140)
 DYE = np.array([1.2, 0.7, 1.45])

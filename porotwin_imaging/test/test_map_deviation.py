@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
-from porotwin_imaging.calibration import Calibration, Response
-from porotwin_imaging.level_smoothing import SmoothedMap
-from porotwin_imaging.map_deviation import map_deviation
+from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.settings import DEFAULTS
+from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
+from porotwin_imaging.smoothing.map_deviation import map_deviation
+from porotwin_imaging.tracer.calibration import Calibration, Response
 
 GRID = Grid(30, 20, 0.3, 0.2)
 EXACT = Calibration(scale_error=0.0)

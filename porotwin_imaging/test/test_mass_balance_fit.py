@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.mass_balance_fit import fit_line
+from porotwin_imaging.calibrating.mass_balance_fit import fit_line
 
 
 def test_the_line_is_found_despite_outliers() -> None:

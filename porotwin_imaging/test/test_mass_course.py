@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_rig import box_rig
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.mass_course import jump_remark, jumps
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_imaging.measures.mass_course import jump_remark, jumps
 
 RIG = box_rig(**{'in': (0.1, 0.1)})
 """1920 ml of pores."""

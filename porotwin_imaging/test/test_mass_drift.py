@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_rig import box_rig
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.mass_drift import drift_remark
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_imaging.measures.mass_drift import drift_remark
 
 RIG = box_rig(**{'in': (0.3, 0.2), 'out': (0.55, 0.2)})
 """1920 ml of pores."""

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
-from porotwin_imaging.phase_colours import DISSOLVED, GAS, UNKNOWN
-from porotwin_imaging.phase_measures import phase_measures
-from porotwin_imaging.phase_segmentation import PhaseMap
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, UNKNOWN
+from porotwin_imaging.phases.phase_measures import phase_measures
+from porotwin_imaging.phases.phase_segmentation import PhaseMap
 
 GRID = Grid(200, 100, 2.0, 1.0)
 

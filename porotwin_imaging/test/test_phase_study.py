@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import conservative_resample
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.colour_change import Box
-from porotwin_imaging.phase_colours import DISSOLVED, GAS, UNKNOWN, WATER
-from porotwin_imaging.phase_study import PhaseStudy
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.phases.colour_change import Box
+from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, UNKNOWN, WATER
+from porotwin_imaging.phases.phase_study import PhaseStudy
 
 BLUE, YELLOW, DRY = (0.45, 0.25, 0.10), (0.05, 0.10, 0.50), (-0.30, -0.28, -0.25)
 """Absorption of red, green and blue by water, by dissolved CO2, and by dry sand."""

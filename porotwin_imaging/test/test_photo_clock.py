@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from porotwin_imaging.photo_clock import (
+from porotwin_imaging.photograph.photo_clock import (
     EARLIEST_S,
     OLD_INTERVALS,
     ClockMemory,

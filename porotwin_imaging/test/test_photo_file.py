@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from porotwin_core.errors import InputError
-from porotwin_core.orientation import orientation
-from porotwin_imaging import photo_file
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.orientation import orientation
+from porotwin_imaging.photograph import photo_file
 
 
 def pixels() -> np.ndarray:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from porotwin_imaging.photo_forwarding import PhotoForwarder
-from porotwin_imaging.sent_photos import SentPhotos
+from porotwin_imaging.camera.photo_forwarding import PhotoForwarder
+from porotwin_imaging.photograph.sent_photos import SentPhotos
 from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
 
 NOW = 1.8e9

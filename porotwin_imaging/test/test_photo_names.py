@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.photo_names import baseline_names, named
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.photograph.photo_names import baseline_names, named
 
 
 def test_baselines_without_names_have_numbers_and_a_single_one_has_none() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources import photo_protocol
 from porotwin_imaging.sources.photo_protocol import GrowingProtocol, read_protocol
 

@@ -1,6 +1,6 @@
 """Tests of the photographs that wait to be read."""
 
-from porotwin_imaging.photo_queue import PhotoQueue, QueuedPhoto
+from porotwin_imaging.live.photo_queue import PhotoQueue, QueuedPhoto
 
 
 def test_photographs_keep_their_order() -> None:

@@ -1,6 +1,6 @@
 """The place of each photograph in the sequence."""
 
-from porotwin_imaging.photo_sequence import SequenceState, accept, place
+from porotwin_imaging.live.photo_sequence import SequenceState, accept, place
 
 
 def placements(times: list[float], longest_gap_s: float | None = None) -> list[tuple[str, float]]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.plume_core import find_core, plume_depth, strong_signal
+from porotwin_imaging.calibrating.plume_core import find_core, plume_depth, strong_signal
 
 Z, X = np.mgrid[0:100, 0:160]
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.plume_evidence import plume_evidence
+from porotwin_imaging.calibrating.plume_evidence import plume_evidence
 
 RIG = Rig.model_validate(
     {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_imaging.plume_measures import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.measures.plume_measures import (
     LEAST_INSIDE,
     contour_length,
     finger_count,

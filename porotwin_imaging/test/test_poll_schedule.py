@@ -1,6 +1,6 @@
 """The rhythm of polls, and the pauses while a camera is absent."""
 
-from porotwin_imaging.poll_schedule import LONGEST_PAUSE_S, PollSchedule
+from porotwin_imaging.camera.poll_schedule import LONGEST_PAUSE_S, PollSchedule
 
 
 def test_polls_keep_their_rhythm_and_pauses_grow() -> None:

@@ -1,6 +1,6 @@
 """Repeated remarks get one line."""
 
-from porotwin_imaging.repeated_remarks import lines_of_remarks
+from porotwin_imaging.numerics.repeated_remarks import lines_of_remarks
 
 
 def test_remarks_that_differ_by_numbers_get_one_line() -> None:

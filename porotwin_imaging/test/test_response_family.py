@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.response_family import FAMILIES, concentration_of
+from porotwin_imaging.tracer.response_family import FAMILIES, concentration_of
 
 SIGNAL = np.linspace(-0.1, 1.2, 131)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.response_fit import Dilution, fit_response
+from porotwin_imaging.calibrating.response_fit import Dilution, fit_response
 
 PORE_VOLUME_M3 = 4e-8
 

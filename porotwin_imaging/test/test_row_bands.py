@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porotwin_imaging.row_bands import CELLS_PER_BAND, by_bands, by_overlapping_bands
+from porotwin_imaging.numerics.row_bands import CELLS_PER_BAND, by_bands, by_overlapping_bands
 
 
 def test_bands_change_no_bit() -> None:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Camera
-from porotwin_imaging.geometry import Geometry
-from porotwin_imaging.sampling import Sampling, choose_reduction
+from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.geometry.sampling import Sampling, choose_reduction
 
 
 @pytest.fixture

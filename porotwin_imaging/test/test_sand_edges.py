@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.sand_edges import sand_edges
+from porotwin_imaging.baseline.sand_edges import sand_edges
 
 ROWS, COLUMNS = 200, 360
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.calibration import load_calibration, save_calibration
-from porotwin_imaging.imaging_session import ImagingSession
-from porotwin_imaging.sand_refinement import refined
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_imaging.calibrating.sand_refinement import refined
+from porotwin_imaging.live.imaging_session import ImagingSession
+from porotwin_imaging.tracer.calibration import load_calibration, save_calibration
 
 INTERFACE_M, HEIGHT_M = 0.22, 0.5
 UPTAKE = 0.75

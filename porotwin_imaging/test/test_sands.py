@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging import sands
+from porotwin_imaging.calibrating import sands
 
 NZ, NX = 100, 180
 

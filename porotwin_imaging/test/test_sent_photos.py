@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.parent import PARENT
-from porotwin_imaging.sent_photos import (
+from porotwin_core.basis.parent import PARENT
+from porotwin_imaging.photograph.sent_photos import (
     LINES_FILE,
     MOST_BASELINES,
     SentPhoto,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.signal_choice import choose_signal
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.calibrating.signal_choice import choose_signal
 
 LABELS = np.zeros((60, 100), np.uint8)
 VISIBLE = np.ones(LABELS.shape, bool)

@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.snapshot import PASSWORD, SnapshotSource, check_url
 from porotwin_imaging.sources.source_registry import source_at
 

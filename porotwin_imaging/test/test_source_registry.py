@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.source_registry import SOURCES, check_source, source_at
 
 

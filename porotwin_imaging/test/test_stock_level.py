@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.stock_level import diluted_signals, stock_levels
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.calibrating.stock_level import diluted_signals, stock_levels
 
 Z, X = np.mgrid[0:100, 0:160]
 LABELS = (Z >= 60).astype(np.uint8)

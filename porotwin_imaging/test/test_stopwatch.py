@@ -1,6 +1,6 @@
 """Times of named stages."""
 
-from porotwin_imaging.stopwatch import Stopwatch
+from porotwin_imaging.numerics.stopwatch import Stopwatch
 
 
 def test_repeated_stages_add_up() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_imaging.subscriber_wait import LONGEST_WAIT_S, SubscriberWait
+from porotwin_imaging.camera.subscriber_wait import LONGEST_WAIT_S, SubscriberWait
 
 
 class SettableClock:

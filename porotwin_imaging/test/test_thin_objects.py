@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_imaging.cell_sums import BlockSums, cell_sums
-from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.baseline.thin_objects import thin_objects
+from porotwin_imaging.numerics.cell_sums import BlockSums, cell_sums
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.thin_objects import thin_objects
+from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
 
 ACROSS = 6
 SHAPE = (50, 90)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.light.tone_change import ToneChange, tone_change
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.tone_change import ToneChange, tone_change
 
 SHAPE = (40, 80)
 ALL = np.ones(SHAPE, bool)

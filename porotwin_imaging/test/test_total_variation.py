@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from porotwin_imaging.settings import TotalVariationSettings
-from porotwin_imaging.total_variation import (
+from porotwin_imaging.smoothing.total_variation import (
     DenoisedMap,
     bound_row,
     dual_row,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.tracer_colour import TracerColour, colour_in, local_noise, split
+from porotwin_imaging.tracer.tracer_colour import TracerColour, colour_in, local_noise, split
 
 GREEN = (1.2, 0.7, 1.45)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.tracer_signal import TracerSignal, learned_weights
+from porotwin_imaging.tracer.tracer_signal import TracerSignal, learned_weights
 
 
 def test_absorbance_is_proportional_to_the_log_ratio() -> None:

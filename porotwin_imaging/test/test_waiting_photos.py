@@ -1,6 +1,6 @@
 """Photographs that wait for the baseline."""
 
-from porotwin_imaging.waiting_photos import WaitingPhotos
+from porotwin_imaging.live.waiting_photos import WaitingPhotos
 
 
 def test_the_newest_photographs_are_kept_and_each_warning_comes_once() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from porotwin_core.grid import Grid
-from porotwin_imaging.wasserstein import MOST_CELLS, TOLERANCE, map_distance
+from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.measures.wasserstein import MOST_CELLS, TOLERANCE, map_distance
 
 GRID = Grid(140, 80, 1.4, 0.8)
 X, Z = np.meshgrid(GRID.x, GRID.z)

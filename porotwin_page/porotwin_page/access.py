@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 LOCAL_NAMES = frozenset({'localhost', '127.0.0.1', '::1'})
 """Names of this machine for itself; an SSH tunnel uses them too."""

@@ -8,7 +8,7 @@ import socket
 import struct
 from urllib.parse import quote
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 DEFAULT_HOST = '127.0.0.1'
 """Host of an address without one: this machine only."""

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from porotwin_core.errors import InputError
-from porotwin_core.plausible_rates import greatest_rate_ml_h
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
 
 UNKNOWN_RIG_FACTOR = 10.0

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from porotwin_core.control_zones import control_zones
 from porotwin_core.rig import Rig
+from porotwin_core.rig.control_zones import control_zones
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.header import header_view
 from porotwin_page.json_values import Json, finite, rates_ml_h

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import contourpy
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.units import ML
-from porotwin_core.wells import WellRates
+from porotwin_core.basis.units import ML
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRates
 from porotwin_page.json_values import Json, finite, rates_ml_h
 
 PLUME_LEVEL = 0.05

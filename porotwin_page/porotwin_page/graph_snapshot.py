@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
-from porotwin_core.control_zones import ZoneKind, control_zones
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.wells import WellRates
+from porotwin_core.rig.control_zones import ZoneKind, control_zones
 from porotwin_page.expectation import Expectation
 from porotwin_page.packed_rates import PackedRates
 

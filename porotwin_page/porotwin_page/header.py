@@ -1,6 +1,6 @@
 """The header of the page: rig, newest photograph, end of the experiment, worst node."""
 
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_page.graph_snapshot import GraphSnapshot, ObservedState
 from porotwin_page.health import nodes_view, worst_view
 from porotwin_page.json_values import Json, finite

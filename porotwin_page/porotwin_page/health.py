@@ -1,6 +1,6 @@
 """The health of the nodes, in words."""
 
-from porotwin_core.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
 from porotwin_page.json_values import Json, finite
 

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.wells import WellRates
 
 Json = dict[str, Any]
 

@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 
 Theme = Literal['light', 'dark']
 Quantity = Literal['concentration', 'difference']

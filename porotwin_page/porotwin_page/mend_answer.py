@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 LARGEST_NUMBER = 2**64 - 1
 """Largest number that a message can carry (uint64)."""

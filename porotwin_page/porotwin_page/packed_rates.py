@@ -4,7 +4,7 @@ import sys
 from array import array
 from collections.abc import Iterator, Mapping
 
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.rates.wells import WellRate, WellRates
 
 
 class PackedRates(Mapping[str, WellRate]):

@@ -11,14 +11,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos, senders
-from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, hardware_id, run
+from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import believed_age, steady_time
+from porotwin_core.rates.wells import RateStep
+from porotwin_core.rates.wells import WellRates as RatesByWell
 from porotwin_core.rig import load_rig
-from porotwin_core.service_answer import answer_within
-from porotwin_core.stamps import believed_age, steady_time
-from porotwin_core.wells import RateStep
-from porotwin_core.wells import WellRates as RatesByWell
+from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.node import Diagnostics, declare, hardware_id, run
+from porotwin_core.ros.service_answer import answer_within
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_page.graph_snapshot import CyclePoint, GraphSnapshot
 from porotwin_page.json_values import Json, finite
 from porotwin_page.map_pictures import Quantity, Theme, colour_table, paint, png, scale

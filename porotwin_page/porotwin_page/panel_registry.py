@@ -2,7 +2,7 @@
 
 import functools
 
-from porotwin_core.discovery import discovered
+from porotwin_core.basis.discovery import discovered
 from porotwin_page import panels
 from porotwin_page.panel import Panel
 

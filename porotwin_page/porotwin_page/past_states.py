@@ -9,8 +9,8 @@ from typing import IO
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.wells import WellRate
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRate
 from porotwin_page.graph_snapshot import (
     CyclePoint,
     GraphSnapshot,

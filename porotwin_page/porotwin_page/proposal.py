@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Control
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot
 
 ROUND_OFF_ML_H = 0.05

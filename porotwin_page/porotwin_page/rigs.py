@@ -8,7 +8,7 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_page.address import ALL_INTERFACES, written
 
 SOCKETS = Path('/proc/net/unix')

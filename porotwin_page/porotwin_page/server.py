@@ -22,8 +22,8 @@ from typing import Any, get_args
 import numpy as np
 from aiohttp import web
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRates
 from porotwin_page import confirmation
 from porotwin_page.access import Access, AccessRefused
 from porotwin_page.address import DEFAULT_HOST

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from porotwin_core.senders import LEASE_S, UNKNOWN_NODE
+from porotwin_core.ros.senders import LEASE_S, UNKNOWN_NODE
 
 LINGERING_S = LEASE_S + 5.0
 """A guard that died stays in the graph for so long beside the one that followed it [s]."""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.expectation import Expectation
 from porotwin_page.graph_snapshot import (

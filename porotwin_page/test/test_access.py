@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_page.access import Access, AccessRefused, new_token, parse_hosts, token_in
 
 ACCESS = Access('k7mq-3xwd-p9ra', frozenset({'rig.example.org'}))

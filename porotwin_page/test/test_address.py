@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_page.address import (
     is_local,
     listen,

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from page_examples import RIG, ml_h, rates, two_cycles
 
-from porotwin_core.errors import InputError
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRate
 from porotwin_page.confirmation import ConfirmationDoubt, decoded, parse
 from porotwin_page.graph_snapshot import GraphSnapshot
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from page_examples import START, content, two_cycles
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.mend_answer import parse_mend_answer
 

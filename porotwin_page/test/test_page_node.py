@@ -23,10 +23,10 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from refused_node import refusal
 
-from porotwin_core import conversions, qos
-from porotwin_core.errors import InputError
-from porotwin_core.node_thread import NodeThread
-from porotwin_core.units import to_ml_h
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node_thread import NodeThread
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,

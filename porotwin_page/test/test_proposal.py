@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from page_examples import two_cycles
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import to_ml_h
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.proposal import parse_proposal
 

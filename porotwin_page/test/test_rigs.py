@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_page.rigs import SOCKETS, RigList, announce, named_pages, pages_here
 
 

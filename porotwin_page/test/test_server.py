@@ -26,8 +26,8 @@ from page_examples import (
     two_cycles,
 )
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRates
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.access import Access
 from porotwin_page.address import listen

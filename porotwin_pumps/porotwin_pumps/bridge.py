@@ -7,11 +7,11 @@ fails, and at the end. It uses neither ROS nor a protocol directly.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_pumps.protocols.pump_protocol import Pump, PumpError, PumpSilent
 
 RETRY_PERIOD_S = 5.0

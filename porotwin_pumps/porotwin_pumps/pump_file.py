@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import ConfigDict, Field, FiniteFloat
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import read_yaml_file
 from porotwin_pumps.protocols.protocol_registry import PROTOCOLS

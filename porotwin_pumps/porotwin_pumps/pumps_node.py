@@ -8,11 +8,12 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
-from porotwin_core import __version__, conversions, qos, senders
-from porotwin_core.errors import InputError
-from porotwin_core.node import Diagnostics, declare, declare_rig, run
-from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import believed_age, steady_time
+from porotwin_core import __version__
+from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import believed_age, steady_time
+from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.ros.single_instance import only_one
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate
 from porotwin_pumps.bridge import RETRY_PERIOD_S, PumpBridge
 from porotwin_pumps.protocols.pump_protocol import PumpError, PumpSilent
 

@@ -8,7 +8,7 @@ pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin'
 
 from new_era_simulator import PumpLine
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_pumps.protocols.new_era import NewEraPump, _number
 from porotwin_pumps.protocols.pump_protocol import PumpError
 from porotwin_pumps.serial_line import SerialLine

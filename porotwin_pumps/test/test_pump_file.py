@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig
 from porotwin_pumps.pump_file import load_pumps, pump_openers
 

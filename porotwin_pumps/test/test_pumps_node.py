@@ -14,10 +14,10 @@ pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin'
 
 from new_era_simulator import PumpLine
 
-from porotwin_core import conversions, qos
-from porotwin_core.node_thread import NodeThread
-from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node_thread import NodeThread
 from porotwin_msgs.msg import Outcome, Setpoint, WellRates
 from porotwin_msgs.srv import Control
 from porotwin_pumps.pumps_node import PumpsNode

@@ -6,9 +6,9 @@ from recording_examples import STRING
 from std_msgs.msg import String
 
 from porotwin_msgs.msg import Setpoint, WellRate
-from porotwin_recording.bag_records import BagMessage, TopicQos
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.serialization import SECOND, Serializer
+from porotwin_recording.mcap.bag_records import BagMessage, TopicQos
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND, Serializer
 
 SETPOINT = 'porotwin_msgs/msg/Setpoint'
 

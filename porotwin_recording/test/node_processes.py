@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from recording_examples import bench_rig, eventually
 
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_recording.bag_conversion import import_experiment
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_records import BagMessage
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_recording.experiment.bag_conversion import import_experiment
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_records import BagMessage
+from porotwin_recording.tables.concentration import ConcentrationMaps
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 
 FRAMES = 30
 

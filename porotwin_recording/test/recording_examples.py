@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Boundaries, Camera, Control, FixedWell, Rig, Well
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_records import TopicQos
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.serialization import SECOND, Serializer, message_type
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_records import TopicQos
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND, Serializer, message_type
+from porotwin_recording.tables.concentration import ConcentrationMaps
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 
 STRING = 'std_msgs/msg/String'
 SHARED = Path(__file__).resolve().parents[2].parent / 'shared'

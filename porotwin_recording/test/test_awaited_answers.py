@@ -6,9 +6,9 @@ import threading
 import pytest
 from builtin_interfaces.msg import Time
 
-from porotwin_core.conversions import header_at, time_from_msg
-from porotwin_recording.awaited_answers import LockStep
-from porotwin_recording.serialization import SECOND
+from porotwin_core.ros.conversions import header_at, time_from_msg
+from porotwin_recording.live.lock_step import LockStep
+from porotwin_recording.mcap.serialization import SECOND
 
 RUNNING = threading.Event()
 

@@ -10,16 +10,16 @@ import pytest
 from recording_examples import controlled_rig, write_live_bag
 from sensor_msgs.msg import CompressedImage
 
-from porotwin_core.conversions import rates_to_msg, rig_to_msg
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import write_rig
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.ros.conversions import rates_to_msg, rig_to_msg
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
-from porotwin_recording.bag_conversion import export_bag
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.recording import open_recording
-from porotwin_recording.serialization import SECOND
+from porotwin_recording.experiment.bag_conversion import export_bag
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND
 
 
 @pytest.fixture

@@ -9,23 +9,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording_examples import SHARED, controlled_rig
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import write_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.bag_conversion import export_bag, import_experiment
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.concentration import (
+from porotwin_recording.experiment.bag_conversion import export_bag, import_experiment
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
     ConcentrationWriter,
     MapOrigin,
     MapSeries,
 )
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 
 
 def without_repetitions(schedule: Schedule | None) -> Schedule | None:

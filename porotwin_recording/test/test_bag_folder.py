@@ -10,11 +10,11 @@ import zstandard
 from bag_examples import write_setpoints
 from recording_examples import STRING
 
-from porotwin_core.errors import InputError
-from porotwin_recording.bag_folder import METADATA, is_bag
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap.bag_folder import METADATA, is_bag
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
 
 
 def write_parts(folder: Path, count: int = 3) -> Path:

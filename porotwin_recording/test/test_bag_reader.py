@@ -6,10 +6,10 @@ import pytest
 from bag_examples import SETPOINT, write_setpoints
 from recording_examples import STRING
 
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_records import TopicQos
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.serialization import SECOND
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_records import TopicQos
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND
 
 
 @pytest.mark.parametrize('compress', [True, False])

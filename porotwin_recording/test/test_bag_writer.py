@@ -14,11 +14,11 @@ from recording_examples import STRING
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from porotwin_core.errors import InputError
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter, SplitRule, next_free_path
-from porotwin_recording.definitions import message_definition, type_hash
-from porotwin_recording.serialization import SECOND
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter, SplitRule, next_free_path
+from porotwin_recording.mcap.definitions import message_definition, type_hash
+from porotwin_recording.mcap.serialization import SECOND
 
 
 @pytest.mark.parametrize('compress', [True, False])

@@ -10,16 +10,16 @@ import pytest
 from recording_examples import bench_experiment, bench_rig, write_live_bag
 from sparse_bags import START, SparseBag
 
-from porotwin_core.conversions import rig_to_msg
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
+from porotwin_core.ros.conversions import rig_to_msg
 from porotwin_msgs.msg import Effect, ModelEffects
-from porotwin_recording.bag_conversion import import_experiment
-from porotwin_recording.catalogue import catalogue_entry, find_recordings
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.known_verdicts import KnownVerdicts
-from porotwin_recording.recording import open_recording
-from porotwin_recording.serialization import SECOND
+from porotwin_recording.experiment.bag_conversion import import_experiment
+from porotwin_recording.experiment.catalogue import catalogue_entry, find_recordings
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.known_verdicts import KnownVerdicts
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap.serialization import SECOND
 
 GIGABYTE = 10**9
 PHOTOGRAPH = 36_000_000

@@ -4,8 +4,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_recording.clock_order import check_order, counters
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.clock_order import check_order, counters
 
 MIDNIGHT = datetime(2026, 10, 25, tzinfo=UTC)
 SET_BACK = (150, 170, 130, 150, 170, 190)

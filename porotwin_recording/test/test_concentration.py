@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from recording_examples import bench_rig, random_maps
 
-from porotwin_core.errors import InputError
-from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.concentration import (
+    ConcentrationMaps,
+    ConcentrationWriter,
+    open_maps,
+)
 
 
 @pytest.fixture

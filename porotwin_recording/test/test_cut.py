@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from recording_examples import SCHEDULE, bench_rig
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.concentration import ConcentrationWriter
-from porotwin_recording.cut import cut
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.experiment.cut import cut
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import ConcentrationWriter
+from porotwin_recording.tables.recorded_data import RecordedData
 
 TIMES = (0.0, 30.0, 60.0, 90.0)
 

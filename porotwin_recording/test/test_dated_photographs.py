@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from recording_examples import bench_rig
 
-from porotwin_core.errors import InputError
-from porotwin_recording.photos import Photo
-from porotwin_recording.protocol_answers import ProtocolAnswers
-from porotwin_recording.protocol_import import import_protocols, is_lab_folder
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.importers.protocol_answers import ProtocolAnswers
+from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
+from porotwin_recording.tables.photos import Photo
 
 PLAIN = ProtocolAnswers()
 PUMPS = (

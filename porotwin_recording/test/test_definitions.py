@@ -9,8 +9,8 @@ from bag_examples import write_setpoints
 from geometry_msgs.msg import PointStamped
 
 from porotwin_msgs.msg import RigDescription, Setpoint
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.definitions import message_definition, type_hash
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.definitions import message_definition, type_hash
 
 
 def test_definitions_keep_their_comments(tmp_path: Path) -> None:

@@ -16,11 +16,11 @@ from recording_examples import (
     two_photos,
 )
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig
-from porotwin_recording.experiment_folder import folder_data, read_folder, write_folder
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.experiment_folder import folder_data, read_folder, write_folder
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.recorded_data import RecordedData
 
 needs_shared = pytest.mark.skipif(
     not SHARED.is_dir(), reason='the shared recordings are not beside the checkout'

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_recording.foreign_table import Decimal, read_foreign_table
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.foreign_table import Decimal, read_foreign_table
 
 
 def numbers(folder: Path, *words: str, decimal: Decimal | None = None) -> list[float]:

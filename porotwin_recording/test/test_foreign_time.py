@@ -2,8 +2,8 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_recording.foreign_time import moments, names_zone
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.foreign_time import moments, names_zone
 
 
 def test_times_of_a_zone_follow_its_summer_time() -> None:

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from recording_examples import controlled_rig, write_live_bag
 
-from porotwin_core.conversions import rates_to_msg, rig_to_msg
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, write_rig
-from porotwin_core.wells import WellRate
+from porotwin_core.ros.conversions import rates_to_msg, rig_to_msg
 from porotwin_msgs.msg import NewState, Setpoint
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 def write_rig_bag(path: Path, rig: Rig) -> None:

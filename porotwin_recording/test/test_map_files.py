@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from recording_examples import bench_experiment
 
-from porotwin_core.errors import InputError
-from porotwin_recording.dataset_export import export_dataset
-from porotwin_recording.experiment_folder import read_folder, write_folder
-from porotwin_recording.map_files import files_with_maps
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.experiment.dataset_export import export_dataset
+from porotwin_recording.experiment.experiment_folder import read_folder, write_folder
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.map_files import files_with_maps
 
 
 def test_maps_are_found_by_their_variable_and_not_by_their_name(tmp_path: Path) -> None:

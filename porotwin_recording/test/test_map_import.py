@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from recording_examples import bench_experiment, bench_rig
 
-from porotwin_core.errors import InputError
-from porotwin_recording import dataset_export
-from porotwin_recording.dataset_export import export_dataset
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.map_import import MapAnswers, import_maps
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.experiment import dataset_export
+from porotwin_recording.experiment.dataset_export import export_dataset
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.importers.map_import import MapAnswers, import_maps
 
 PLAIN = MapAnswers()
 

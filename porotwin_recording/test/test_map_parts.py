@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from recording_examples import bench_rig
 
-from porotwin_core.errors import InputError
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.map_parts import MAPS_PER_PART, MapParts
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.concentration import open_maps
+from porotwin_recording.tables.map_parts import MAPS_PER_PART, MapParts
 
 RIG = bench_rig()
 GRID = RIG.grid(6, 4)

@@ -9,11 +9,11 @@ import pytest
 from recording_examples import STRING
 from std_msgs.msg import String
 
-from porotwin_core.errors import InputError
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.mcap_writer import CHUNK_SIZE
-from porotwin_recording.serialization import SECOND, Serializer
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.mcap_writer import CHUNK_SIZE
+from porotwin_recording.mcap.serialization import SECOND, Serializer
 
 
 @pytest.mark.parametrize('compress', [True, False])

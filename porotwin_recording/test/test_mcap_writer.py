@@ -13,15 +13,15 @@ import pytest
 from recording_examples import STRING
 from std_msgs.msg import String
 
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.mcap_writer import CHUNK_SIZE
-from porotwin_recording.serialization import Serializer
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.mcap_writer import CHUNK_SIZE
+from porotwin_recording.mcap.serialization import Serializer
 
 KILLED = """
 import sys, time
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.serialization import Serializer
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import Serializer
 from std_msgs.msg import String
 serializer = Serializer()
 with BagWriter(sys.argv[1]) as bag:

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from recording_examples import controlled_rig
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.odd_recording import (
+from porotwin_recording.experiment.odd_recording import (
     remarks_about_maps,
     remarks_about_recording,
     remarks_about_times,
 )
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.tables.concentration import ConcentrationMaps
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 
 
 def with_control(**changes: float | None) -> Rig:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_recording.one_writer import one_writer, only_writer
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.one_writer import one_writer, only_writer
 
 
 def test_a_second_writer_of_an_output_is_refused(tmp_path: Path) -> None:

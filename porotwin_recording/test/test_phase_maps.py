@@ -6,9 +6,9 @@ import netCDF4
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_recording.phase_maps import NO_PHASE, PhaseMapWriter
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_recording.tables.phase_maps import NO_PHASE, PhaseMapWriter
 
 GRID = Grid(4, 3, 0.4, 0.3)
 PHASES = ('water', 'dissolved', 'gas')

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from recording_examples import bench_rig
 
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_recording.photo_source import fingerprints
-from porotwin_recording.photos import Photo
-from porotwin_recording.recording import Recording
+from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_recording.experiment.photo_source import fingerprints
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.photos import Photo
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from recording_examples import two_photos
 
-from porotwin_core.errors import InputError
-from porotwin_recording.photos import Photo, read_photos, write_photos
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.photos import Photo, read_photos, write_photos
 
 
 @pytest.mark.parametrize(

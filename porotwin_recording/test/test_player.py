@@ -6,14 +6,14 @@ import pytest
 from rclpy.serialization import deserialize_message
 from recording_examples import write_string_bag
 
-from porotwin_core.conversions import rates_from_msg, rates_to_msg
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.ros.conversions import rates_from_msg, rates_to_msg
 from porotwin_msgs.msg import Setpoint, WellRates
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.player import as_measured, latched_before, played_topics
-from porotwin_recording.serialization import SECOND, Serializer
+from porotwin_recording.live.player import as_measured, latched_before, played_topics
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND, Serializer
 
 PHOTOS = ['/p/camera/image/compressed', '/p/camera/baseline/compressed']
 STATES = ['/p/asset/new_state', '/p/asset/state_refreshed', '/p/asset/clean_state']

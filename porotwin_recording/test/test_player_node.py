@@ -12,12 +12,12 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from refused_node import refusal
 
-from porotwin_recording import player_node
-from porotwin_recording.bag_conversion import IMPORT_START
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_records import BagMessage
-from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.serialization import SECOND, stamp_of
+from porotwin_recording.experiment.bag_conversion import IMPORT_START
+from porotwin_recording.live import player_node
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_records import BagMessage
+from porotwin_recording.mcap.bag_writer import BagWriter
+from porotwin_recording.mcap.serialization import SECOND, stamp_of
 
 pytestmark = pytest.mark.graph
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from recording_examples import bench_rig
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import to_ml_h
-from porotwin_recording.protocol_answers import ProtocolAnswers, concentration_in
-from porotwin_recording.protocol_import import import_protocols
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
+from porotwin_recording.importers.protocol_import import import_protocols
 
 PLAIN = ProtocolAnswers()
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import STRING, eventually
 
-from porotwin_core.errors import InputError
-from porotwin_recording.bag_reader import BagReader
-from porotwin_recording.bag_records import TopicQos
-from porotwin_recording.recorder import LossCounter, Recorder
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.live.recorder import LossCounter, Recorder
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.bag_records import TopicQos
 
 
 @given(st.sets(st.integers(2, 199)))

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from recording_examples import bench_experiment, bench_rig, controlled_rig
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate
-from porotwin_recording.bag_conversion import import_experiment
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, net_rate
+from porotwin_recording.experiment.bag_conversion import import_experiment
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import Recording, open_recording
 
 
 @pytest.fixture

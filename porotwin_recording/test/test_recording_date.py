@@ -5,8 +5,8 @@ from datetime import datetime
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_recording.recording_date import date_of_files, parse_date
+from porotwin_core.basis.errors import InputError
+from porotwin_recording.tables.recording_date import date_of_files, parse_date
 
 
 def test_the_earliest_file_of_a_recording_dates_it(tmp_path):

@@ -1,7 +1,7 @@
 """Tests of the replay clock."""
 
-from porotwin_recording.replay_clock import ReplayClock
-from porotwin_recording.serialization import SECOND
+from porotwin_recording.live.replay_clock import ReplayClock
+from porotwin_recording.mcap.serialization import SECOND
 
 
 def test_a_rate_divides_the_waiting_time() -> None:

@@ -1,6 +1,6 @@
 """Tests of the decision whether a replay may begin, on descriptions of a graph."""
 
-from porotwin_recording.replay_readiness import SERVICES, GraphSeen, PlayedTopic, missing
+from porotwin_recording.live.replay_readiness import SERVICES, GraphSeen, PlayedTopic, missing
 
 IMAGE = '/porotwin/camera/image/compressed'
 MEASURED = '/porotwin/wells/measured'

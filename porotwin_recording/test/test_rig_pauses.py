@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 from recording_examples import controlled_rig
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Control, FixedWell, Rig
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.bag_conversion import export_bag, import_experiment
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import open_recording
-from porotwin_recording.rig_pauses import pauses_text, with_pauses
+from porotwin_recording.experiment.bag_conversion import export_bag, import_experiment
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.experiment.rig_pauses import pauses_text, with_pauses
+from porotwin_recording.tables.recorded_data import RecordedData
 
 PAUSES = ((15.0, 20.0), (35.0, 40.5))
 

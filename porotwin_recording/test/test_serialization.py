@@ -9,10 +9,14 @@ import pytest
 from bag_examples import SETPOINT, setpoint
 from rclpy.serialization import deserialize_message
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_msgs.msg import Setpoint
-from porotwin_recording.definitions import message_definition, new_typestore, register_definition
-from porotwin_recording.serialization import SECOND, Deserializer, Serializer, stamp_of
+from porotwin_recording.mcap.definitions import (
+    message_definition,
+    new_typestore,
+    register_definition,
+)
+from porotwin_recording.mcap.serialization import SECOND, Deserializer, Serializer, stamp_of
 
 CAMERA = 'porotwin_msgs/msg/CameraGeometry'
 RATES = 'porotwin_msgs/msg/WellRates'

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import Grid, conservative_resample
+from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_rig.virtual_rig import VirtualRig
 
 FloatArray = NDArray[np.floating]

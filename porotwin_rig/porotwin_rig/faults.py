@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 Pixels = NDArray[np.uint8]
 

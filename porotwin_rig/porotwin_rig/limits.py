@@ -5,10 +5,10 @@ The twin checks these limits too. The virtual rig checks them independently.
 
 import math
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Control, Rig
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate, WellRates, net_rate, net_rate_words
 
 _ROUND_OFF_ML_H = 1e-3
 """Rates that differ by less are equal [ml/h]: messages are rounded, and no pump is that exact."""

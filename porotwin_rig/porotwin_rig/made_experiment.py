@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import VIRTUAL, ConcentrationWriter, MapOrigin
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.photos import Photo, write_photos
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.tables.concentration import VIRTUAL, ConcentrationWriter, MapOrigin
+from porotwin_recording.tables.photos import Photo, write_photos
+from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise

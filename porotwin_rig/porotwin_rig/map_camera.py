@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 
 FloatArray = NDArray[np.floating]
 

@@ -10,10 +10,10 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 
-from porotwin_core import conversions, qos
-from porotwin_core.errors import InputError
-from porotwin_core.node import declare, run
-from porotwin_recording.photos import read_photos
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.node import declare, run
+from porotwin_recording.tables.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
 SETTLE_S = 4.0

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_rig.effects import EffectSet
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_rig.camera import VirtualCamera, camera_before
 from porotwin_rig.scene import FULL_SCALE, Scene, build_scene

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from porotwin_core.errors import InputError
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.render import Photographer

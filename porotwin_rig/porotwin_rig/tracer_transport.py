@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.wells import WellRates
+from porotwin_core.rates.wells import WellRates
 from porotwin_rig.box_flow import Fluxes
 from porotwin_rig.characteristics import Carrier, arriving, inflow_through_rim
 from porotwin_rig.effects import EffectSet

@@ -8,10 +8,10 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Boundaries, Rig
-from porotwin_core.units import GRAVITY, MOLECULAR_DIFFUSION
-from porotwin_core.wells import WellRate
 from porotwin_rig.mesh import Mesh
 
 FloatArray = NDArray[np.floating]

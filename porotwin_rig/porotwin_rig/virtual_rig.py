@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.wells import WellRate, WellRates
 from porotwin_rig.effects import EffectSet
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.pumps import Pumps, RunningPumps, balanced

@@ -20,15 +20,16 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
-from porotwin_core import __version__, conversions, qos, senders
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
+from porotwin_core import __version__
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRate
+from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
 from porotwin_msgs.msg import CleanState, WellRates
 from porotwin_msgs.srv import Control, Ping
-from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_recording.tables.concentration import ConcentrationWriter
 from porotwin_rig.camera import camera_before
 from porotwin_rig.effects import EFFECTS, parse_effects
 from porotwin_rig.pumps import Pumps

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Boundaries
-from porotwin_core.wells import WellRates
 from porotwin_rig.box_flow import (
     BoxFlow,
     Fluxes,

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
 
 SMALL = {
     'name': 'small',

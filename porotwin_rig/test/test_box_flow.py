@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rig_examples import SMALL
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Boundaries, rig_from_maps
 from porotwin_rig.box_flow import BoxFlow, Fluxes, held_vertices, no_flux, radial_fluxes
 from porotwin_rig.mesh import Mesh

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_rig.faults import FAULTS, parse_faults
 
 _PICTURE = np.linspace(90, 150, 40 * 60 * 3).reshape(40, 60, 3).astype(np.uint8)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from rig_examples import make_rig, rates
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.experiment_folder import read_folder
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule
+from porotwin_recording.experiment.experiment_folder import read_folder
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.effects import parse_effects
 from porotwin_rig.made_experiment import make_experiment, signals
 from porotwin_rig.map_camera import MapNoise

@@ -3,8 +3,8 @@
 import pytest
 from rig_examples import make_rig, rates
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import to_ml_h
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
 from porotwin_rig.effects import EffectSet, parse_effects
 from porotwin_rig.pumps import Pumps, RunningPumps, balanced
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from rig_examples import make_rig
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Conditions, Photographer
 

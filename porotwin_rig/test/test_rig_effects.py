@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from rig_examples import make_rig, rates
 
-from porotwin_core.effect_parameter import Parameter
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.effect_parameter import Parameter
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRates
 from porotwin_rig.effects import EFFECTS, parse_effects, refuse_slips
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.effects.freundlich import dissolved_in_equilibrium

@@ -13,10 +13,10 @@ import pytest
 from refused_node import refusal
 from rig_examples import make_rig, rates
 
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import open_maps
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.made_experiment import make_experiment
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -24,8 +24,11 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porot
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import CompressedImage  # noqa: E402
 
-from porotwin_core import conversions, qos  # noqa: E402
-from porotwin_core.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros import (  # noqa: E402
+    conversions,
+    qos,
+)
+from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import CleanState, Outcome, Setpoint, WellRates  # noqa: E402
 from porotwin_msgs.srv import Control, Ping  # noqa: E402
 from porotwin_rig import virtual_rig_node  # noqa: E402

@@ -3,10 +3,10 @@
 import pytest
 from rig_examples import make_rig, rates
 
-from porotwin_core.errors import InputError
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import WellRate
 from porotwin_rig.camera import camera_before
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.pumps import Pumps

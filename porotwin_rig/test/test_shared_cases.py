@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from porotwin_core.rig import EffectDescription
-from porotwin_recording.experiment_folder import read_folder
+from porotwin_recording.experiment.experiment_folder import read_folder
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.virtual_rig import VirtualRig
 

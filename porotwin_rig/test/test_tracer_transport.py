@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from rig_examples import make_rig, rates
 from scipy.integrate import cumulative_trapezoid
 
+from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import from_ml_h
 from porotwin_rig.characteristics import Carrier, arriving, inflow_through_rim
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.spreading import Spreading, spread

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from rig_examples import make_rig
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import GRAVITY
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import GRAVITY
 from porotwin_rig.effects import EffectSet, parse_effects
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig

@@ -3,7 +3,7 @@
 import numpy as np
 from rig_examples import make_rig, rates
 
-from porotwin_core.units import GRAVITY
+from porotwin_core.basis.units import GRAVITY
 from porotwin_rig.effects import EffectSet, parse_effects
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 
 
 def standard_scores(unknowns: int, siblings: int, seed: int) -> FloatArray:

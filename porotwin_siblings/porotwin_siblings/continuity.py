@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_siblings.rate_log import RateLog
 
 

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.delivered_rates import delivered
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.delivered_rates import delivered
+from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_siblings.traits import TRANSVERSE_SHARE, WAVES, Traits
 from porotwin_siblings.zone_measure import ZoneMeasure
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import described_physics
-from porotwin_solver.engine import Engine, State
-from porotwin_solver.physics import Physics
-from porotwin_solver.scheme import Scheme
+from porotwin_solver.model.engine import Engine, State
+from porotwin_solver.transport.scheme import Scheme
 
 LONGEST_STEP_S = 300.0
 """Longest splitting step of a sibling [s]: the error is small beside their spread."""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from porotwin_core.effect_parameter import Parameter
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.effect_parameter import Parameter
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects import effect
 from porotwin_solver.effects.definition.effect import Scope

@@ -11,15 +11,15 @@ from functools import partial
 
 import numpy as np
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.delivered_rates import delivered
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.delivered_rates import delivered
+from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
-from porotwin_core.wells import RateStep
 from porotwin_siblings.course import with_traits
 from porotwin_siblings.traits import Traits
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost, schedule_cost
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 
 @dataclass(frozen=True)

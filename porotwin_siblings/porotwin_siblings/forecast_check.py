@@ -9,7 +9,7 @@ Candes, NeurIPS 2021).
 
 import math
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 
 CHECK_S = 300.0
 """Age of the forecasts that a photograph is compared with [s]."""

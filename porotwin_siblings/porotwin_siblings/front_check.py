@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation, grey_erosion
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_siblings.forecast_check import BAND_DEVIATIONS, CHECK_S
 
 USUAL_MISS_M = 1e-3

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.map_blocks import Blocks
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.map_blocks import Blocks
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.traits import Traits, Unknowns

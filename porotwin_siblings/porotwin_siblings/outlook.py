@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import RateStep
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import RateStep
 
 BAND = (0.05, 0.5, 0.95)
 """Quantiles of a forecast: the ends of the 90 % band and the median."""

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 
 USUAL_DEVIATION = 0.02
 """Deviation of a photograph that tells none, random and systematic each [-]."""

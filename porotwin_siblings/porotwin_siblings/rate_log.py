@@ -5,11 +5,13 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from porotwin_core.errors import InputError
-from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.order_delay import OrderDelay
-from porotwin_core.plausible_rates import refuse_too_great
-from porotwin_core.rates_in_force import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, to_ml_h
+from porotwin_core.clock.stamps import SAME_STAMP_S
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.order_delay import OrderDelay
+from porotwin_core.rates.plausible_rates import refuse_too_great
+from porotwin_core.rates.rates_in_force import (
     SAME_RATE,
     KnownRates,
     RatePeriod,
@@ -18,10 +20,7 @@ from porotwin_core.rates_in_force import (
     rates_in_force,
     same_rates,
 )
-from porotwin_core.rig import Rig
-from porotwin_core.stamps import SAME_STAMP_S
-from porotwin_core.units import DAY_S, to_ml_h
-from porotwin_core.wells import (
+from porotwin_core.rates.wells import (
     RateStep,
     WellRate,
     WellRates,
@@ -30,6 +29,7 @@ from porotwin_core.wells import (
     net_rate_words,
     planned_rates,
 )
+from porotwin_core.rig import Rig
 
 KEPT = 4096
 """Rates that are kept: a flow meter at 10 Hz, photographs every 100 s, some of them late."""

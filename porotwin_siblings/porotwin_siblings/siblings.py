@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.rates_in_force import RatePeriod, injected_tracer
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
+from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer
+from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
-from porotwin_core.state_filter import Estimate, Seen, StateFilter
-from porotwin_core.wells import RateStep
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 from porotwin_siblings.expected_cost import CostOrder

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core import conversions
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRate
+from porotwin_core.ros import conversions
 from porotwin_msgs.msg import Forecast, NewState
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.photograph import Photograph

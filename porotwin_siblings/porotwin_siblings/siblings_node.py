@@ -18,14 +18,22 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from porotwin_core import conversions, qos
-from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
-from porotwin_core.errors import InputError
-from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.freshness import stamp_doubts
-from porotwin_core.grid import Grid
-from porotwin_core.model_effects import ToldEffects
-from porotwin_core.node import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import LastingCrew, ThreadCrew, crew
+from porotwin_core.basis.units import MINUTE_S
+from porotwin_core.clock.freshness import stamp_doubts
+from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.clock.stamps import believed_start
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rates_in_force import SHORTEST_PERIOD_S, KnownRates
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import RateStep
+from porotwin_core.rig import EffectDescription
+from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
+from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.model_effects import ToldEffects
+from porotwin_core.ros.node import (
     Diagnostics,
     declare,
     declare_grid,
@@ -33,16 +41,8 @@ from porotwin_core.node import (
     declare_rig,
     run,
 )
-from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.photo_interval import LONGEST_GAP_INTERVALS
-from porotwin_core.rates_in_force import SHORTEST_PERIOD_S, KnownRates
-from porotwin_core.rig import EffectDescription
-from porotwin_core.run_topics import follow_run
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.single_instance import only_one
-from porotwin_core.stamps import believed_start
-from porotwin_core.units import MINUTE_S
-from porotwin_core.wells import RateStep
+from porotwin_core.ros.run_topics import follow_run
+from porotwin_core.ros.single_instance import only_one
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.continuity import periods_until

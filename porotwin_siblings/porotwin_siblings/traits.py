@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.units import GRAVITY, HOUR_S
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import GRAVITY, HOUR_S
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 
 RATE_DEVIATION = 0.06

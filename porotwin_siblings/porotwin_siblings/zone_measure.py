@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.control_zones import unwanted_tracer
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
-from porotwin_solver.quantities import PLUME_THRESHOLD
-from porotwin_solver.refinement import coarsen, refine
+from porotwin_core.rig.control_zones import unwanted_tracer
+from porotwin_solver.coefficients.quantities import PLUME_THRESHOLD
+from porotwin_solver.coefficients.refinement import coarsen, refine
 
 SAMPLES = 4
 """Samples along each side of a cell that tell its share in the zone."""

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
 from porotwin_siblings.photograph import Photograph
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')

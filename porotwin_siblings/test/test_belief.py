@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_siblings.belief import Belief, standard_scores
 
 SCORES = standard_scores(3, 12, seed=4)

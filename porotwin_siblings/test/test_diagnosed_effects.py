@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 
 BUOYANCY = {

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from siblings_examples import EMPTY, GRID, RATES, RIG
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_siblings.expected_cost import CostOrder, chosen_judges, expected_cost, judge_plan
 from porotwin_siblings.traits import Traits
 

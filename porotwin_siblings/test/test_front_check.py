@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from siblings_examples import GRID
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_siblings.front_check import USUAL_MISS_M, FrontCheck, front_miss, widened
 
 TIMES = np.array([300.0, 1200.0])

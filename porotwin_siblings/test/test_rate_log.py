@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.fixed_pauses import FixedPauses
-from porotwin_core.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 from porotwin_core.rig import load_rig
-from porotwin_core.safe_rates import safe_rates
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_siblings.rate_log import (
     MOST_STEPS,
     RateLog,

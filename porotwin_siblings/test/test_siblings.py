@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_siblings.course import CourseOrder, run_course
 from porotwin_siblings.expected_cost import chosen_judges
 from porotwin_siblings.outlook import Outlook, answers

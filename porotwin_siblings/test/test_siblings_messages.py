@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from siblings_examples import EMPTY, GRID
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 pytest.importorskip('porotwin_msgs', reason='needs ROS 2; set it up with ./porotwin')
 
-from porotwin_core import conversions
+from porotwin_core.ros import conversions
 from porotwin_msgs.msg import NewState
 from porotwin_siblings.siblings_messages import photograph_from_msg
 

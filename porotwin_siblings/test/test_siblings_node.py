@@ -9,19 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, MINUTE_S, from_ml_h
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, Rig, load_rig
-from porotwin_core.units import DAY_S, MINUTE_S, from_ml_h
-from porotwin_core.wells import RateStep, WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.parameter import Parameter  # noqa: E402
 
-from porotwin_core import conversions, qos  # noqa: E402
-from porotwin_core.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros import (  # noqa: E402
+    conversions,
+    qos,
+)
+from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
 from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
 from porotwin_siblings.photograph import Photograph  # noqa: E402

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import airye, erfc, erfcx
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 
 TALBOT_POINTS = 32
 """Points of the inversion of Laplace transforms; double precision allows no more digits."""

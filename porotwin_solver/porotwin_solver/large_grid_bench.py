@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import Boundaries, Rig, Well, rig_from_maps
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.engine import PROCESSOR
-from porotwin_solver.simulation import simulated_maps
+from porotwin_solver.model.engine import PROCESSOR
+from porotwin_solver.model.simulation import simulated_maps
 
 GRIDS = ((280, 150), (747, 450), (3000, 1500))
 """Columns and rows: cells of 10 mm, of 3.5 mm, and of 1.0 mm; the largest one comes last, because

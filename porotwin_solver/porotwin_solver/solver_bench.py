@@ -15,21 +15,21 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import splu
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.wells import Schedule, WellRate, WellRates
 from porotwin_core.rig import Rig, Well
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.cell_threads import THREADED_CELLS, at_most, most_threads
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.flow import transmissibilities
+from porotwin_solver.coefficients.cell_threads import THREADED_CELLS, at_most, most_threads
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import Physics, nominal_physics
+from porotwin_solver.flow.flow import transmissibilities
+from porotwin_solver.flow.multigrid import GridLevel
 from porotwin_solver.large_grid_bench import GRIDS, LARGE_FRAMES, LargeGridCost, large_grid_cost
-from porotwin_solver.model import Model
-from porotwin_solver.multigrid import GridLevel
-from porotwin_solver.physics import Physics, nominal_physics
-from porotwin_solver.simulation import simulate
-from porotwin_solver.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import simulate
+from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
 INTERVAL = 30.0
 """Time between two photographs and between two changes of the rates [s]."""
@@ -284,7 +284,7 @@ def _large_rows() -> list[Row]:
 
 def missing_device() -> str:
     """Return why PyTorch cannot use a graphics processor here; empty if it can."""
-    from porotwin_solver.torch_transport import usable_device
+    from porotwin_solver.transport.torch_transport import usable_device
 
     try:
         usable_device(CUDA)

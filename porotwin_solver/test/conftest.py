@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
 from porotwin_solver.solver_bench import bench_rig
 
 MakeRig = Callable[..., Rig]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from solver_cases import rough_map
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
 from porotwin_solver.adjoint.step_adjoint import step_adjoint
-from porotwin_solver.engine import Engine, State
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.scheme import Scheme
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.model.engine import Engine, State
+from porotwin_solver.transport.scheme import Scheme
 
 
 @pytest.mark.parametrize('scheme', list(Scheme))

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.units import GRAVITY
-from porotwin_solver.background_flux import background_flux
-from porotwin_solver.coupling import Coupling
-from porotwin_solver.engine import Engine
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.transport import Scheme
+from porotwin_core.basis.units import GRAVITY
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.model.coupling import Coupling
+from porotwin_solver.model.engine import Engine
+from porotwin_solver.transport.transport import Scheme
 
 
 def test_the_background_flux_is_uniform_in_a_homogeneous_rig(rig) -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import Schedule
-from porotwin_solver.batch import Job, simulate_many
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.batch import Job, simulate_many
+from porotwin_solver.model.simulation import simulate
 
 TIMES = (0.0, 60.0, 120.0)
 

@@ -5,8 +5,7 @@ import pytest
 from effect_examples import described
 
 from porotwin_core.rig import EffectDescription
-from porotwin_solver import transport
-from porotwin_solver.cell_threads import (
+from porotwin_solver.coefficients.cell_threads import (
     BLOCK_CELLS,
     LIMIT,
     at_most,
@@ -14,8 +13,9 @@ from porotwin_solver.cell_threads import (
     in_rows,
     most_threads,
 )
-from porotwin_solver.engine import State
-from porotwin_solver.model import Model
+from porotwin_solver.model.engine import State
+from porotwin_solver.model.model import Model
+from porotwin_solver.transport import transport
 
 LARGE = (650, 390)
 """Columns and rows of a grid that is shared: its pressure takes multigrid, its substeps blocks."""

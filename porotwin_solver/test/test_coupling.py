@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRate
-from porotwin_solver import coupling
-from porotwin_solver.coupling import Coupling
-from porotwin_solver.physics import nominal_physics
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.model import coupling
+from porotwin_solver.model.coupling import Coupling
 
 
 def test_viscosities_too_far_apart_are_refused(rig) -> None:

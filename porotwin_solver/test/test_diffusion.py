@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_solver.diffusion import (
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.transport.diffusion import (
     DispersionTensor,
     diffuse,
     dispersion_tensor,
     dispersion_tensor_adjoint,
     dispersive_exchanges,
 )
-from porotwin_solver.diffusion_kernels import exchange, pair_cells, superbase
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.transport.diffusion_kernels import exchange, pair_cells, superbase
 
 
 @given(

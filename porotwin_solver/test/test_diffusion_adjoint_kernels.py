@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint
-from porotwin_solver.diffusion import diffuse, dispersive_exchanges
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.local_time_steps import tape_length
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.transport.diffusion import diffuse, dispersive_exchanges
+from porotwin_solver.transport.local_time_steps import tape_length
 
 
 def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_solver.discs import disc_fractions
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_solver.coefficients.discs import disc_fractions
 
 GRID = Grid(37, 23, 0.934, 0.562)
 

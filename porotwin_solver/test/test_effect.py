@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from porotwin_core.blind_draw import DrawContext
-from porotwin_core.effect_parameter import Parameter
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.blind_draw import DrawContext
+from porotwin_core.model.effect_parameter import Parameter
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.candidate import SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope

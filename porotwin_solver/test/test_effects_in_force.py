@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
-from porotwin_solver.effects_in_force import checked_effects, in_words
+from porotwin_solver.service.effects_in_force import checked_effects, in_words
 
 
 def described(name: str, **parameters: float | str) -> EffectDescription:

@@ -8,14 +8,14 @@ import pytest
 from effect_examples import PHYSICAL, described
 from solver_cases import SIDES, rough_map
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
-from porotwin_solver.engine import Engine, State
-from porotwin_solver.model import Model
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.presets import PRESETS
-from porotwin_solver.refinement import refine
-from porotwin_solver.scheme import Scheme
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import WellRate
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.coefficients.refinement import refine
+from porotwin_solver.model.engine import Engine, State
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.presets import PRESETS
+from porotwin_solver.transport.scheme import Scheme
 
 UNBALANCED = {('closed', 'leak')}
 """Sides and effects that the model refuses: the rates do not balance."""

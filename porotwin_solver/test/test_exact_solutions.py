@@ -10,16 +10,16 @@ import math
 import numpy as np
 import pytest
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import Boundaries, EffectDescription, Well
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver import exact_solutions
-from porotwin_solver.coupling import Coupling
 from porotwin_solver.effects import described_physics
-from porotwin_solver.engine import State
-from porotwin_solver.model import Model
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.coupling import Coupling
+from porotwin_solver.model.engine import State
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import simulate
 
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
 NO_DIFFUSION = EffectDescription(

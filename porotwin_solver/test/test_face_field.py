@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porotwin_solver.face_field import FaceField
+from porotwin_solver.coefficients.face_field import FaceField
 
 
 def test_refined_fluxes_share_the_divergence_of_a_cell_equally() -> None:

@@ -6,10 +6,10 @@ import weakref
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Boundaries
-from porotwin_solver.flow import Flow, FlowCache
-from porotwin_solver.physics import SourceSink
+from porotwin_solver.coefficients.physics import SourceSink
+from porotwin_solver.flow.flow import Flow, FlowCache
 
 CLOSED = Boundaries(top='closed')
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')

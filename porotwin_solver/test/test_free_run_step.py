@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from effect_examples import described
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.engine import LONGEST_STEP, State
-from porotwin_solver.free_run_step import longest_free_step
-from porotwin_solver.model import Model
-from porotwin_solver.simulation import maps_of
+from porotwin_solver.model.engine import LONGEST_STEP, State
+from porotwin_solver.model.free_run_step import longest_free_step
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import maps_of
 
 DAY = 86400.0
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML_H, from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import ML_H, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 TIMES = np.array([200.0, 430.0, 600.0])
 EFFECTS = {

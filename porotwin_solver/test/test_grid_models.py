@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.learnt_physics import LearntLeak, LearntPhysics
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate
-from porotwin_solver.grid_models import GridModels, refuse_another_size
+from porotwin_solver.adjoint.grid_models import GridModels, refuse_another_size
 
 
 def test_a_coarser_grid_has_its_own_preset_and_is_kept(rig) -> None:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rig import Boundaries
-from porotwin_core.units import from_ml_h
 from porotwin_solver.effects.definition.candidate import SearchContext
 from porotwin_solver.effects.leak import trials
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from solver_cases import two_well_rig
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.learnt_coefficients import LearntModels
-from porotwin_solver.model import Model
+from porotwin_solver.adjoint.learnt_coefficients import LearntModels
+from porotwin_solver.model.model import Model
 
 RATES = {
     'injector': WellRate(from_ml_h(500.0), 1.0),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_solver.local_time_steps import (
+from porotwin_solver.transport.local_time_steps import (
     TimeStepLevels,
     assign_levels,
     lowest_starting_level,

@@ -9,13 +9,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from solver_cases import SIDES, rough_map, with_permeability
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate, net_rate
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate, net_rate
-from porotwin_solver.model import Model
-from porotwin_solver.presets import PRESETS
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.presets import PRESETS
+from porotwin_solver.model.simulation import simulate
 
 
 @pytest.mark.parametrize('preset', PRESETS)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import Schedule
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 GRID = Grid(93, 56, 0.934, 0.562)
 

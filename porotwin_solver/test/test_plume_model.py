@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.plume_model import plume_model
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_solver.model.plume_model import plume_model
 
 
 def test_volumes_follow_the_factor_and_fronts_the_dispersivity(make_rig) -> None:

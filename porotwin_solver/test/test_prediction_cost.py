@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import Grid
-from porotwin_solver.engine import LONGEST_STEP, State
-from porotwin_solver.local_time_steps import tape_length
-from porotwin_solver.model import Model
-from porotwin_solver.prediction_cost import (
+from porotwin_core.geometry.grid import Grid
+from porotwin_solver.model.engine import LONGEST_STEP, State
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.prediction_cost import (
     PredictionCost,
     in_words,
     prediction_cost,
@@ -15,6 +14,7 @@ from porotwin_solver.prediction_cost import (
     working_rates,
 )
 from porotwin_solver.solver_bench import bench_rig
+from porotwin_solver.transport.local_time_steps import tape_length
 
 RIG = bench_rig()
 

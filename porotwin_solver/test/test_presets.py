@@ -2,11 +2,11 @@
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.preset_names import PRESET_NAMES
-from porotwin_solver.presets import MAX_REFINED_CELLS, PRESETS, preset_named
-from porotwin_solver.scheme import Scheme
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.preset_names import PRESET_NAMES
+from porotwin_solver.model.presets import MAX_REFINED_CELLS, PRESETS, preset_named
+from porotwin_solver.transport.scheme import Scheme
 
 
 def test_presets_are_found_by_their_names() -> None:

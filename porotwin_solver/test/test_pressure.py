@@ -5,13 +5,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Boundaries
-from porotwin_solver import pressure
-from porotwin_solver.flow import Flow
-from porotwin_solver.physics import SourceSink
-from porotwin_solver.pressure import Pressures, factorised
+from porotwin_solver.coefficients.physics import SourceSink
+from porotwin_solver.flow import pressure
+from porotwin_solver.flow.flow import Flow
+from porotwin_solver.flow.pressure import Pressures, factorised
 
 GRID = Grid(61, 37, 0.934, 0.562)  # odd: the last blocks are single rows and columns
 

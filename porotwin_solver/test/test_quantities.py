@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from porotwin_solver.model import Model
-from porotwin_solver.quantities import QUANTITIES
+from porotwin_solver.coefficients.quantities import QUANTITIES
+from porotwin_solver.model.model import Model
 
 
 def test_quantities_of_an_injection_match_its_volume_and_place(rig, rates) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from solver_cases import rough_map
 
-from porotwin_solver.refinement import coarsen, coarsen_adjoint, refine
+from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint, refine
 
 
 def test_refinement_and_averaging_return_the_map() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_core.discovery import module_names
-from porotwin_core.errors import InputError
+from porotwin_core.basis.discovery import module_names
+from porotwin_core.basis.errors import InputError
 from porotwin_solver import effects
 from porotwin_solver.effects import EFFECTS, effects_of, parse_effect
 from porotwin_solver.effects.definition.effect import Scope
@@ -71,7 +71,7 @@ def test_a_module_that_is_no_effect_is_refused_at_import(tmp_path: Path, text, f
     (tmp_path / package.name / 'effects' / 'brine.py').write_text(head + text)
     code = (
         'import sys; sys.path.insert(0, sys.argv[1])\n'
-        'from porotwin_core.errors import InputError\n'
+        'from porotwin_core.basis.errors import InputError\n'
         'try:\n    import porotwin_solver.effects\n'
         'except InputError as error:\n    print(error)\n'
     )

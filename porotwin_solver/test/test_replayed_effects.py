@@ -1,6 +1,6 @@
 """Tests of the effects of a replay: own messages do not count, and a run begins anew."""
 
-from porotwin_solver.replayed_effects import ReplayedEffects
+from porotwin_solver.service.replayed_effects import ReplayedEffects
 
 
 def test_an_own_message_is_known_once() -> None:

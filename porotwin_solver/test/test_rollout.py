@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate
-from porotwin_solver.model import Model
-from porotwin_solver.rollout import rollout
-from porotwin_solver.supervision import Supervision
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import RateStep, WellRate
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.rollout import rollout
+from porotwin_solver.model.supervision import Supervision
 
 PUSH = {'injector': WellRate(from_ml_h(400.0), 1.0), 'producer': WellRate(from_ml_h(-400.0))}
 

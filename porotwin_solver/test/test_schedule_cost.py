@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost, schedule_cost
-from porotwin_solver.model import Model
-from porotwin_solver.rollout import rollout
-from porotwin_solver.supervision import Supervision
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.rollout import rollout
+from porotwin_solver.model.supervision import Supervision
 
 HORIZON = 700.0
 STARTS = (0.0, 150.0, 430.0)

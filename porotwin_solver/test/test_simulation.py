@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from effect_examples import described
 
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import Well
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver.model import Model
-from porotwin_solver.presets import PRESETS
-from porotwin_solver.refinement import coarsen
-from porotwin_solver.simulation import simulate, simulated_maps
+from porotwin_solver.coefficients.refinement import coarsen
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.presets import PRESETS
+from porotwin_solver.model.simulation import simulate, simulated_maps
 
 
 @pytest.mark.parametrize('preset', PRESETS)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import conservative_resample
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.large_grid_bench import large_grid_cost
-from porotwin_solver.model import Model
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.model.model import Model
 from porotwin_solver.solver_bench import PlainModel, bench_rig, bench_schedule, errors
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from refused_node import refusal
 
-from porotwin_core.cost_term import CostTerm
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, load_rig
-from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
-from porotwin_solver.model import Model
-from porotwin_solver.quantities import QUANTITIES
+from porotwin_solver.coefficients.quantities import QUANTITIES
+from porotwin_solver.model.model import Model
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -25,8 +25,8 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from porotwin_core import qos  # noqa: E402
-from porotwin_core.conversions import (  # noqa: E402
+from porotwin_core.ros import qos  # noqa: E402
+from porotwin_core.ros.conversions import (  # noqa: E402
     cost_term_to_msg,
     effect_to_msg,
     header_at,
@@ -50,14 +50,14 @@ from porotwin_msgs.srv import (  # noqa: E402
     Rollout,
     SetEffects,
 )
-from porotwin_solver import solver_node  # noqa: E402
+from porotwin_solver.service import solver_node  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
 """Longest wait for an answer [s]; the first start compiles the kernels."""
 
-SCRIPT = 'from porotwin_solver.solver_node import main; main()'
+SCRIPT = 'from porotwin_solver.service.solver_node import main; main()'
 
 
 class Client:

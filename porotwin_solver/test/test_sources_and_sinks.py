@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from porotwin_core.errors import InputError
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRate
 from porotwin_solver.adjoint.backward_sweep import by_commands
-from porotwin_solver.physics import Leak, SourceSink, nominal_physics
-from porotwin_solver.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.coefficients.physics import Leak, SourceSink, nominal_physics
+from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
 
 def test_sources_add_up_to_the_rates(rig, rates) -> None:

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
-from porotwin_solver.model import Model
-from porotwin_solver.physics import Physics
-from porotwin_solver.supervision import Supervision
+from porotwin_solver.coefficients.physics import Physics
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.supervision import Supervision
 
 
 def test_a_prediction_longer_than_allowed_is_refused_at_once(rig, rates) -> None:

@@ -7,14 +7,14 @@ import pytest
 import torch
 from effect_examples import described
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Boundaries
-from porotwin_core.wells import WellRates
+from porotwin_solver.coefficients.physics import Physics, nominal_physics
 from porotwin_solver.effects import changed_physics
-from porotwin_solver.engine import PROCESSOR, Engine, State
-from porotwin_solver.physics import Physics, nominal_physics
-from porotwin_solver.scheme import Scheme
-from porotwin_solver.torch_transport import TorchTransport
+from porotwin_solver.model.engine import PROCESSOR, Engine, State
+from porotwin_solver.transport.scheme import Scheme
+from porotwin_solver.transport.torch_transport import TorchTransport
 
 DEVICES = [
     'cpu:0',

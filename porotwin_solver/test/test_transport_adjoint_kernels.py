@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import WellRate
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import WellRate
 from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
     advection_adjoint,
 )
-from porotwin_solver.engine import Engine
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.local_time_steps import NO_TAPE, tape_length
-from porotwin_solver.physics import nominal_physics
-from porotwin_solver.scheme import Scheme
-from porotwin_solver.transport import FluxAccumulators, Sources, advect, advection_levels
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.model.engine import Engine
+from porotwin_solver.transport.local_time_steps import NO_TAPE, tape_length
+from porotwin_solver.transport.scheme import Scheme
+from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
 
 
 @pytest.mark.parametrize('scheme', list(Scheme))

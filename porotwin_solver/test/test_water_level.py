@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import GRAVITY, from_ml_h
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Boundaries, EffectDescription, Rig
-from porotwin_core.units import GRAVITY, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.background_flux import background_flux
+from porotwin_solver.coefficients.physics import Physics, nominal_physics
 from porotwin_solver.effects import EFFECTS, parse_effect
 from porotwin_solver.effects.definition.candidate import SearchContext
-from porotwin_solver.physics import Physics, nominal_physics
-from porotwin_solver.simulation import simulate
+from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.model.simulation import simulate
 
 RESERVOIRS = {'top': 'closed', 'left': 'open', 'right': 'open'}
 """Open to a reservoir on the left and on the right."""

@@ -1,6 +1,6 @@
 """Numbers, factors, directions and times in words."""
 
-from porotwin_core.effect_parameter import Parameter, Reading
+from porotwin_core.model.effect_parameter import Parameter, Reading
 from porotwin_solver.effects.definition import words
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.blind_draw import DrawContext
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import Draw, DrawContext
+from porotwin_core.model.blind_draw import Draw, DrawContext
 from porotwin_core.rig import EffectDescription
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_solver.effects import EFFECTS, effect

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from porotwin_core.errors import InputError
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_file import write_whole
 from porotwin_validation.blind_cases import BlindCase
 
 HASHES = 'truth_hashes.json'

@@ -14,8 +14,8 @@ from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.search.ranking import log_odds_against, overall_misfit
 from porotwin_diagnosis.thresholds import NEAR_EQUAL_LOG_ODDS
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import open_maps
 
 BLURS = (0.0, 0.3, 0.5, 0.7, 0.9)
 """Widths of the point spread [cells] that the true maps may need, as in the diagnosis."""

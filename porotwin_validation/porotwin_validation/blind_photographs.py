@@ -16,21 +16,21 @@ from typing import Protocol
 import numpy as np
 
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, from_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.units import DAY_S, from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import Calibration, save_calibration
-from porotwin_imaging.calibration_trust import CalibrationRefused
-from porotwin_imaging.file_hash import sha256_of_file
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_imaging.calibrating.sand_refinement import refined
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.sand_refinement import refined
-from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
-from porotwin_recording.experiment_folder import folder_data, write_folder
-from porotwin_recording.photos import Photo, Role
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_imaging.photograph.file_hash import sha256_of_file
+from porotwin_imaging.tracer.calibration import Calibration, save_calibration
+from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
+from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
+from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer

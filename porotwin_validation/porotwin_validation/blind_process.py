@@ -5,10 +5,10 @@ python -m porotwin_validation.blind_process RECORDING OUTPUT [EXCLUDED ...]
 
 import sys
 
-from porotwin_core.parent import end_with_parent
+from porotwin_core.basis.parent import end_with_parent
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 def main() -> None:

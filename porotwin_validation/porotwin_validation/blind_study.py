@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.errors import InputError, refuse_file
-from porotwin_core.parallel import crew
-from porotwin_core.parent import PARENT
+from porotwin_core.basis.errors import InputError, refuse_file
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise

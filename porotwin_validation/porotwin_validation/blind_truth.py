@@ -13,12 +13,12 @@ from typing import Any, Self
 import netCDF4
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_file import write_whole
+from porotwin_core.geometry.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
-from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.report.named_rows import named_rows
-from porotwin_recording.concentration import ConcentrationMaps, open_maps
+from porotwin_recording.tables.concentration import ConcentrationMaps, open_maps
 from porotwin_rig.made_experiment import signals
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names

@@ -17,9 +17,9 @@ from typing import Self
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.geometry.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
-from porotwin_recording.concentration import open_maps
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.made_experiment import signals
 from porotwin_validation.blind_cases import BlindCase
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.whole_file import write_whole
 
 FILE = 'progress.txt'
 """File with the share of the work on a case that is done, while it is in work."""

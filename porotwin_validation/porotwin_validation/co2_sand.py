@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.rig import Rig
-from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
+from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, WATER
 from porotwin_validation.dyed_sand import TO_LINEAR, Sensor, Shot, at_pixels, photograph_of, places
 
 Array = NDArray[Any]

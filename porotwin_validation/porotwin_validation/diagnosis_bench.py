@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from porotwin_diagnosis.examine import examine
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_study import make_recording
 from porotwin_validation.sparse_regression import sparse_regression

@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.geometry.corners_and_lens import Geometry
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]

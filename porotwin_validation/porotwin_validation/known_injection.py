@@ -3,10 +3,10 @@
 from functools import partial
 from pathlib import Path
 
-from porotwin_imaging.calibration_fit import CalibrationFit, fit_calibration
-from porotwin_imaging.calibration_trust import CalibrationRefused
-from porotwin_recording.experiment_folder import folder_data
-from porotwin_solver.plume_model import plume_model
+from porotwin_imaging.calibrating.calibration_fit import CalibrationFit, fit_calibration
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_recording.experiment.experiment_folder import folder_data
+from porotwin_solver.model.plume_model import plume_model
 
 
 def fit_of_injection(folder: Path) -> CalibrationFit:

@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import Calibration, load_calibration
+from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
-from porotwin_recording.experiment_folder import folder_data
+from porotwin_imaging.tracer.calibration import Calibration, load_calibration
+from porotwin_recording.experiment.experiment_folder import folder_data
 from porotwin_validation.co2_sand import INDICATORS, Co2Sand, Fluids, drawn_fluids
 from porotwin_validation.dyed_sand import TO_LINEAR, Linear, Shot
 

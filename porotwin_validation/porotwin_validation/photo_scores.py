@@ -15,13 +15,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import Calibration
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.calibrating.sand_refinement import refined
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_imaging.sand_refinement import refined
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.experiment_folder import folder_data
+from porotwin_imaging.tracer.calibration import Calibration
+from porotwin_recording.experiment.experiment_folder import folder_data
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_validation.known_injection import fit_of_injection
 
 Array = NDArray[Any]

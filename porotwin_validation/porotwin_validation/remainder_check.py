@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_core.blind_draw import DrawContext
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
 from porotwin_diagnosis.advice.partial_cause import form_model
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.progress import no_progress
 from porotwin_diagnosis.search.levels import make_levels
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_validation.blind_cases import COARSE_ELEMENT, SMALL, BlindCase, small_schedule
 from porotwin_validation.blind_effects import OUTSIDE, drawn
 from porotwin_validation.blind_study import make_recording

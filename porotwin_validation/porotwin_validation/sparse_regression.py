@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_diagnosis.model.gap_map import observed_maps
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 TERMS = {
     'c': 'c', 'dc/dt': 'm', 'dc/dx': 'c_2', 'dc/dz': 'c_1', 'd2c/dx2': 'c_22', 'd2c/dz2': 'c_11',

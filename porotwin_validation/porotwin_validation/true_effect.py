@@ -16,16 +16,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from porotwin_core.blind_draw import DrawContext
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import lack_of_fit
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_effects import LIBRARY, drawn

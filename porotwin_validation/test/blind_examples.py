@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.report.held_out_fields import write_fields
-from porotwin_recording.concentration import ConcentrationWriter, open_maps
+from porotwin_recording.tables.concentration import ConcentrationWriter, open_maps
 from porotwin_rig.made_experiment import signals
 from porotwin_validation.blind_cases import BlindCase, draw_case
 

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_hashes import open_truth, publish_hashes
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from photo_examples import small_rig, textured_baseline
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_validation.blind_cases import SMALL, draw_case
 from porotwin_validation.blind_photographs import (
     INJECTION,

@@ -10,8 +10,8 @@ from threading import Event
 import pytest
 from diagnosis_examples import all_but
 
-from porotwin_core.errors import InputError
-from porotwin_core.parallel import SchedulerLost
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import SchedulerLost
 from porotwin_validation import blind_study
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_study import IN_WORK, blind_check, run_with_shares, work_through

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from photo_examples import small_rig, textured_baseline
 
-from porotwin_core.grid import conservative_resample
-from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
-from porotwin_imaging.phase_study import PhaseStudy
+from porotwin_core.geometry.grid import conservative_resample
+from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, WATER
+from porotwin_imaging.phases.phase_study import PhaseStudy
 from porotwin_validation.co2_sand import (
     INDICATORS,
     Co2Sand,

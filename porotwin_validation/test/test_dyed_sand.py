@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from photo_examples import GRID, PICTURE, small_rig, textured_baseline
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_validation.dyed_sand import (
     Dye,
     DyedSand,

@@ -9,9 +9,9 @@ import pytest
 import yaml
 from photo_examples import PICTURE, small_rig, textured_baseline
 
-from porotwin_core.errors import InputError
-from porotwin_core.units import to_ml_h
-from porotwin_recording.experiment_folder import folder_data
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import to_ml_h
+from porotwin_recording.experiment.experiment_folder import folder_data
 from porotwin_validation import photo_cases
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 

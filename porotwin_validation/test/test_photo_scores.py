@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from photo_examples import small_rig, textured_baseline
 
-from porotwin_imaging.calibration_trust import CalibrationRefused
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_validation import photo_cases
 from porotwin_validation.known_injection import fit_of_injection
 from porotwin_validation.photo_cases import draw_case, write_case

@@ -4,7 +4,7 @@ import pytest
 from diagnosis_examples import DENSER, ELEMENT_M, recorded
 
 from porotwin_core.rig import EffectDescription
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_validation.sparse_regression import sparse_regression
 
 pytest.importorskip('pysindy')

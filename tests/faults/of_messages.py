@@ -15,10 +15,10 @@ from sensor_msgs.msg import CompressedImage
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
 from faults.stage import ENVIRONMENT, GRID, Stage
-from porotwin_core import conversions, qos
-from porotwin_core.grid import Grid
-from porotwin_core.wells import WellRate
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.ros import conversions, qos
+from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import NewState, Setpoint, StateRefreshed, WellRates
 
 REMOVED = 'end the foreign node'
@@ -176,7 +176,7 @@ def foreign_rates(stage: Stage, rates: dict[str, WellRate]) -> Iterator[None]:
     mends='nothing',
 )
 def second_hub(stage: Stage) -> None:
-    command = [sys.executable, '-m', 'porotwin_hub.hub_node', '--ros-args']
+    command = [sys.executable, '-m', 'porotwin_hub.loop.hub_node', '--ros-args']
     command += ['-r', f'__ns:={NAMESPACE}', '-p', f'rig:={stage.folder / "rig.yaml"}']
     ran = subprocess.run(
         command,

@@ -6,8 +6,8 @@ import urllib.request
 
 from faults.fault import Answer, fault
 from faults.stage import Stage
-from porotwin_core import conversions
-from porotwin_core.wells import WellRate
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.ros import conversions
 from porotwin_msgs.srv import ConfirmRates
 
 NOTHING = 'nothing'

@@ -16,10 +16,10 @@ import rclpy
 from graph import RunningGraph, running_graph
 from rclpy.context import Context
 
-from porotwin_core import conversions
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_hub.graph import NAMESPACE, GraphSettings, NodeDescription, live_graph
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_core.ros import conversions
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.launching.graph import NAMESPACE, GraphSettings, NodeDescription, live_graph
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 

@@ -9,8 +9,8 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
-from porotwin_core.errors import InputError
-from porotwin_core.units import HOUR_S, LONGEST_EXPERIMENT_S
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S
 
 BENCHES = {
     'solver': 'porotwin_solver.solver_bench',

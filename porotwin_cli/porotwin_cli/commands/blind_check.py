@@ -8,7 +8,7 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, progress, say
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 
 def command(

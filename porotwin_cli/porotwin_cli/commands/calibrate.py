@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, refuse_existing, say
-from porotwin_core.errors import InputError, check_writable
+from porotwin_core.basis.errors import InputError, check_writable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from porotwin_core.wells import Schedule
-    from porotwin_imaging.calibration_fit import CalibrationFit
-    from porotwin_recording.photos import Photo
-    from porotwin_recording.recording import Recording
+    from porotwin_core.rates.wells import Schedule
+    from porotwin_imaging.calibrating.calibration_fit import CalibrationFit
+    from porotwin_recording.experiment.recording import Recording
+    from porotwin_recording.tables.photos import Photo
 
 
 def command(
@@ -44,8 +44,8 @@ def command(
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_recording.one_writer import only_writer
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.one_writer import only_writer
 
     _refuse_other_files(folder)
     target = output or _beside(folder)
@@ -65,7 +65,7 @@ def command(
 
 def _refuse_other_files(folder: Path) -> None:
     """Raise InputError if `folder` is a file, and neither a bag nor the rig.yaml of a folder."""
-    from porotwin_recording.experiment_folder import RIG_FILE
+    from porotwin_recording.experiment.experiment_folder import RIG_FILE
 
     if folder.is_file() and folder.name != RIG_FILE and folder.suffix != '.mcap':
         raise InputError(f'{folder}: is no recording; name an experiment folder or an MCAP bag')
@@ -77,7 +77,7 @@ def _beside(folder: Path) -> Path:
     Raises:
         InputError: `folder` is the root of the disk.
     """
-    from porotwin_recording.experiment_folder import RIG_FILE
+    from porotwin_recording.experiment.experiment_folder import RIG_FILE
 
     if folder.name == RIG_FILE and folder.is_file():  # its folder is meant
         folder = folder.parent
@@ -90,7 +90,7 @@ def _beside(folder: Path) -> Path:
 
 def _refuse_complete(target: Path) -> None:
     """Raise InputError if `target` exists, but for a refused calibration, which is tried again."""
-    from porotwin_imaging.calibration_pictures import REFUSED
+    from porotwin_imaging.calibrating.calibration_pictures import REFUSED
 
     if (target / REFUSED).exists():
         check_writable(target)
@@ -119,10 +119,10 @@ def _calibrated(
         WorkFailed: the calibration cannot be trusted.
     """
     from porotwin_cli.same_photos import PhotoDigests, told
-    from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
-    from porotwin_imaging.calibration_pictures import write_fit
-    from porotwin_imaging.calibration_trust import CalibrationRefused
-    from porotwin_solver.plume_model import plume_model
+    from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
+    from porotwin_imaging.calibrating.calibration_pictures import write_fit
+    from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+    from porotwin_solver.model.plume_model import plume_model
 
     rig, photos = recording.rig, recording.photos
     schedule, rates_file = _injected_rates(recording)
@@ -165,7 +165,7 @@ def _injected_rates(recording: 'Recording') -> 'tuple[Schedule | None, str]':
 
     The commanded rates count before the first measurement.
     """
-    from porotwin_recording.experiment_folder import COMMANDED_FILE, MEASURED_FILE
+    from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, MEASURED_FILE
 
     measured = recording.measured is not None and bool(recording.measured.rows)
     return recording.known_rates, MEASURED_FILE if measured else COMMANDED_FILE
@@ -195,7 +195,7 @@ def _check_sizes(folder: Path, photos: 'Sequence[Photo]') -> None:
 
 def _size(folder: Path, photo: 'Photo') -> tuple[int, int]:
     """Return (width, height) of a photograph [px]; raise InputError with its name if it is none."""
-    from porotwin_imaging.photo_file import photo_size
+    from porotwin_imaging.photograph.photo_file import photo_size
 
     try:
         return photo_size(photo.read())

@@ -8,9 +8,9 @@ import typer
 
 from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
-from porotwin_core.errors import InputError
-from porotwin_core.preset_names import PRESET_WORDS
-from porotwin_core.units import DAY_S
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S
+from porotwin_core.model.preset_names import PRESET_WORDS
 
 PICTURE = 'check.png'
 """Name of the picture by default."""

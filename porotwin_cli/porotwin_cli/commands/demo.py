@@ -8,10 +8,10 @@ import typer
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder, small_rig
-from porotwin_core.errors import InputError
-from porotwin_core.preset_names import PRESET_WORDS
-from porotwin_core.ros_environment import prepare_environment
-from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
+from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.ros.ros_environment import prepare_environment
 
 ASKING_SPEED = '10'
 """Usual speed if a person answers the offers: a photograph every three seconds."""

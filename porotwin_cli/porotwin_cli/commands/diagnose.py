@@ -10,11 +10,11 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
-from porotwin_core.errors import InputError
-from porotwin_core.preset_names import PRESET_WORDS
-from porotwin_core.ros_environment import enter_domain, namespace_of
-from porotwin_core.units import percent
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import percent
+from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.ros.ros_environment import enter_domain, namespace_of
+from porotwin_hub.launching.graph import NAMESPACE
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from porotwin_core.rig import Rig
     from porotwin_diagnosis.decision.verdict import Verdict
     from porotwin_diagnosis.progress import Progress
-    from porotwin_recording.recording import Recording
+    from porotwin_recording.experiment.recording import Recording
 
 LEAST_OFFERED = 0.5
 """Least confidence of a verdict whose effects are offered for rig.yaml: below, another verdict is
@@ -85,7 +85,7 @@ def command(
     """
     from porotwin_cli.given_twice import refuse_twice
     from porotwin_cli.rig_past import RigPast
-    from porotwin_core.parallel import crew
+    from porotwin_core.basis.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
     from porotwin_diagnosis.history.joint_belief import prior_from
@@ -93,10 +93,10 @@ def command(
     from porotwin_diagnosis.report.answer import sentence
     from porotwin_diagnosis.report.origin import check_unchanged, files_mark
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
-    from porotwin_recording.one_writer import only_writer
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.one_writer import only_writer
     from porotwin_solver.effects.definition.words import plain
-    from porotwin_solver.presets import preset_named
+    from porotwin_solver.model.presets import preset_named
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
@@ -223,11 +223,11 @@ def _each(
     as_json: bool,
 ) -> None:
     """Diagnose every recording alone and print a table."""
-    from porotwin_core.parallel import crew
+    from porotwin_core.basis.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
     from porotwin_diagnosis.data.odd_tracer import odd_lines
-    from porotwin_recording.one_writer import only_writer
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.one_writer import only_writer
 
     tasks = archive_tasks(recordings, output, rig=rig, preset=preset)
     left = sum(not task.is_done for task in tasks)

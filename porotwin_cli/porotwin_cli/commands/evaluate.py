@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, print_json, say
-from porotwin_core.errors import InputError, check_writable, refuse_file
-from porotwin_core.preset_names import PRESET_WORDS
+from porotwin_core.basis.errors import InputError, check_writable, refuse_file
+from porotwin_core.model.preset_names import PRESET_WORDS
 
 
 def command(
@@ -34,13 +34,13 @@ def command(
     Example: ./porotwin evaluate models/monday run3 --output evaluation
     """
     from porotwin_cli.costa_data import frames_of, open_all, source_name, with_effects
-    from porotwin_core.learnt_physics import LearntPhysics
+    from porotwin_core.model.learnt_physics import LearntPhysics
     from porotwin_core.rig import load_rig
-    from porotwin_costa.corrective_model import CorrectiveModel
-    from porotwin_costa.corrective_source import LearntStep, corrective_source
-    from porotwin_costa.evaluation import evaluate
-    from porotwin_costa.evaluation_pictures import write_pictures
-    from porotwin_solver.learnt_coefficients import LearntModels
+    from porotwin_costa.correction.corrective_model import CorrectiveModel
+    from porotwin_costa.correction.corrective_source import LearntStep, corrective_source
+    from porotwin_costa.evaluation.evaluation import evaluate
+    from porotwin_costa.evaluation.evaluation_pictures import write_pictures
+    from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 
     if output is not None:
         refuse_file(output, 'table and pictures')

@@ -9,7 +9,7 @@ import typer
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_cli.workspace import run_folder
-from porotwin_core.units import HOUR_S, LONGEST_EXPERIMENT_S, MINUTE_S
+from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S, MINUTE_S
 
 
 class PaperSection(StrEnum):
@@ -101,7 +101,7 @@ def command(
 def _control(folder: Path, minutes: float, seed: int) -> dict[str, Any]:
     """Run the closed loop of the demo and return its figures."""
     from porotwin_cli.closed_loop import DemoSettings, run_demo
-    from porotwin_core.ros_environment import prepare_environment
+    from porotwin_core.ros.ros_environment import prepare_environment
 
     prepare_environment()
     settings = DemoSettings(

@@ -10,7 +10,7 @@ import typer
 from porotwin_cli.conversion import convert
 from porotwin_cli.experiment_times import times_in
 from porotwin_cli.terminal import Json, print_json, progress, say
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 
 def command(
@@ -50,8 +50,8 @@ def command(
 
     Example: ./porotwin export bags/sample sample.zarr --format zarr
     """
-    from porotwin_recording.bag_conversion import export_bag, topics_left_out
-    from porotwin_recording.experiment_folder import RIG_FILE
+    from porotwin_recording.experiment.bag_conversion import export_bag, topics_left_out
+    from porotwin_recording.experiment.experiment_folder import RIG_FILE
 
     if bag.suffix == '.nc':
         raise InputError(
@@ -112,8 +112,8 @@ def _export_dataset(
     as_json: bool,
 ) -> None:
     """Write maps and rates of a recording for xarray, and print their number."""
-    from porotwin_recording.dataset_export import export_dataset
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.dataset_export import export_dataset
+    from porotwin_recording.experiment.recording import open_recording
 
     recording = open_recording(source, segment=segment)
     with progress() as bar:

@@ -8,17 +8,17 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from porotwin_cli.imaged_maps import ExperimentPhotos
-    from porotwin_core.grid import Grid
+    from porotwin_core.geometry.grid import Grid
+    from porotwin_core.rates.wells import Schedule
     from porotwin_core.rig import Rig
-    from porotwin_core.wells import Schedule
-    from porotwin_imaging.calibration import Calibration
-    from porotwin_recording.recording import Recording
+    from porotwin_imaging.tracer.calibration import Calibration
+    from porotwin_recording.experiment.recording import Recording
 
 UNCALIBRATED = (
     'uncalibrated: the plume is where it is shown, but the concentrations are on a default scale; '
@@ -69,18 +69,18 @@ def command(
     from porotwin_cli.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_cli.same_photos import told
-    from porotwin_core.errors import writing
-    from porotwin_core.parallel import crew
-    from porotwin_core.whole_folder import whole_folder
-    from porotwin_imaging.baseline import make_baseline
-    from porotwin_imaging.calibration import load_calibration, save_calibration
-    from porotwin_imaging.covered_baseline import uncovered
-    from porotwin_imaging.file_hash import sha256_of_file
-    from porotwin_imaging.photo_file import MOST_PIXELS
-    from porotwin_recording.concentration import MapOrigin
-    from porotwin_recording.map_parts import MapParts
-    from porotwin_recording.photo_source import fingerprints
-    from porotwin_recording.recording import open_recording
+    from porotwin_core.basis.errors import writing
+    from porotwin_core.basis.parallel import crew
+    from porotwin_core.basis.whole_folder import whole_folder
+    from porotwin_imaging.baseline.baseline import make_baseline
+    from porotwin_imaging.baseline.covered_baseline import uncovered
+    from porotwin_imaging.photograph.file_hash import sha256_of_file
+    from porotwin_imaging.photograph.photo_file import MOST_PIXELS
+    from porotwin_imaging.tracer.calibration import load_calibration, save_calibration
+    from porotwin_recording.experiment.photo_source import fingerprints
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.concentration import MapOrigin
+    from porotwin_recording.tables.map_parts import MapParts
 
     picture = picture_beside(output)
     for path in (output, picture):
@@ -163,7 +163,7 @@ def _refined(
         clean: bytes of the baselines.
         source: name of the experiment.
     """
-    from porotwin_imaging.sand_refinement import refined
+    from porotwin_imaging.calibrating.sand_refinement import refined
 
     better = refined(
         calibration,
@@ -208,11 +208,11 @@ def _remarks_about_masses(
     - `pale_well`: the maps show no tracer at a well that injects it.
     - `drifting_tracer`: the tracer in the maps leaves the injected tracer.
     """
-    from porotwin_core.mass_check import excess_remark
-    from porotwin_core.well_check import pale_well_remark
-    from porotwin_imaging.mass_course import jump_remark
-    from porotwin_imaging.mass_drift import drift_remark
-    from porotwin_recording.concentration import open_maps
+    from porotwin_core.checks.mass_check import excess_remark
+    from porotwin_core.checks.well_check import pale_well_remark
+    from porotwin_imaging.measures.mass_course import jump_remark
+    from porotwin_imaging.measures.mass_drift import drift_remark
+    from porotwin_recording.tables.concentration import open_maps
 
     if rates is None:
         keys = ('out_of_course', 'too_much_tracer', 'pale_well', 'drifting_tracer')
@@ -235,9 +235,9 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
         InputError: the first baseline is no photograph; its file is named.
     """
     from porotwin_cli.many_photos import read_photo
-    from porotwin_imaging.imaging_cost import map_cost
-    from porotwin_imaging.photo_file import photo_size
-    from porotwin_imaging.photo_names import named
+    from porotwin_imaging.geometry.imaging_cost import map_cost
+    from porotwin_imaging.photograph.photo_file import photo_size
+    from porotwin_imaging.photograph.photo_names import named
 
     with named(photos.baseline_files[0]):
         cost = map_cost(rig, grid, photo_size(read_photo(photos.baselines[0])))
@@ -249,7 +249,7 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
 def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
     """Draw some of the maps in the file `output` into `picture`."""
     from porotwin_cli.rig_drawing import chosen_maps, sheet_of_maps
-    from porotwin_recording.concentration import open_maps
+    from porotwin_recording.tables.concentration import open_maps
 
     maps = open_maps(output, rig)
     shown = chosen_maps(len(maps.times))

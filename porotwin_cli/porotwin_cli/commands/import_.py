@@ -11,7 +11,7 @@ import typer
 
 from porotwin_cli.conversion import convert
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
@@ -93,13 +93,13 @@ def command(
 
     Example: ./porotwin import lab_folder experiment --rig rig.yaml --date-order day-first
     """
-    from porotwin_imaging.exposure_time import exif_words
-    from porotwin_recording.bag_conversion import import_experiment
-    from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
-    from porotwin_recording.one_writer import one_writer
-    from porotwin_recording.photos import IMAGING_FILE
-    from porotwin_recording.protocol_answers import ProtocolAnswers, concentration_in
-    from porotwin_recording.protocol_import import import_protocols, is_lab_folder
+    from porotwin_imaging.photograph.exposure_time import exif_words
+    from porotwin_recording.experiment.bag_conversion import import_experiment
+    from porotwin_recording.importers.map_import import SUFFIXES, MapAnswers, import_maps
+    from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
+    from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
+    from porotwin_recording.tables.one_writer import one_writer
+    from porotwin_recording.tables.photos import IMAGING_FILE
 
     given = {
         '--rig': rig,
@@ -196,8 +196,8 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     Raises:
         InputError: it is no experiment that other commands accept; `source` is named.
     """
-    from porotwin_recording.experiment_folder import MAPS_FILE
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.experiment_folder import MAPS_FILE
+    from porotwin_recording.experiment.recording import open_recording
 
     try:
         made = open_recording(target)

@@ -10,13 +10,13 @@ import typer
 
 from porotwin_cli.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
-from porotwin_core.errors import InputError
-from porotwin_core.units import percent
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import percent
 
 if TYPE_CHECKING:
-    from porotwin_core.grid import FloatArray, Grid
+    from porotwin_core.geometry.grid import FloatArray, Grid
     from porotwin_core.rig import Rig
-    from porotwin_recording.concentration import ConcentrationMaps
+    from porotwin_recording.tables.concentration import ConcentrationMaps
 
 SHOWN = (
     'time_s',
@@ -128,9 +128,9 @@ def _hidden(rows: list[dict[str, Any]]) -> str:
 def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
     """Return the rig and the maps of a file of maps or of a recording."""
     from porotwin_core.rig import load_rig
-    from porotwin_recording.concentration import open_maps
-    from porotwin_recording.experiment_folder import rig_in
-    from porotwin_recording.recording import open_recording, tell_other_rig
+    from porotwin_recording.experiment.experiment_folder import rig_in
+    from porotwin_recording.experiment.recording import open_recording, tell_other_rig
+    from porotwin_recording.tables.concentration import open_maps
 
     if path.suffix != '.nc':
         recording = open_recording(path, rig=rig)
@@ -159,8 +159,8 @@ def _rows(
     """Return one row of measures for each map."""
     import numpy as np
 
-    from porotwin_imaging.plume_measures import plume_alone, plume_measures
-    from porotwin_imaging.wasserstein import map_distance
+    from porotwin_imaging.measures.plume_measures import plume_alone, plume_measures
+    from porotwin_imaging.measures.wasserstein import map_distance
 
     pores = _pores(rig, maps.grid)
     rows: list[dict[str, Any]] = []
@@ -219,7 +219,7 @@ def _is_far_above_stock(values: Any, level: float, grid: 'Grid') -> bool:
     """
     import numpy as np
 
-    from porotwin_imaging.plume_measures import PALE_M2
+    from porotwin_imaging.measures.plume_measures import PALE_M2
 
     plume = values[values >= level]
     area_m2 = grid.cell_area * np.count_nonzero(values > MOST_STOCK)
@@ -244,7 +244,7 @@ def _tell_odd(rows: list[dict[str, Any]], doubted: list[float]) -> None:
 
 def _at(maps: 'ConcentrationMaps', time: float) -> Any:
     """Return the plume of the map at `time` [s], None if there is no map within a second."""
-    from porotwin_imaging.plume_measures import plume_alone
+    from porotwin_imaging.measures.plume_measures import plume_alone
 
     index = int(abs(maps.times - time).argmin())
     if abs(maps.times[index] - time) > SAME_TIME_S:

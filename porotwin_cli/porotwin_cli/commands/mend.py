@@ -7,9 +7,9 @@ import typer
 
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
-from porotwin_core.errors import InputError
-from porotwin_core.ros_environment import enter_domain, namespace_of
-from porotwin_hub.graph import NAMESPACE
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.ros_environment import enter_domain, namespace_of
+from porotwin_hub.launching.graph import NAMESPACE
 
 MOST_OFFER = 2**64 - 1
 """Largest number of an offer in its message."""

@@ -8,7 +8,7 @@ import typer
 from porotwin_cli.foreground import run_node
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
-from porotwin_hub.graph import NAMESPACE
+from porotwin_hub.launching.graph import NAMESPACE
 
 
 def command(
@@ -27,12 +27,12 @@ def command(
 
     Example: ./porotwin record --output runs/today
     """
-    from porotwin_recording.bag_reader import BagReader
+    from porotwin_recording.mcap.bag_reader import BagReader
 
     refuse_existing(output)
     say(f'recording into {output}; stop with Ctrl-C')
     run_node(
-        'porotwin_recording.recorder_node',
+        'porotwin_recording.live.recorder_node',
         'recorder',
         {'output': str(output.resolve()), 'split_mb': split_mb, 'split_s': 60.0 * split_min},
         namespace=namespace,

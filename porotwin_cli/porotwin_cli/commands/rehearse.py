@@ -10,13 +10,13 @@ import typer
 
 from porotwin_cli.experiment_times import SHORTEST_STEP_S, recorded_times
 from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
-from porotwin_core.discovery import module_names
-from porotwin_core.errors import InputError
-from porotwin_core.units import ML
+from porotwin_core.basis.discovery import module_names
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML
 
 if TYPE_CHECKING:
     from porotwin_core.rig import EffectDescription
-    from porotwin_recording.recording import Recording
+    from porotwin_recording.experiment.recording import Recording
 
 DURATION_OPTION = '--duration-min, such as 60'
 
@@ -86,10 +86,10 @@ def command(
     Example: ./porotwin rehearse planned --output photographed --photo-width-px 1600
     """
     from porotwin_cli.grids import grid_of
-    from porotwin_core.whole_folder import whole_folder
-    from porotwin_recording.experiment_folder import MAPS_FILE
-    from porotwin_recording.one_writer import one_writer
-    from porotwin_recording.recording import open_recording
+    from porotwin_core.basis.whole_folder import whole_folder
+    from porotwin_recording.experiment.experiment_folder import MAPS_FILE
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.one_writer import one_writer
     from porotwin_rig.effects import parse_effects, refuse_slips
     from porotwin_rig.made_experiment import make_experiment
     from porotwin_rig.map_camera import MapNoise
@@ -175,7 +175,7 @@ def _refuse_rig_alone(experiment: Path) -> None:
     Raises:
         InputError: it is one; the line asks for rates.
     """
-    from porotwin_recording.experiment_folder import COMMANDED_FILE, FILES, RIG_FILE
+    from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, FILES, RIG_FILE
 
     folder = experiment.parent if experiment.name == RIG_FILE else experiment
     if [name for name in FILES if (folder / name).is_file()] == [RIG_FILE]:

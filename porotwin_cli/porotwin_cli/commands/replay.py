@@ -8,8 +8,8 @@ import typer
 from porotwin_cli.foreground import run_node
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
-from porotwin_core.errors import InputError
-from porotwin_hub.graph import NAMESPACE, Parameter
+from porotwin_core.basis.errors import InputError
+from porotwin_hub.launching.graph import NAMESPACE, Parameter
 
 
 def command(
@@ -50,7 +50,11 @@ def command(
         'lockstep': 'hub/cycle' if lock_step else '',
     }
     run_node(
-        'porotwin_recording.player_node', 'player', parameters, namespace=namespace, domain=domain
+        'porotwin_recording.live.player_node',
+        'player',
+        parameters,
+        namespace=namespace,
+        domain=domain,
     )
     if as_json:
         print_json(parameters)

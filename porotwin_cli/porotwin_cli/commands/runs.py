@@ -11,7 +11,7 @@ import typer
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say, without_warnings
 
 if TYPE_CHECKING:
-    from porotwin_recording.catalogue import CatalogueEntry
+    from porotwin_recording.experiment.catalogue import CatalogueEntry
 
 RUNS = Path('runs')
 """Folder of the runs by default; it is made by the first run."""
@@ -40,8 +40,12 @@ def command(
 
     Example: ./porotwin runs /data/rig1
     """
-    from porotwin_recording.catalogue import catalogue_entry, find_recordings, is_experiment
-    from porotwin_recording.known_verdicts import KnownVerdicts
+    from porotwin_recording.experiment.catalogue import (
+        catalogue_entry,
+        find_recordings,
+        is_experiment,
+    )
+    from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 
     with without_warnings(), progress() as bar:  # ./porotwin check tells what is odd
         begun = folder != RUNS or folder.exists()

@@ -11,16 +11,16 @@ from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.output_files import one_call_for_each_output, write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
-    from porotwin_core.grid import Grid
-    from porotwin_core.parallel import Crew
+    from porotwin_core.basis.parallel import Crew
+    from porotwin_core.geometry.grid import Grid
     from porotwin_core.rig import Rig
-    from porotwin_imaging.colour_change import Box
-    from porotwin_imaging.phase_segmentation import PhaseMap
-    from porotwin_imaging.phase_study import PhaseStudy
-    from porotwin_recording.photos import Photo
+    from porotwin_imaging.phases.colour_change import Box
+    from porotwin_imaging.phases.phase_segmentation import PhaseMap
+    from porotwin_imaging.phases.phase_study import PhaseStudy
+    from porotwin_recording.tables.photos import Photo
 
 SHOWN = ('time_s', 'phase', 'area_m2', 'doubt_m2', 'pores_ml', 'contour_m', 'x_m', 'z_m', 'parts')
 """Columns of the table."""
@@ -69,13 +69,13 @@ def command(
     from porotwin_cli.output_files import check_output
     from porotwin_cli.phase_picture import phase_sheet
     from porotwin_cli.rig_drawing import picture_beside
-    from porotwin_core.parallel import crew
-    from porotwin_imaging.baseline import make_baseline
-    from porotwin_imaging.imaging_cost import map_cost
-    from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
-    from porotwin_imaging.phase_study import PhaseStudy
-    from porotwin_imaging.photo_file import MOST_PIXELS, photo_size
-    from porotwin_recording.recording import open_recording
+    from porotwin_core.basis.parallel import crew
+    from porotwin_imaging.baseline.baseline import make_baseline
+    from porotwin_imaging.geometry.imaging_cost import map_cost
+    from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, WATER
+    from porotwin_imaging.phases.phase_study import PhaseStudy
+    from porotwin_imaging.photograph.photo_file import MOST_PIXELS, photo_size
+    from porotwin_recording.experiment.recording import open_recording
 
     picture, table = picture_beside(output), output.with_suffix('.csv')
     for path in (output, picture, table):
@@ -135,7 +135,7 @@ def command(
 
 def _boxes(texts: Sequence[str] | None, name: str) -> 'list[Box]':
     """Return the boxes of an option."""
-    from porotwin_imaging.colour_change import box_of
+    from porotwin_imaging.phases.colour_change import box_of
 
     return [box_of(text, name) for text in texts or ()]
 
@@ -152,7 +152,7 @@ def _tell_colours(study: 'PhaseStudy', *, given: bool) -> None:
 
 def _tell_times(boxes: 'dict[int, list[Box]]', times: 'list[float]') -> None:
     """Say which photograph shows a box if there is none at its time."""
-    from porotwin_imaging.phase_colours import PHASES
+    from porotwin_imaging.phases.phase_colours import PHASES
 
     for phase, given in boxes.items():
         for box in given:
@@ -188,8 +188,8 @@ def _segment(
     """Write the maps of all photographs; return their measures."""
     from porotwin_cli.many_photos import each_photo
     from porotwin_cli.rig_drawing import chosen_maps
-    from porotwin_imaging.phase_colours import PHASES
-    from porotwin_recording.phase_maps import PhaseMapWriter
+    from porotwin_imaging.phases.phase_colours import PHASES
+    from porotwin_recording.tables.phase_maps import PhaseMapWriter
 
     grid, work, words = study.baseline.grid, _Work(), study.colours.words()
     drawn = chosen_maps(len(states))
@@ -214,8 +214,8 @@ def _segment(
 
 def _rows(found: 'PhaseMap', time: float, rig: 'Rig', grid: 'Grid') -> list[dict[str, Any]]:
     """Return a row of measures for each phase in a photograph taken at `time` [s]."""
-    from porotwin_imaging.phase_colours import PHASES
-    from porotwin_imaging.phase_measures import phase_measures
+    from porotwin_imaging.phases.phase_colours import PHASES
+    from porotwin_imaging.phases.phase_measures import phase_measures
 
     pores = rig.cell_pore_volume(grid)
     return [

@@ -11,15 +11,15 @@ import typer
 from porotwin_cli.experiment_times import MOST_TIMES, recorded_times, times_in
 from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress, say
-from porotwin_core.discovery import module_names
-from porotwin_core.errors import InputError
-from porotwin_core.preset_names import PRESET_WORDS
-from porotwin_core.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_core.basis.discovery import module_names
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_core.model.preset_names import PRESET_WORDS
 
 if TYPE_CHECKING:
     from porotwin_cli.free_run_errors import LateMaps
-    from porotwin_core.grid import FloatArray, Grid
-    from porotwin_recording.recording import Recording
+    from porotwin_core.geometry.grid import FloatArray, Grid
+    from porotwin_recording.experiment.recording import Recording
 
 MOST_CELLS = 10_000_000
 """Most cells of a simulation; it takes 0.4 kB for each, so 4 GB."""
@@ -91,12 +91,12 @@ def command(
     from porotwin_cli.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_cli.run_course import run_course
-    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
-    from porotwin_recording.recording import open_recording
+    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
     from porotwin_solver.effects import described_physics, parse_effects
-    from porotwin_solver.free_run_step import longest_free_step
-    from porotwin_solver.prediction_cost import prediction_cost
-    from porotwin_solver.simulation import simulated_maps
+    from porotwin_solver.model.free_run_step import longest_free_step
+    from porotwin_solver.model.prediction_cost import prediction_cost
+    from porotwin_solver.model.simulation import simulated_maps
 
     picture = picture_beside(output)
     for path in (output, picture):
@@ -169,7 +169,7 @@ def command(
 
 def _rig_option(output: Path, experiment: Path) -> str:
     """Return the option that names the rig, if its description is not beside the output."""
-    from porotwin_recording.experiment_folder import RIG_FILE
+    from porotwin_recording.experiment.experiment_folder import RIG_FILE
 
     described = experiment / RIG_FILE
     if (output.parent / RIG_FILE).is_file() or not described.is_file():

@@ -8,8 +8,8 @@ import typer
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, refuse_existing
-from porotwin_core.errors import InputError
-from porotwin_core.preset_names import PRESET_WORDS
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.preset_names import PRESET_WORDS
 
 PAIRS_KEPT = 300
 """Most pairs that are kept beside a model for training beside the twin; 8 B a cell and pair."""
@@ -59,11 +59,11 @@ def command(
     )
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
-    from porotwin_costa.data_parallel import joined
-    from porotwin_costa.dataset import newest, pairs_beside
-    from porotwin_costa.learnt_words import coefficient_lines
+    from porotwin_costa.data.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
-    from porotwin_solver.prediction_cost import prediction_cost
+    from porotwin_costa.physics.learnt_words import coefficient_lines
+    from porotwin_costa.training.data_parallel import joined
+    from porotwin_solver.model.prediction_cost import prediction_cost
 
     refuse_existing(output)
     network = named(architecture)

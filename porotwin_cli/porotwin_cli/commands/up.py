@@ -11,9 +11,9 @@ import typer
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, say
 from porotwin_cli.workspace import run_folder
-from porotwin_core.errors import InputError
-from porotwin_core.units import DAY_S
-from porotwin_hub.graph import GraphSettings, description_of
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S
+from porotwin_hub.launching.graph import GraphSettings, description_of
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
@@ -29,7 +29,7 @@ class Mend(StrEnum):
 def _print_template(wanted: bool) -> None:
     """Print the template of a parameter file and end, if it is wanted."""
     if wanted:
-        from porotwin_hub.graph import parameter_template
+        from porotwin_hub.launching.graph import parameter_template
 
         print(parameter_template(), end='')
         raise typer.Exit
@@ -101,15 +101,15 @@ def command(
     from porotwin_cli.live_twin import check_early, run_until_stopped
     from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
-    from porotwin_core.ros_environment import (
+    from porotwin_core.ros.ros_environment import (
         DomainClaim,
         domain_of,
         enter_domain,
         namespace_of,
         prepare_environment,
     )
-    from porotwin_hub.graph import live_graph, named_nodes
-    from porotwin_hub.network import network_of
+    from porotwin_hub.launching.graph import live_graph, named_nodes
+    from porotwin_hub.launching.network import network_of
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps

@@ -7,13 +7,13 @@ import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
-from porotwin_core.coarse_grid import COARSE_CELLS
-from porotwin_core.errors import InputError, check_writable, refuse_file
-from porotwin_core.units import percent
+from porotwin_core.basis.errors import InputError, check_writable, refuse_file
+from porotwin_core.basis.units import percent
+from porotwin_core.rig.coarse_grid import COARSE_CELLS
 
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
-    from porotwin_core.wells import WellRate, WellRates
+    from porotwin_core.rates.wells import WellRate, WellRates
     from porotwin_siblings.outlook import Outlook
 
 TABLE_ROWS = 6
@@ -70,8 +70,8 @@ def command(
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_steps, seconds_of, study_what_if
-    from porotwin_core.parallel import crew
-    from porotwin_recording.recording import open_recording
+    from porotwin_core.basis.parallel import crew
+    from porotwin_recording.experiment.recording import open_recording
 
     if recording.suffix == '.nc':
         raise InputError(
@@ -122,7 +122,7 @@ def _show(found: 'WhatIfStudy') -> None:
     import numpy as np
 
     from porotwin_cli.what_if_study import NO_ZONE, REACHED
-    from porotwin_core.units import ML
+    from porotwin_core.basis.units import ML
 
     unit = found.time_unit
     print('rates in ml/h; @ gives the injected concentration, 1 is tracer stock')
@@ -152,7 +152,7 @@ def _show(found: 'WhatIfStudy') -> None:
 
 
 def _in_words(rates: 'WellRates') -> str:
-    from porotwin_core.units import to_ml_h
+    from porotwin_core.basis.units import to_ml_h
 
     def fluid(well: 'WellRate') -> str:
         return f'@{well.concentration:.3g}' if well.rate > 0.0 and well.concentration else ''
@@ -164,7 +164,7 @@ def _in_words(rates: 'WellRates') -> str:
 
 def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     """Return both forecasts in laboratory units; times are on the clock of the recording."""
-    from porotwin_core.units import ML
+    from porotwin_core.basis.units import ML
 
     return {
         'at_s': found.start,
@@ -188,7 +188,7 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
 
 def _outlook_json(outlook: 'Outlook', start: float) -> dict[str, Any]:
     """Return an outlook from `start` [s] on."""
-    from porotwin_core.units import ML, to_ml_h
+    from porotwin_core.basis.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
     return {

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from porotwin_cli.commands import calibrate, image
-from porotwin_core.errors import InputError
-from porotwin_imaging.calibration import Calibration, save_calibration
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.tracer.calibration import Calibration, save_calibration
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 from cli_examples import porotwin
 
 from porotwin_cli.commands import calibrate
-from porotwin_recording.one_writer import only_writer
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.one_writer import only_writer
 
 
 @pytest.mark.parametrize('role', ['baseline', 'state'])

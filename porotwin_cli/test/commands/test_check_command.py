@@ -27,14 +27,18 @@ from porotwin_cli.rig_check import (
     recorded_interval,
 )
 from porotwin_cli.workspace import ROOT, small_rig
-from porotwin_core.grid import Grid
+from porotwin_core.basis.units import GRAVITY, to_ml_h
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
-from porotwin_core.units import GRAVITY, to_ml_h
-from porotwin_core.wells import Schedule
-from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
-from porotwin_recording.experiment_folder import folder_data, write_folder
-from porotwin_recording.photos import Photo
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
+from porotwin_recording.tables.concentration import (
+    ConcentrationMaps,
+    ConcentrationWriter,
+    open_maps,
+)
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
 
 BETWEEN = {
     'top': 'closed',

@@ -15,15 +15,16 @@ from sparse_bags import SparseBag
 
 from porotwin_cli import imaged_maps
 from porotwin_cli.commands.image import command
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig
-from porotwin_imaging import calibration, mass_course
-from porotwin_imaging.calibration import Calibration, load_calibration, save_calibration
-from porotwin_recording import topic_names
-from porotwin_recording.concentration import open_maps
-from porotwin_recording.map_parts import MapParts
-from porotwin_recording.photo_source import fingerprints
-from porotwin_recording.recording import open_recording
+from porotwin_imaging.measures import mass_course
+from porotwin_imaging.tracer import calibration
+from porotwin_imaging.tracer.calibration import Calibration, load_calibration, save_calibration
+from porotwin_recording.experiment.photo_source import fingerprints
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.mcap import topic_names
+from porotwin_recording.tables.concentration import open_maps
+from porotwin_recording.tables.map_parts import MapParts
 
 LARGE = 20_000_000
 """Size that every photograph of the large bag claims [B]."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from cli_examples import porotwin
 
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 
 def test_a_folder_is_the_same_after_import_and_export(experiment: Path, tmp_path: Path) -> None:

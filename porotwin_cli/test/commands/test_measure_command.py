@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from porotwin_cli.app import app
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
-from porotwin_recording.concentration import ConcentrationWriter, MapOrigin, open_maps
+from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin, open_maps
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import numpy as np
 from cli_examples import one_well_rig, porotwin
 
 from porotwin_core.rig import load_rig
-from porotwin_recording.recording import open_recording
+from porotwin_recording.experiment.recording import open_recording
 
 RIG = one_well_rig(0.2, 0.1)
 RATES = 'time_s,well,rate_ml_h,concentration\n0,injector,200,1\n240,injector,0,\n'

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from porotwin_cli.app import app
 from porotwin_cli.commands.runs import _columns, size_words
-from porotwin_recording.catalogue import CatalogueEntry
+from porotwin_recording.experiment.catalogue import CatalogueEntry
 
 SAMPLE = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
 

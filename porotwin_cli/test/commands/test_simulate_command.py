@@ -12,10 +12,10 @@ from cli_examples import one_well_rig, porotwin
 from porotwin_cli import rig_drawing
 from porotwin_cli.commands import simulate
 from porotwin_cli.workspace import small_rig
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_recording.concentration import ConcentrationWriter
-from porotwin_recording.recording import open_recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import ConcentrationWriter
 
 
 def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from cli_examples import TIMEOUT_S, porotwin
 
 from porotwin_cli import live_twin
 from porotwin_core.rig import load_rig
-from porotwin_core.ros_environment import DomainClaim, domain_of
+from porotwin_core.ros.ros_environment import DomainClaim, domain_of
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from typing import Any
 
 import pydantic
 
-from porotwin_core.likely_name import did_you_mean
-from porotwin_core.other_unit import in_other_unit
+from porotwin_core.basis.likely_name import did_you_mean
+from porotwin_core.basis.other_unit import in_other_unit
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')

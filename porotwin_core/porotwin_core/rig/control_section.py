@@ -7,9 +7,9 @@ import pydantic
 from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
 from porotwin_core.rig.sections import Point, Section, ZoneFile, check_corners, refuse_files
-from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
 
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
@@ -78,7 +78,7 @@ class ObjectiveDescription(Section):
 
     In `rig.yaml` it is a name (`keep_out`), or a mapping of the name and the parameters
     (`{name: keep_in, zone_m: [...]}`). The hub checks name and parameters, because it knows the
-    objectives (`porotwin_hub.objective_registry`).
+    objectives (`porotwin_hub.objectives.objective_registry`).
     """
 
     name: str = DEFAULT_OBJECTIVE

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid
 
 DEPTH_SQUARE_M = 0.01
 """Side of the squares of an interpolated depth [m]; plates bend over decimetres."""

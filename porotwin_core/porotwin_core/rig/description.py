@@ -9,8 +9,10 @@ import numpy as np
 import pydantic
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.plausibility import LENGTHS
+from porotwin_core.basis.plausibility import LENGTHS
+from porotwin_core.basis.units import permeability_of
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.rig.control_section import Control
 from porotwin_core.rig.numbers import Positive
 from porotwin_core.rig.sand_sections import (
@@ -29,8 +31,6 @@ from porotwin_core.rig.sections import (
     Section,
     Well,
 )
-from porotwin_core.units import permeability_of
-from porotwin_core.zone_shapes import PictureZone
 
 DEFAULT_CELL_M = 0.005
 """Cell size of the default grid [m]: finer than a plume's front, coarse enough for live control."""

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_core.control_zones import control_zones
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid, conservative_resample
-from porotwin_core.plausibility import Remark
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.geometry.grid import Grid, conservative_resample
+from porotwin_core.rig.control_zones import control_zones
 from porotwin_core.rig.description import Rig
 
 LOG = logging.getLogger('porotwin')

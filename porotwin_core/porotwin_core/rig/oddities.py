@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.plausibility import (
+from porotwin_core.basis.plausibility import (
     CONDUCTIVITY,
     DENSITY,
     DEPTH,
@@ -21,12 +21,12 @@ from porotwin_core.plausibility import (
     Remark,
     rate_remark,
 )
-from porotwin_core.polygons import crosses_itself, inside, signed_area
+from porotwin_core.basis.units import ML
+from porotwin_core.geometry.polygons import crosses_itself, inside, signed_area
 from porotwin_core.rig.description import Rig
 from porotwin_core.rig.sand_drawing import sand_raster
 from porotwin_core.rig.sand_sections import DepthPoints
 from porotwin_core.rig.sections import LEAST_CORNERS, Pixel
-from porotwin_core.units import ML
 
 DEEP = 0.5
 """Depth over the smaller side above which a rig is no longer flat, as the model assumes."""

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pydantic
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_core.plausibility import Remark
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
 from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig

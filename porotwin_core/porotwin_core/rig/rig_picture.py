@@ -5,8 +5,8 @@ from pathlib import Path
 
 from PIL import Image, UnidentifiedImageError
 
-from porotwin_core.errors import InputError
-from porotwin_core.orientation import UPRIGHT, orientation
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.orientation import UPRIGHT, orientation
 
 SHAPE_TOLERANCE = 0.05
 """Largest relative difference of the sides of picture and rig: a frame of some pixels."""

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageColor
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.polygons import inside
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.polygons import inside
 from porotwin_core.rig.rig_picture import rig_picture
 from porotwin_core.rig.sand_sections import SandImage, SandLayer, SandPolygon
-from porotwin_core.units import percent
 
 SAND_SQUARE_M = 0.002
 """Side of a square [m]: a few grains of coarse sand, below the accuracy of a packing."""

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig.description import Rig
 
 CELLS = (240, 160)

@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig.numbers import Number, Positive
 
 DEFAULT_WELL_RADIUS = 0.004

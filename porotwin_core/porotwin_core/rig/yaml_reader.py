@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 
 _FLOAT = re.compile(
     r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.rig.property_file import read_map
 from porotwin_core.rig.rig_picture import rig_picture
 from porotwin_core.rig.sand_drawing import sand_raster
-from porotwin_core.zone_shapes import PictureZone
 
 KEY = 'control.zone'
 """The key of rig.yaml, for messages."""

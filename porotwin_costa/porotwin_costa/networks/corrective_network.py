@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, Self
 import torch
 from torch import Tensor, nn
 
-from porotwin_core.grid import FloatArray
-from porotwin_costa.flow_shape import FlowShape
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_costa.data.flow_shape import FlowShape
+from porotwin_costa.networks.training_settings import TrainingSettings
 
 RATES_PER_WELL = 2
 """A well is described by its water rate and its tracer rate (water rate times concentration)."""

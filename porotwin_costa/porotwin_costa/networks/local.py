@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_costa.networks.corrective_network import (
     RATES_PER_WELL,
     Architecture,
@@ -15,7 +15,7 @@ from porotwin_costa.networks.corrective_network import (
     RigFields,
     Window,
 )
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
 
 pad = nn.functional.pad
 

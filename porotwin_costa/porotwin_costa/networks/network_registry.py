@@ -1,7 +1,7 @@
 """All architectures by name, collected from the modules of this folder."""
 
-from porotwin_core.discovery import discovered
-from porotwin_core.errors import InputError
+from porotwin_core.basis.discovery import discovered
+from porotwin_core.basis.errors import InputError
 from porotwin_costa.networks.corrective_network import Architecture
 
 DEFAULT = 'hybrid'
@@ -13,7 +13,7 @@ ARCHITECTURES = discovered(
     'ARCHITECTURE',
     Architecture,
     'docs/extend/network.md',
-    helpers=('corrective_network', 'network_registry'),
+    helpers=('corrective_network', 'network_registry', 'training_settings'),
 )
 """Every architecture by its name, in the order of the module names."""
 

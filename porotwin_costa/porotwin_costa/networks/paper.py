@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_costa.networks.corrective_network import (
     RATES_PER_WELL,
     Architecture,
     CorrectiveNetwork,
     RigFields,
 )
-from porotwin_costa.training_settings import TrainingSettings
+from porotwin_costa.networks.training_settings import TrainingSettings
 
 KERNEL_CELLS = 5
 """Side of the convolution kernels (paper, section 2.2.3)."""

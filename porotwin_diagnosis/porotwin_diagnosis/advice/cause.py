@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.effects.definition.effect import Process
 
 Amounts = Sequence[float]

@@ -18,8 +18,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.time_units import time_unit
+from porotwin_core.clock.time_units import time_unit
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.advice.cause import Amounts, Cause
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.noise import blurred

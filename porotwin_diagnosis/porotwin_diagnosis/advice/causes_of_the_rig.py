@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.place_scan import trials_of
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import EFFECTS, effects_of
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.definition.effect import Process, Scope
 from porotwin_solver.effects.definition.words import plain
-from porotwin_solver.physics import Physics
 
 TOLERANCE = 1.0
 """Steps that a fitted parameter may lie outside its range: responses are linear, maps are noisy."""

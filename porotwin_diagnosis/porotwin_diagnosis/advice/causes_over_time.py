@@ -19,17 +19,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_core.time_units import time_unit
-from porotwin_core.units import GRAVITY
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import GRAVITY
+from porotwin_core.clock.time_units import time_unit
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
 from porotwin_diagnosis.model.library import pumping_wells, search_context
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Process
-from porotwin_solver.physics import Physics
 
 WINDOWS = 12
 """Parts of a recording: four for the shortest period."""

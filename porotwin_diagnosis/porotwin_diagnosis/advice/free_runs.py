@@ -8,17 +8,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_solver.engine import State
-from porotwin_solver.free_run_step import longest_free_step
-from porotwin_solver.model import Model
-from porotwin_solver.physics import Physics
-from porotwin_solver.refinement import refine
-from porotwin_solver.simulation import maps_of
+from porotwin_solver.coefficients.physics import Physics
+from porotwin_solver.coefficients.refinement import refine
+from porotwin_solver.model.engine import State
+from porotwin_solver.model.free_run_step import longest_free_step
+from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import maps_of
 
 Adapt = Callable[[Physics], Physics]
 """Returns physics with one thing changed."""

@@ -18,7 +18,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import Spot, map_gap
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 FORM_COLUMNS = 60
 """Columns of cells on which a remainder is described, about: hundreds of runs take seconds there,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import Sample
 
 REST_FROM = 0.4

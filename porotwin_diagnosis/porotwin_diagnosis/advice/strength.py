@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.model.fitter import Fitter

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Well
-from porotwin_recording.concentration import Maps
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import Maps
 
 HOT_CELL, MOST_FALSE = 2.0, 0.01
 """Concentration [-] that no tracer has, and the largest share of a map that one kind of false

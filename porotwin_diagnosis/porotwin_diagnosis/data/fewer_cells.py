@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from porotwin_core.grid import Grid, conservative_resample
-from porotwin_recording.concentration import Maps, MapSeries
-from porotwin_recording.recording import Recording
+from porotwin_core.geometry.grid import Grid, conservative_resample
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import Maps, MapSeries
 
 Series = TypeVar('Series', bound=MapSeries)
 

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.mass_check import stock_in_map
-from porotwin_core.wells import Schedule
+from porotwin_core.checks.mass_check import stock_in_map
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import (
     FILLED_SHARE,
     evenly_spread,
@@ -27,7 +27,7 @@ from porotwin_diagnosis.data.observed_maps import (
     tracer_share,
 )
 from porotwin_diagnosis.data.plume_reach import tracer_beyond_reach
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 LONGEST_LATENESS = 0.15
 """Lateness of a clock, as a share of the recording, that is believed without further evidence. Half

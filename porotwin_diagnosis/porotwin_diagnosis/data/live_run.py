@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import DAY_S
-from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
 from porotwin_diagnosis.data.rate_table import RateTable
-from porotwin_recording.concentration import (
+from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.tables.concentration import (
     UNKNOWN_ORIGIN,
     ConcentrationMaps,
     MapOrigin,
     MapSeries,
 )
-from porotwin_recording.experiment_folder import write_folder
-from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.tables.recorded_data import RecordedData
 
 MOST_MAPS = 400
 """Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares

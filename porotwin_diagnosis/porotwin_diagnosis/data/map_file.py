@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 
 
 class MapFile:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.sample import FULL_STOCK, SMOOTHING_WIDTH, TRACER_PRESENT, Sample
 
 

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import Schedule
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
 
 LEAST_RATIO = 1.1
 """Ratio r(k) from which on a map may be out of place."""

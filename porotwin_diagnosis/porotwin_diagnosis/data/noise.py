@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 
 LEAST_DEVIATION = 1e-6
 """Least standard deviation of the noise [-]; it keeps divisions finite in maps without noise."""

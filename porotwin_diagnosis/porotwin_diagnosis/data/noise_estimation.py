@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtri
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.noise import Noise, blurred, normal_density, second_moment
 
 FULL_LEVELS = (0.9, 0.8, 0.7)

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.units import percent
-from porotwin_recording.recording import Recording
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_recording.experiment.recording import Recording
 
 TRACER_LEVEL = 0.3
 """Concentration [-] above which a cell clearly holds tracer, whatever the noise."""

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.plausibility import Remark
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
-from porotwin_core.units import percent
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near, false_cells
 from porotwin_diagnosis.data.misplaced_maps import misplaced_maps
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
-from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 MOST_OFFSET = 0.03
 """Concentration [-] of clean sand that is odd; light and shake leave less."""

@@ -5,13 +5,13 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.plausibility import Remark
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.false_cells import cells_near
 from porotwin_diagnosis.data.odd_maps import remark_about_maps
-from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 PURE = 0.5
 """Concentration [-] of injected fluid from which on its well is surely seen in the maps."""

@@ -4,15 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_core.mass_check import stock_in_map
-from porotwin_core.plausibility import Remark
-from porotwin_core.units import ML
-from porotwin_core.wells import Schedule
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.basis.units import ML
+from porotwin_core.checks.mass_check import stock_in_map
+from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.initial_tracer import LONGEST_LATENESS, initial_tracer
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE
 from porotwin_diagnosis.data.odd_maps import looked_at, remark_about_maps
 from porotwin_diagnosis.data.plume_reach import tracer_beyond_reach
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 INVERTED_LEVEL = 0.5
 """Median of the first map [-] above which its values may be those of water."""

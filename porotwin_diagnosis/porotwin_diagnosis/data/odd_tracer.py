@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from porotwin_core.mass_check import excess_remark
-from porotwin_core.plausibility import Remark
-from porotwin_core.wells import Schedule
+from porotwin_core.basis.plausibility import Remark
+from porotwin_core.checks.mass_check import excess_remark
+from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
 from porotwin_diagnosis.data.odd_maps import (
     looked_at,
@@ -20,13 +20,13 @@ from porotwin_diagnosis.data.odd_start import (
     remarks_about_early_tracer,
     remarks_about_first_plume,
 )
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.odd_recording import (
+from porotwin_recording.experiment.odd_recording import (
     remarks_about_maps,
     remarks_about_measured_rates,
     remarks_about_times,
 )
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import ConcentrationMaps
 
 
 def odd_lines(recordings: Sequence[Recording]) -> list[str]:

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.wells import Schedule
+from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.exact_solutions import radial_front
 
 REACH = 2.5

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
-from porotwin_core.order_delay import MOST_DELAY_S
-from porotwin_core.wells import WellRate, WellRates, mean_rates
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.order_delay import MOST_DELAY_S
+from porotwin_core.rates.wells import WellRate, WellRates, mean_rates
 
 MOST_ROWS = 4096
 """Rows of the table: setpoints and measurements every 30 s for 17 hours. Beyond it the older half

@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
-from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.initial_tracer import start_of
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
@@ -42,7 +42,7 @@ from porotwin_diagnosis.data.shared_errors import (
     sands_of,
 )
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 SMOOTHING_WIDTH = 1.5
 """Width [cells] of the smoothing of a residual: wider than grain and point spread, narrower than

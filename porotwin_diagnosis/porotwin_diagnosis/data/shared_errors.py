@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, uniform_filter
 from scipy.optimize import nnls
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 
 LEAST_TRACER = 0.02
@@ -170,7 +170,7 @@ def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, F
 def _around(squares: FloatArray) -> FloatArray:
     """Return the mean of `squares` (nt, nz, nx) over each cell and its eight neighbours.
 
-    Delivered deviations of places and blur are such means (`porotwin_imaging.map_deviation`).
+    Delivered deviations of places and blur are such means (`map_deviation`).
     """
     return np.asarray(np.maximum(uniform_filter(squares, (1, 3, 3)), 0.0))
 

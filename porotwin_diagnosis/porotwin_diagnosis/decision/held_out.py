@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.geometry.grid import FloatArray, relative_error
 from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
@@ -17,7 +17,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.data.shared_errors import best_level
 from porotwin_diagnosis.decision.numerics import Numerics, before_and_after
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_recording.recording import Recording
+from porotwin_recording.experiment.recording import Recording
 
 LEAST_GAP = 1e-4
 """Error above the noise floor below which there is no gap to close: 0.01 %, far less than any

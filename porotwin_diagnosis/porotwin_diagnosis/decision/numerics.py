@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample

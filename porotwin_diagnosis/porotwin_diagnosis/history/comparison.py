@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from porotwin_core.units import DAY_S, HOUR_S
+from porotwin_core.basis.units import DAY_S, HOUR_S
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.history.joint_belief import CauseCourse, courses, weighted
 from porotwin_diagnosis.history.past_findings import FoundCause, PastFinding, Value

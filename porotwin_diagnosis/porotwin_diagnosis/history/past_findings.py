@@ -9,16 +9,16 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from porotwin_core.errors import InputError, check_writable, refuse_file, writing
+from porotwin_core.basis.errors import InputError, check_writable, refuse_file, writing
+from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.whole_file import write_whole
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
-from porotwin_recording.experiment_folder import RIG_FILE
-from porotwin_recording.one_writer import only_writer
-from porotwin_recording.recording import Recording
-from porotwin_recording.recording_date import parse_date
+from porotwin_recording.experiment.experiment_folder import RIG_FILE
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.one_writer import only_writer
+from porotwin_recording.tables.recording_date import parse_date
 from porotwin_solver.effects import EFFECTS
 
 FILE = 'belief.json'

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.effects.definition.words import plain
-from porotwin_solver.effects_in_force import in_words
+from porotwin_solver.service.effects_in_force import in_words
 
 LEAST_CLOSED = 0.5
 """Share of the gap above the noise that an offered effect closes at least: below, something else

@@ -6,16 +6,16 @@ This module knows no messages. Callers report every event and pass functions tha
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.mending.finding import Finding
 from porotwin_diagnosis.mending.forecast_band import ForecastBand
 from porotwin_diagnosis.mending.offer_book import Offer, OfferBook
 from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, ShadowJudgement
-from porotwin_solver.effects_in_force import in_words
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
+from porotwin_solver.service.effects_in_force import in_words
 
 Effects = tuple[EffectDescription, ...]
 

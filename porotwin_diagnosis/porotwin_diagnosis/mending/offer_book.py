@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.mending.finding import Finding
 

@@ -10,9 +10,9 @@ from enum import Enum
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, fill_unseen, relative_error
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_solver.model import Model
+from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_solver.model.model import Model
 
 WATCHED = 12
 """Photographs that judge an accepted effect: some minutes, in which a plume moves by several

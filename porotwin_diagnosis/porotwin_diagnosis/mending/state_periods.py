@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from porotwin_core.rates_in_force import RatePeriod
-from porotwin_core.wells import Schedule, WellRates
+from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_diagnosis.data.live_run import is_other_clock
 from porotwin_diagnosis.data.rate_table import RateTable
 

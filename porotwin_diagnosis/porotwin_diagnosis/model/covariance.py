@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 
 TILE = 5
 """Compared cells per side of a tile: 10 cells of the recording, several widths of the smoothing."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects.definition.candidate import Candidate
 

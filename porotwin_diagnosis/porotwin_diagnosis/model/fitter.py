@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import (
     change_at_fronts,

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, conservative_resample
+from porotwin_core.geometry.grid import FloatArray, conservative_resample
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_solver.effects import observation_operator
-from porotwin_solver.simulation import simulated_maps
+from porotwin_solver.model.simulation import simulated_maps
 
 REMEMBERED_SIMULATIONS = 40
 """Simulations in memory per forward model. One takes about 3 MB on the small rig."""

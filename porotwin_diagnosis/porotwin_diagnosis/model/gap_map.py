@@ -18,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription
-from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_diagnosis.data.observed_maps import observed_maps
-from porotwin_recording.recording import Recording
-from porotwin_solver.model import Model
+from porotwin_recording.experiment.recording import Recording
+from porotwin_solver.model.model import Model
 
 COARSENING = 2
 """Cells of the recording per cell of the gap map, each way: test functions are wider than both."""

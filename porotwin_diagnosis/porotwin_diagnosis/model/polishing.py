@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_core.levenberg_marquardt import minimise
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.levenberg_marquardt import minimise
 from porotwin_diagnosis.data.misfit import front_cells
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.fit import Fit, effects_at

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription, rig_from_maps
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.noise import noise_floor
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.numerics import before_and_after

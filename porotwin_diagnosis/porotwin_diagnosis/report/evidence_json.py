@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.whole_file import write_whole
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.units import percent, to_ml_h
+from porotwin_core.clock.time_units import TimeUnit, time_unit
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.rig_on_axes import draw_interfaces, draw_wells
-from porotwin_core.time_units import TimeUnit, time_unit
-from porotwin_core.units import percent, to_ml_h
-from porotwin_core.well_colours import well_colours
-from porotwin_core.wells import WellRates
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
+from porotwin_core.rig.well_colours import well_colours
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.numerics import before_and_after

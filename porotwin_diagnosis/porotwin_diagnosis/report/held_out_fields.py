@@ -4,9 +4,9 @@ from pathlib import Path
 
 import netCDF4
 
-from porotwin_core.errors import write_error
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.whole_file import whole_file
+from porotwin_core.basis.errors import write_error
+from porotwin_core.basis.whole_file import whole_file
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_diagnosis.decision.held_out import HeldOut
 
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from matplotlib.figure import Figure
 
-from porotwin_core import units
+from porotwin_core.basis import units
 
 RESOLUTION = 130
 """Dots per inch of the figures: 1560 pixels across a page of 1080, sharp on fine screens too."""

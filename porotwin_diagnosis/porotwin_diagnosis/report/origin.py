@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.rig.rig_file import read_rig
-from porotwin_recording.bag_folder import bag_folder, is_bag
-from porotwin_recording.experiment_folder import FILES, RIG_FILE
-from porotwin_recording.recording import Recording, open_recording
+from porotwin_recording.experiment.experiment_folder import FILES, RIG_FILE
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.mcap.bag_folder import bag_folder, is_bag
 
 MARK_LENGTH = 16
 """Hexadecimal digits of a mark."""

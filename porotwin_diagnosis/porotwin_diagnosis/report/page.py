@@ -4,8 +4,8 @@ import html
 from collections.abc import Iterator
 from pathlib import Path
 
-from porotwin_core.time_units import time_unit
-from porotwin_core.whole_file import write_whole
+from porotwin_core.basis.whole_file import write_whole
+from porotwin_core.clock.time_units import time_unit
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
@@ -23,7 +23,7 @@ from porotwin_diagnosis.report.report_sections import (
 )
 from porotwin_diagnosis.report.wording import inputs, spoken_label
 from porotwin_diagnosis.search.ranking import overall_misfit
-from porotwin_solver.effects_in_force import in_words
+from porotwin_solver.service.effects_in_force import in_words
 
 STYLE = """
 *{box-sizing:border-box}

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PIL import Image
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.clock.time_units import time_unit
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Camera, Rig
-from porotwin_core.time_units import time_unit
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis

@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.whole_file import whole_file, write_whole
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.rig.yaml_reader import read_yaml
-from porotwin_core.whole_file import whole_file, write_whole
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.progress import Progress, no_progress
@@ -23,9 +23,9 @@ from porotwin_diagnosis.report.evidence_json import write_evidence
 from porotwin_diagnosis.report.held_out_fields import write_fields
 from porotwin_diagnosis.report.origin import mark_of
 from porotwin_diagnosis.report.page import write_report
-from porotwin_recording.bag_folder import METADATA, mcap_files
-from porotwin_recording.experiment_folder import COMMANDED_FILE, MAPS_FILE, RIG_FILE
-from porotwin_recording.photos import IMAGING_FILE
+from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, MAPS_FILE, RIG_FILE
+from porotwin_recording.mcap.bag_folder import METADATA, mcap_files
+from porotwin_recording.tables.photos import IMAGING_FILE
 
 REPORT = 'report.html'
 """Name of the page; it is written last, so that a folder with a page is complete."""

@@ -4,7 +4,7 @@ import html
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from porotwin_core.time_units import time_unit
+from porotwin_core.clock.time_units import time_unit
 from porotwin_diagnosis.advice.proposals import checks_of_form
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.parallel import Crew
+from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.model.polishing import polished

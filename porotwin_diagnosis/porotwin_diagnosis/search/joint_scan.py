@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import orth
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit

@@ -19,8 +19,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from porotwin_core.grid import relative_error
-from porotwin_core.parallel import Crew, ThreadCrew
+from porotwin_core.basis.parallel import Crew, ThreadCrew
+from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample, coarsened

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.linalg import orth
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, effects_at
@@ -26,7 +26,7 @@ from porotwin_diagnosis.model.library import search_context
 from porotwin_diagnosis.thresholds import STARTING_PLACES
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.candidate import Candidate, PlaceSearch
-from porotwin_solver.simulation import simulate
+from porotwin_solver.model.simulation import simulate
 
 SCAN_COLUMNS, FEWEST_ROWS = 46, 8
 """Columns of the coarse grid, and its fewest rows: about four cells per distance of two places."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library

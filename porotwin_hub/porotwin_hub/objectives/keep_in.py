@@ -4,15 +4,15 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Polygon, Rig
-from porotwin_hub.objective import (
+from porotwin_hub.objectives.objective import (
     ObjectiveKind,
     ObjectiveParameters,
     WeightedTracer,
     pore_volume,
 )
-from porotwin_hub.zones import distance_to_outside, fuzzy_mask, zones_of
+from porotwin_hub.objectives.zones import distance_to_outside, fuzzy_mask, zones_of
 
 
 class KeepInParameters(ObjectiveParameters):

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
-from porotwin_core.grid import Grid
+from porotwin_core.basis.units import MINUTE_S
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_core.units import MINUTE_S
-from porotwin_hub.objective import LeastWater, ObjectiveKind, ObjectiveParameters
+from porotwin_hub.objectives.objective import LeastWater, ObjectiveKind, ObjectiveParameters
 
 
 class LeastWaterParameters(ObjectiveParameters):

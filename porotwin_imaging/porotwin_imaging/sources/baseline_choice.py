@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.file_names import printable
-from porotwin_imaging.photo_file import decode
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.file_names import printable
+from porotwin_imaging.photograph.photo_file import decode
 from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
 
 _REDUCTION = 8

@@ -12,8 +12,8 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
-from porotwin_imaging.photo_clock import TimeEvidence, Trust
-from porotwin_imaging.sent_photos import SentPhoto
+from porotwin_imaging.photograph.photo_clock import TimeEvidence, Trust
+from porotwin_imaging.photograph.sent_photos import SentPhoto
 
 Role = Literal['baseline', 'state']
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import cv2
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.file_names import printable
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.file_names import printable
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     PhotoProblem,

@@ -19,12 +19,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.exposure_time import HEADER_BYTES, exif_time
-from porotwin_imaging.file_names import natural_order, printable
-from porotwin_imaging.photo_clock import TimeEvidence, Trust, own_time
-from porotwin_imaging.photo_file import MOST_BYTES, TIFF_STARTS, is_complete, is_photograph
-from porotwin_imaging.sent_photos import FileMark, SentPhoto, digest_of
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.exposure_time import HEADER_BYTES, exif_time
+from porotwin_imaging.photograph.file_names import natural_order, printable
+from porotwin_imaging.photograph.photo_clock import TimeEvidence, Trust, own_time
+from porotwin_imaging.photograph.photo_file import (
+    MOST_BYTES,
+    TIFF_STARTS,
+    is_complete,
+    is_photograph,
+)
+from porotwin_imaging.photograph.sent_photos import FileMark, SentPhoto, digest_of
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     PhotoProblem,

@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.file_names import one_line, printable
-from porotwin_imaging.photo_file import is_photograph
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.file_names import one_line, printable
+from porotwin_imaging.photograph.photo_file import is_photograph
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     PhotoProblem,

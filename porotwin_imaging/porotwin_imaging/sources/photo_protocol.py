@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple, cast, get_args
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.camera_source import PhotoProblem, Role
 
 FILE_NAME = 'imaging.csv'

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
-from porotwin_core.errors import InputError
-from porotwin_imaging.file_names import one_line, printable
-from porotwin_imaging.photo_file import MOST_BYTES, is_complete, is_photograph
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.photograph.file_names import one_line, printable
+from porotwin_imaging.photograph.photo_file import MOST_BYTES, is_complete, is_photograph
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     PhotoProblem,

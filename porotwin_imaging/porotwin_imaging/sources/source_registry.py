@@ -2,8 +2,8 @@
 
 import re
 
-from porotwin_core.discovery import discovered
-from porotwin_core.errors import InputError
+from porotwin_core.basis.discovery import discovered
+from porotwin_core.basis.errors import InputError
 from porotwin_imaging.sources.camera_source import SourceKind
 
 DEFAULT_SOURCE = 'device'

@@ -3,7 +3,7 @@
 import math
 from statistics import fmean
 
-from porotwin_core.units import percent
+from porotwin_core.basis.units import percent
 from porotwin_page.graph_snapshot import CyclePoint, GraphSnapshot, Level
 from porotwin_page.panel import LinesPanel, Moment, Region
 

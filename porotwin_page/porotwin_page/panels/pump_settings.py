@@ -5,8 +5,8 @@ The rates to set are those of a valid setpoint, and the safe rates after its exp
 
 from collections.abc import Mapping
 
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite
 from porotwin_page.panel import Moment, Region, ScriptPanel

@@ -1,6 +1,6 @@
 """The observed tracer where it must not be, or how far it is from a target."""
 
-from porotwin_core.units import ML
+from porotwin_core.basis.units import ML
 from porotwin_page.panel import ChartPanel, Region
 
 PANEL = ChartPanel(

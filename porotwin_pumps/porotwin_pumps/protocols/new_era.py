@@ -8,7 +8,7 @@ letter for the state or `A?` and a letter for an alarm; data that begin with `?`
 import math
 import re
 
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
 from porotwin_pumps.protocols.pump_protocol import PumpError, PumpProtocol, PumpSilent
 from porotwin_pumps.serial_line import LineError, SerialLine
 

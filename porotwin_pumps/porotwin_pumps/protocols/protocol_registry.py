@@ -1,6 +1,6 @@
 """All protocols of pumps by name."""
 
-from porotwin_core.discovery import discovered
+from porotwin_core.basis.discovery import discovered
 from porotwin_pumps.protocols.pump_protocol import PumpProtocol
 
 PROTOCOLS: dict[str, PumpProtocol] = discovered(

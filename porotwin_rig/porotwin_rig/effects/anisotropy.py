@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 

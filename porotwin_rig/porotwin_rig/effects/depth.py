@@ -3,8 +3,8 @@
 depth = nominal * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
 """
 
-from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 from porotwin_rig.true_rig import TrueRig
 

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from porotwin_core.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.units import MOLECULAR_DIFFUSION
+from porotwin_core.basis.units import MOLECULAR_DIFFUSION
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 

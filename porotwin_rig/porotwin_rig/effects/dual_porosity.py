@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
-from porotwin_core.effect_limits import MOST_REACTION_RATE
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_REACTION_RATE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.tracer import Tracer
 from porotwin_rig.true_rig import TrueRig

@@ -1,8 +1,8 @@
 """The light changes: signal = c (1 + drift t + gradient (x - W/2))."""
 
-from porotwin_core.effect_limits import MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_limits import MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from porotwin_core.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rates.wells import WellRate
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 

@@ -1,7 +1,7 @@
 """One pump delivers factor times the metered rate, all the time."""
 
-from porotwin_core.effect_limits import MOST_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 

@@ -5,9 +5,9 @@ import math
 import cv2
 import numpy as np
 
-from porotwin_core.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 

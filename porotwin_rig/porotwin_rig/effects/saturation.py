@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 

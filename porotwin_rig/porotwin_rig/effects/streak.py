@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, place_near_injector
-from porotwin_core.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import (
+    DrawContext,
+    DrawnValues,
+    log_uniform,
+    place_near_injector,
+)
+from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 

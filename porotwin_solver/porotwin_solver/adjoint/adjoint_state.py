@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_solver.engine import Engine, State
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_solver.model.engine import Engine, State
 
 OVERSHOOT = 3.0
 """Distance beyond its bounds that dJ/dc / S may have, relative to the distance between them [-].

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.forward_sweep import ForwardSweep
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
@@ -16,9 +16,9 @@ from porotwin_solver.adjoint.step_adjoint import (
     flow_adjoint,
     step_adjoint,
 )
-from porotwin_solver.engine import Engine, State
-from porotwin_solver.model import Model
-from porotwin_solver.physics import Physics, in_and_out
+from porotwin_solver.coefficients.physics import Physics, in_and_out
+from porotwin_solver.model.engine import Engine, State
+from porotwin_solver.model.model import Model
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@
 
 import numpy as np
 
-from porotwin_solver.compiled import compiled
-from porotwin_solver.diffusion_kernels import faster, find, superbase
-from porotwin_solver.local_time_steps import lowest_starting_level
+from porotwin_solver.coefficients.compiled import compiled
+from porotwin_solver.transport.diffusion_kernels import faster, find, superbase
+from porotwin_solver.transport.local_time_steps import lowest_starting_level
 
 
 @compiled

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import Schedule, WellRates
-from porotwin_solver.engine import State
-from porotwin_solver.free_run_step import longest_free_step
-from porotwin_solver.model import Model
-from porotwin_solver.refinement import refine
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_solver.coefficients.refinement import refine
+from porotwin_solver.model.engine import State
+from porotwin_solver.model.free_run_step import longest_free_step
+from porotwin_solver.model.model import Model
 
 Cost = Callable[[int, FloatArray], tuple[float, FloatArray]]
 """From the index of a time and its map (nz, nx) to the map's part of the cost J and dJ/dmap."""

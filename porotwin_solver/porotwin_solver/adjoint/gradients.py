@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.wells import Schedule
 from porotwin_solver.adjoint.adjoint_state import refuse_not_finite
 from porotwin_solver.adjoint.backward_sweep import sweep_backward
 from porotwin_solver.adjoint.forward_sweep import Cost, sweep_forward
@@ -16,7 +16,7 @@ from porotwin_solver.adjoint.parameter_difference import (
     ParameterName,
     refuse_unavailable,
 )
-from porotwin_solver.model import Model
+from porotwin_solver.model.model import Model
 
 
 @dataclass(frozen=True)

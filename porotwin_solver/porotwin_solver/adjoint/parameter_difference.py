@@ -7,12 +7,12 @@ eight digits. At the end of a parameter's range, such as a decay rate of 0, it i
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import effect
-from porotwin_solver.model import Model
-from porotwin_solver.physics import Physics
+from porotwin_solver.model.model import Model
 
 RELATIVE_STEP = 1e-5
 """Step of the differences relative to the parameter [-], absolute for a parameter of 0: near the

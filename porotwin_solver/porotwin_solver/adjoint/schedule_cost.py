@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.cost_term import CostTerm
-from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
-from porotwin_core.wells import RateStep, check_plan, plan_intervals
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.wells import RateStep, check_plan, plan_intervals
 from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
 from porotwin_solver.adjoint.backward_sweep import well_derivatives
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
-from porotwin_solver.engine import State, StepCoefficients
-from porotwin_solver.model import Model, validated_duration
-from porotwin_solver.refinement import coarsen, coarsen_adjoint, refine
+from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint, refine
+from porotwin_solver.model.engine import State, StepCoefficients
+from porotwin_solver.model.model import Model, validated_duration
 
 MOST_KEPT_BYTES = 1e9
 """Most memory for the states that the adjoint keeps [B]."""

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.wells import WellRates
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import WellRates
 from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint, weights_adjoint
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
@@ -14,16 +14,16 @@ from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
     advection_adjoint,
 )
-from porotwin_solver.diffusion import (
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.model.engine import Engine, State, StepCoefficients, StepTapes
+from porotwin_solver.model.model import Model
+from porotwin_solver.transport.diffusion import (
     DispersionTensor,
     Exchanges,
     dispersion_tensor,
     dispersion_tensor_adjoint,
 )
-from porotwin_solver.engine import Engine, State, StepCoefficients, StepTapes
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.model import Model
-from porotwin_solver.transport import Sources
+from porotwin_solver.transport.transport import Sources
 
 NEGLIGIBLE_DERIVATIVE = 1e-100
 """Derivatives by a concentration that are smaller count as zero. Far from the cost they would fall

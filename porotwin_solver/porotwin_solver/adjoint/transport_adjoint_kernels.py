@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_solver.compiled import compiled
-from porotwin_solver.face_field import FaceField
-from porotwin_solver.local_time_steps import lowest_starting_level
-from porotwin_solver.scheme import Scheme
-from porotwin_solver.transport import FluxAccumulators, Sources
-from porotwin_solver.transport_kernels import slope
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_solver.coefficients.compiled import compiled
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.transport.local_time_steps import lowest_starting_level
+from porotwin_solver.transport.scheme import Scheme
+from porotwin_solver.transport.transport import FluxAccumulators, Sources
+from porotwin_solver.transport.transport_kernels import slope
 
 CELL, WELL = -1, 4
 """The bound of a cell's range that is the cell itself, or its well, instead of a side."""

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.effect_limits import MOST_CLOCK_OFFSET
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import time_span
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics
 
 
 def shift(operator: ObservationOperator, values: Values) -> ObservationOperator:

@@ -9,14 +9,14 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.units import MOLECULAR_DIFFUSION
+from porotwin_core.basis.units import MOLECULAR_DIFFUSION
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import number
-from porotwin_solver.physics import Physics
 
 
 def spread(physics: Physics, values: Values) -> Physics:

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.effect_limits import MOST_REACTION_RATE
-from porotwin_core.effect_parameter import Parameter, Reading, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.model.effect_limits import MOST_REACTION_RATE
+from porotwin_core.model.effect_parameter import Parameter, Reading, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number, time_span
-from porotwin_solver.physics import Physics
 
 LEAST_EXCHANGE = 0.3
 """Least exchange rate [-] times the duration of a recording that a search tries: a quarter of the

@@ -11,14 +11,20 @@ from itertools import product
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, place_near_injector
-from porotwin_core.effect_limits import (
+from porotwin_core.model.blind_draw import (
+    DrawContext,
+    DrawnValues,
+    log_uniform,
+    place_near_injector,
+)
+from porotwin_core.model.effect_limits import (
     LEAST_PERMEABILITY_FACTOR,
     LEAST_RADIUS,
     MOST_DISTANCE,
     MOST_PERMEABILITY_FACTOR,
 )
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import (
     Candidate,
     FitParameter,
@@ -27,7 +33,6 @@ from porotwin_solver.effects.definition.candidate import (
 )
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import factor, number, place
-from porotwin_solver.physics import Physics
 
 EDGE = 0.12
 """Width of the edge relative to the radius."""

@@ -5,17 +5,18 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import (
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.model.blind_draw import (
     DrawContext,
     DrawnValues,
     log_uniform,
     place_near_injector,
     random_sign,
 )
-from porotwin_core.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Leak, Physics, SourceSink
 from porotwin_solver.effects.definition.candidate import (
     Candidate,
     FitParameter,
@@ -24,7 +25,6 @@ from porotwin_solver.effects.definition.candidate import (
 )
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number, place
-from porotwin_solver.physics import Leak, Physics, SourceSink
 
 EDGE_M = 0.006
 """Distance that a fitted leak keeps from the sides [m]."""

@@ -5,11 +5,11 @@ The diagnosis compares schemes to find it; no search fits it.
 
 from dataclasses import replace
 
-from porotwin_core.effect_limits import MOST_DIFFUSION
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_DIFFUSION
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import number
-from porotwin_solver.physics import Physics
 
 
 def smear(physics: Physics, values: Values) -> Physics:

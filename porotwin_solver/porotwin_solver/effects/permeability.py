@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_core.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import factor
-from porotwin_solver.physics import Physics
 
 
 def change(physics: Physics, values: Values) -> Physics:

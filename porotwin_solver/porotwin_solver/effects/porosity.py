@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
-from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import factor
-from porotwin_solver.physics import Physics
 
 
 def scale(physics: Physics, values: Values) -> Physics:

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, displacement
-from porotwin_core.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement
+from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import direction, factor
-from porotwin_solver.observation_operator import ObservationOperator
 
 STEP_CELLS = 0.4
 """Natural step: the displacement of a point 0.4 half-sides from the middle, in cells."""

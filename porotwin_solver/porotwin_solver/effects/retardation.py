@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.effect_limits import MOST_RETARDATION
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.model.effect_limits import MOST_RETARDATION
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number
-from porotwin_solver.physics import Physics
 
 
 def sorb(physics: Physics, values: Values) -> Physics:

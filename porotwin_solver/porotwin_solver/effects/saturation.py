@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.effect_parameter import Parameter, Reading, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Reading, Values
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import number
-from porotwin_solver.observation_operator import ObservationOperator
 
 
 def bend(operator: ObservationOperator, values: Values) -> ObservationOperator:

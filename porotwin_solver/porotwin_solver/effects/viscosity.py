@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
-from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.model.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
+from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import factor
-from porotwin_solver.physics import Physics
 
 
 def thicken(physics: Physics, values: Values) -> Physics:

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_core.effect_limits import MOST_WATER_LEVEL
-from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.basis.units import conductivity_of
+from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import SIDES, Rig, SideName
-from porotwin_core.units import conductivity_of
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import direction
-from porotwin_solver.physics import Physics
 
 LARGEST_STEP = 0.1
 """Largest natural step of a rise, relative to the height of the rig. In clay even a high head moves

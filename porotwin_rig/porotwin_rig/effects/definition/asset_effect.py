@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.blind_draw import Draw
-from porotwin_core.effect_parameter import Parameter, Values
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.blind_draw import Draw
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.tracer import Tracer
 from porotwin_rig.true_rig import TrueRig
 

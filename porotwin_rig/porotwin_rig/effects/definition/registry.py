@@ -4,16 +4,16 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from porotwin_core.discovery import discovered
-from porotwin_core.effect_parameter import (
+from porotwin_core.basis.discovery import discovered
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import rate_remark
+from porotwin_core.model.effect_parameter import (
     Values,
     check_places,
     checked_values,
     known_effects,
     written_effect,
 )
-from porotwin_core.errors import InputError
-from porotwin_core.plausibility import rate_remark
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects.definition.asset_effect import GUIDE, AssetEffect
 from porotwin_rig.true_rig import TrueRig

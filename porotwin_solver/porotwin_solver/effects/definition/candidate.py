@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from porotwin_core.grid import Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig
 
 LARGEST_EXPONENT = 60.0

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from porotwin_core.blind_draw import Draw
-from porotwin_core.effect_parameter import Parameter, Values, checked_values
-from porotwin_core.errors import InputError
+from porotwin_core.basis.errors import InputError
+from porotwin_core.model.blind_draw import Draw
+from porotwin_core.model.effect_parameter import Parameter, Values, checked_values
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
+from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
 from porotwin_solver.effects.definition.words import plain
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics
 
 GUIDE = 'docs/extend/effect.md'
 """The document that explains how to write an effect."""

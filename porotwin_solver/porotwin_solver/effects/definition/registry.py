@@ -3,14 +3,14 @@
 import sys
 from collections.abc import Iterable, Iterator
 
-from porotwin_core.discovery import discovered
-from porotwin_core.effect_parameter import check_places, known_effects, written_effect
-from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.basis.discovery import discovered
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_parameter import check_places, known_effects, written_effect
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_solver.coefficients.observation_operator import ObservationOperator
+from porotwin_solver.coefficients.physics import Physics, check, nominal_physics
 from porotwin_solver.effects.definition.effect import GUIDE, Effect, Scope
-from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import Physics, check, nominal_physics
 
 PACKAGE = __package__.removesuffix('.definition')
 """The package whose modules are effects."""

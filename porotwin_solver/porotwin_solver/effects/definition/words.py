@@ -4,8 +4,8 @@ import html
 import math
 import re
 
-from porotwin_core.effect_parameter import Parameter, Reading, Values
-from porotwin_core.units import DAY_S, HOUR_S, MINUTE_S
+from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S
+from porotwin_core.model.effect_parameter import Parameter, Reading, Values
 
 READINGS = {
     'm': Reading(1e3, 'mm'),

@@ -1,0 +1,1 @@
+"""What knows nothing of a rig: errors, units, whole files, parallel work."""

@@ -1,0 +1,73 @@
+"""Extension points: finds every module in the folder of a package."""
+
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Collection
+from typing import TypeVar
+
+from porotwin_core.basis.errors import InputError
+
+T = TypeVar('T')
+
+
+def module_names(package: str) -> list[str]:
+    """Return the names of the modules in the folder of `package`, sorted, without importing them.
+
+    Sub-packages and modules whose name begins with an underscore hold helpers and are left out.
+
+    Raises:
+        InputError: `package` does not exist or is a module.
+    """
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.submodule_search_locations is None:
+        raise InputError(f'{package}: not a package')
+    return sorted(
+        module.name
+        for module in pkgutil.iter_modules(spec.submodule_search_locations)
+        if not module.ispkg and not module.name.startswith('_')
+    )
+
+
+def discovered(
+    package: str, attribute: str, kind: type[T], guide: str, *, helpers: Collection[str] = ()
+) -> dict[str, T]:
+    """Return the object `attribute` of every module in the folder of `package`, by name.
+
+    The order follows the module names. If the object has an attribute `name`, it is the name of
+    the module, perhaps with dashes instead of underscores. Otherwise the module's name counts.
+
+    Args:
+        package: dotted name of the package.
+        attribute: name of the object that every module defines.
+        kind: class of these objects.
+        guide: the document that explains how to write such a module.
+        helpers: modules of the folder that define no such object.
+
+    Raises:
+        InputError: a module cannot be imported, does not define the object, defines it
+            incompletely, or gives it another name than its own; one line that names the module, the
+            fault and the guide.
+    """
+    found: dict[str, T] = {}
+    for name in module_names(package):
+        if name in helpers:
+            continue
+        try:
+            value = getattr(importlib.import_module(f'{package}.{name}'), attribute, None)
+        except InputError:
+            raise
+        except Exception as error:  # whatever is wrong in a new module, its author gets one line
+            fault = ' '.join(f'{type(error).__name__}: {error}'.split())
+            raise InputError(f'{package}.{name}: {fault}; see {guide}') from error
+        if not isinstance(value, kind):
+            raise InputError(
+                f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
+            )
+        own_name = getattr(value, 'name', name)
+        if str(own_name).replace('-', '_') != name:
+            raise InputError(
+                f'{package}.{name}: its {attribute} has the name {own_name!r}; see {guide}'
+            )
+        found[own_name] = value
+    return found

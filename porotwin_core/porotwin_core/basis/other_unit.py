@@ -1,0 +1,37 @@
+"""The key that a user meant who gave it another unit, such as `width_cm` for `width_m`."""
+
+from collections.abc import Container
+
+from porotwin_core.basis.units import DARCY
+
+_UNITS: tuple[tuple[str, str, str, str], ...] = (
+    ('_ml_min', '_ml_h', '1 ml/min', '60 ml/h'),
+    ('_ul_min', '_ml_h', '1 ul/min', '0.06 ml/h'),
+    ('_ml_s', '_ml_h', '1 ml/s', '3600 ml/h'),
+    ('_l_h', '_ml_h', '1 l/h', '1000 ml/h'),
+    ('_cm', '_m', '1 cm', '0.01 m'),
+    ('_mm', '_m', '1 mm', '0.001 m'),
+    ('_darcy', '_m2', '1 darcy', f'{DARCY:.3g} m2'),
+    ('_md', '_m2', '1 millidarcy', f'{1e-3 * DARCY:.3g} m2'),
+    ('_m_d', '_m_s', '1 m/day', f'{1 / 86400:.3g} m/s'),
+    ('_cm_s', '_m_s', '1 cm/s', '0.01 m/s'),
+    ('_mpa_s', '_pa_s', '1 mPa s', '0.001 Pa s'),
+    ('_cp', '_pa_s', '1 cP', '0.001 Pa s'),
+    ('_g_cm3', '_kg_m3', '1 g/cm3', '1000 kg/m3'),
+    ('_g_l', '_kg_m3', '1 g/l', '1 kg/m3'),
+    ('_min', '_s', '1 min', '60 s'),
+    ('_h', '_s', '1 h', '3600 s'),
+    ('_s', '_min', '60 s', '1 min'),
+    ('_h', '_min', '1 h', '60 min'),
+)
+"""Endings of keys with other units, the endings that are known, and what one of the unit is."""
+
+
+def in_other_unit(key: str, known: Container[str]) -> str:
+    """Return "write 'width_m'; 1 cm is 0.01 m" for the key `width_cm`; empty for other keys."""
+    lower = key.lower()
+    for ending, right, one, is_worth in _UNITS:
+        meant = lower.removesuffix(ending) + right
+        if lower.endswith(ending) and meant in known:
+            return f"write '{meant}'; {one} is {is_worth}"
+    return ''

@@ -1,0 +1,1 @@
+"""Times: units, stamps of messages, the age and the interval of photographs."""

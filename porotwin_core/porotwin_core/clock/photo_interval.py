@@ -1,0 +1,16 @@
+"""The time between photographs that is assumed where nobody gives one, and the times allowed."""
+
+from porotwin_core.basis.units import DAY_S
+
+USUAL_PHOTO_INTERVAL_S = 30.0
+"""Time between photographs [s], as in the paper's section 4."""
+
+SHORTEST_PHOTO_INTERVAL_S, LONGEST_PHOTO_INTERVAL_S = 0.1, DAY_S
+"""Times between photographs [s] that a node accepts."""
+
+LONGEST_GAP_INTERVALS = 10
+"""Longest time between two states in photo intervals. After a longer one the sequence begins anew,
+and nothing is predicted over it. A few lost photographs are no interruption."""
+
+VALIDITY_INTERVALS = 3
+"""Photo intervals that a setpoint is valid: two photographs may be lost before control ends."""

@@ -1,0 +1,63 @@
+"""Stamps of photographs and messages: seconds since 1970, or since the start of an experiment."""
+
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from porotwin_core.basis.units import DAY_S
+
+SINCE_1970 = 1e9
+"""Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
+or the times count from the start of an experiment."""
+
+EARLIEST_START_S = 30 * DAY_S
+"""A node that joins an experiment believes a start up to this time ago [s]: an earlier one comes
+from a wrong stamp."""
+
+SAME_STAMP_S = 1e-6
+"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
+
+
+def time_in_words(stamp: float) -> str:
+    """Return a stamp [s] as a date in UTC, or as h:mm:ss since the start of an experiment."""
+    try:
+        if stamp < SINCE_1970:
+            return str(timedelta(seconds=round(stamp)))
+        return datetime.fromtimestamp(stamp, UTC).strftime('%Y-%m-%d %H:%M:%S UTC')
+    except (ValueError, OverflowError, OSError):
+        return f'{stamp:g} s'
+
+
+def steady_time() -> Callable[[], float]:
+    """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
+    epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+    return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def believed_age(taken: float, now: float, validity: float, *, simulated: bool = False) -> float:
+    """Return the age [s] of the photograph of a setpoint that has come at `now` [s].
+
+    The guard has passed it, so an age that is negative or beyond the `validity` [s] tells of a
+    camera with another clock than this machine: the photograph then counts as new. In `simulated`
+    time there is one clock only, which a setpoint may overtake on its way: its age is negative.
+    """
+    age = now - taken
+    return age if simulated or 0.0 < age < validity else 0.0
+
+
+def believed_start(told: float | None, began: float | None, stamp: float) -> float:
+    """Return the start of the experiment [s], for the use of a state whose `stamp` [s] is believed.
+
+    The start that imaging has `told` counts if it is this state, or if the node was started in
+    the middle of an experiment. A start from a photograph with a wrong stamp counts for nothing.
+
+    Args:
+        told: time of the first photograph, as imaging told it last [s]; None: it told none.
+        began: the start that the node has believed so far [s]; None: it has used no state yet.
+        stamp: of the state [s].
+    """
+    if told is not None:
+        joined = began is None and 0.0 <= stamp - told <= EARLIEST_START_S
+        if joined or abs(stamp - told) < SAME_STAMP_S:
+            return told
+    return stamp if began is None else min(began, stamp)

@@ -1,0 +1,1 @@
+"""Grids of cells, polygons, shapes of zones, and the orientation of pictures."""

@@ -1,0 +1,1 @@
+"""What models exchange: effect parameters, corrections, cost terms, state estimates."""

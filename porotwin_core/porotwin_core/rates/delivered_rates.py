@@ -1,0 +1,36 @@
+"""The rates that pumps deliver if they deliver a constant share of the commanded rates."""
+
+import math
+from collections.abc import Mapping
+
+from porotwin_core.rates.wells import WellRate, WellRates, net_rate
+
+
+def delivered(
+    rates: WellRates, factors: Mapping[str, float], *, closed: bool = False
+) -> dict[str, WellRate]:
+    """Return the delivered rates [m^3/s] for commanded `rates`.
+
+    In a `closed` rig, with four closed sides, the producing wells take out all injected water,
+    whatever rate their pumps have.
+
+    Args:
+        rates: as commanded.
+        factors: delivered over commanded rate by well; 1 where absent.
+        closed: whether all sides of the rig are closed.
+    """
+    result = {
+        name: WellRate(well.rate * factors.get(name, 1.0), well.concentration)
+        for name, well in rates.items()
+    }
+    excess = net_rate(result)
+    if not closed or excess == 0.0:
+        return result
+    produced = math.fsum(well.rate for well in result.values() if well.rate < 0.0)
+    if produced == 0.0:
+        return {name: WellRate(0.0, well.concentration) for name, well in result.items()}
+    share = 1.0 - excess / produced
+    return {
+        name: WellRate(well.rate * share) if well.rate < 0.0 else well
+        for name, well in result.items()
+    }

@@ -1,0 +1,106 @@
+"""The announced pauses of wells that the twin does not change, and the rates that follow from them.
+
+State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from porotwin_core.basis.units import MINUTE_S, from_ml_h
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, planned_rates
+from porotwin_core.rig import Rig
+
+Pause = tuple[float, float]
+"""Start and end of a pause [s]."""
+
+
+@dataclass(frozen=True)
+class FixedPauses:
+    """The announced pauses of each fixed well.
+
+    Attributes:
+        of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
+            of `since`.
+        running: the rate of each of these wells outside its pauses [m^3/s].
+        producer: the well that takes out the water of all others; None: there is none.
+    """
+
+    of_wells: Mapping[str, tuple[Pause, ...]] = field(default_factory=dict)
+    running: Mapping[str, WellRate] = field(default_factory=dict)
+    producer: str | None = None
+
+    @classmethod
+    def of(cls, rig: Rig) -> 'FixedPauses':
+        """Return the pauses in `rig.yaml`, in seconds since the start of the experiment."""
+        fixed = rig.control.fixed if rig.control is not None else {}
+        pausing = {name: well for name, well in fixed.items() if well.pauses_min}
+        if rig.control is None or not pausing:
+            return cls()
+        return cls(
+            {
+                name: tuple((MINUTE_S * start, MINUTE_S * end) for start, end in well.pauses_min)
+                for name, well in pausing.items()
+            },
+            {
+                name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
+                for name, well in pausing.items()
+            },
+            rig.control.producer,
+        )
+
+    def since(self, began: float) -> 'FixedPauses':
+        """Return the pauses on a clock that showed `began` [s] at the start of the experiment."""
+        moved = {
+            name: tuple((began + start, began + end) for start, end in pauses)
+            for name, pauses in self.of_wells.items()
+        }
+        return replace(self, of_wells=moved)
+
+    def moments(self, begin: float, end: float) -> set[float]:
+        """Return when a pause begins or ends between `begin` and `end` [s], both left out."""
+        edges = {edge for pauses in self.of_wells.values() for pause in pauses for edge in pause}
+        return {edge for edge in edges if begin < edge < end}
+
+    def resting(self, time: float) -> frozenset[str]:
+        """Return the wells that pause at `time` [s]."""
+        return frozenset(
+            name
+            for name, pauses in self.of_wells.items()
+            if any(start <= time < end for start, end in pauses)
+        )
+
+    def at(self, time: float, rates: WellRates) -> WellRates:
+        """Return the `rates` [m^3/s] that nobody has measured, with the pauses at `time` [s].
+
+        A well rests in its pauses. Outside them it runs again if `rates` let it rest. The producer
+        takes out as much less or more.
+        """
+        resting = self.resting(time)
+        changed: dict[str, WellRate] = {}
+        for name, usual in self.running.items():
+            before = rates.get(name, WellRate())
+            if name in resting and before.rate != 0.0:
+                changed[name] = WellRate()
+            elif name not in resting and before.rate == 0.0:
+                changed[name] = usual
+        if not changed:
+            return rates
+        if self.producer is not None:
+            more = sum(new.rate - rates.get(name, WellRate()).rate for name, new in changed.items())
+            producer = rates.get(self.producer, WellRate())
+            changed[self.producer] = replace(producer, rate=producer.rate - more)
+        return {**rates, **changed}
+
+    def in_plan(
+        self, plan: Sequence[RateStep], begin: float, horizon: float
+    ) -> tuple[RateStep, ...]:
+        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], with the pauses."""
+        edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
+        starts = sorted({*edges, *(step.start for step in plan)})
+        return tuple(
+            RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
+        )
+
+
+NO_PAUSES = FixedPauses()
+"""No fixed well pauses."""

@@ -1,0 +1,1 @@
+"""The shell of ROS: nodes, their health, senders, messages to numpy and back."""

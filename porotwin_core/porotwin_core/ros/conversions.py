@@ -1,0 +1,258 @@
+"""Conversions between messages and the types of the algorithms, in both directions.
+
+The functions `..._from_msg` come from `from_messages`, which needs no ROS. Every number of a float
+field is made a float here: a message would send an int as another number.
+"""
+
+import array
+import json
+import math
+from collections.abc import Iterable, MutableSequence
+from dataclasses import asdict
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h, from_ml_min
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.zone_shapes import PictureZone
+from porotwin_core.model import learnt_physics
+from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates
+from porotwin_core.rig import (
+    Camera,
+    Control,
+    EffectDescription,
+    Rig,
+)
+from porotwin_core.ros.from_messages import RIG_FRAME as RIG_FRAME
+from porotwin_core.ros.from_messages import cost_term_from_msg as cost_term_from_msg
+from porotwin_core.ros.from_messages import deviation_from_msg as deviation_from_msg
+from porotwin_core.ros.from_messages import effects_from_msg as effects_from_msg
+from porotwin_core.ros.from_messages import grid_from_msg as grid_from_msg
+from porotwin_core.ros.from_messages import learnt_from_msg as learnt_from_msg
+from porotwin_core.ros.from_messages import plan_from_msg as plan_from_msg
+from porotwin_core.ros.from_messages import rates_from_msg as rates_from_msg
+from porotwin_core.ros.from_messages import rig_from_msg as rig_from_msg
+from porotwin_core.ros.from_messages import source_from_msg as source_from_msg
+from porotwin_core.ros.from_messages import time_from_msg as time_from_msg
+from porotwin_core.ros.from_messages import tracer_from_msg as tracer_from_msg
+from porotwin_msgs.msg import (
+    CameraGeometry,
+    ControlLimits,
+    Effect,
+    GridInfo,
+    LearntLeak,
+    Outcome,
+    Quantity,
+    RigDescription,
+    SandPatch,
+    SideHead,
+    SourceField,
+    TracerField,
+)
+from porotwin_msgs.msg import CostTerm as CostTermMessage
+from porotwin_msgs.msg import LearntPhysics as LearntPhysicsMessage
+from porotwin_msgs.msg import RateStep as RateStepMessage
+from porotwin_msgs.msg import Well as WellMessage
+from porotwin_msgs.msg import WellRate as WellRateMessage
+
+CAMERA_FRAME = 'camera_optical'
+"""Frame of photographs (REP-103): z forward, x right, y down."""
+
+
+def time_to_msg(seconds: float) -> Time:
+    """Return the stamp of a time [s], rounded to nanoseconds."""
+    nanoseconds = round(seconds * 1e9)
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
+    """Return a header with the stamp `seconds` [s]."""
+    return Header(stamp=time_to_msg(seconds), frame_id=frame)
+
+
+def grid_to_msg(grid: Grid) -> GridInfo:
+    """Return the message of a grid."""
+    return GridInfo(nx=grid.nx, nz=grid.nz, width=float(grid.width), height=float(grid.height))
+
+
+def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
+    """Return the message of a concentration map (nz, nx) [-] at `seconds` [s], as float32."""
+    return TracerField(
+        header=header_at(seconds),
+        grid=grid_to_msg(grid),
+        concentration=map_to_msg(concentration),
+    )
+
+
+def map_to_msg(values: FloatArray | None) -> MutableSequence[float]:
+    """Return the float32 field of a message for a map (nz, nx); empty for None (unknown)."""
+    if values is None:
+        return array.array('f')
+    return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
+
+
+def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:
+    """Return the message of a tracer source (nz, nx) [1/s] at `seconds` [s]."""
+    values = np.ascontiguousarray(source, dtype=np.float64)
+    return SourceField(
+        header=header_at(seconds),
+        grid=grid_to_msg(grid),
+        source=array.array('d', values.tobytes()),
+    )
+
+
+def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
+    """Return one message for each rate, in the order of `rates`."""
+    return [
+        WellRateMessage(well=name, rate=float(well.rate), concentration=float(well.concentration))
+        for name, well in rates.items()
+    ]
+
+
+def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:
+    """Return one message for each step of a plan."""
+    return [
+        RateStepMessage(start=float(step.start), wells=rates_to_msg(step.rates)) for step in plan
+    ]
+
+
+def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
+    """Return the message of a cost term."""
+
+    def flat(values: FloatArray | None) -> MutableSequence[float]:
+        if values is None:
+            return array.array('d')
+        return array.array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+    return CostTermMessage(
+        start=float(term.start),
+        end=float(term.end),
+        linear=flat(term.linear),
+        quadratic=flat(term.quadratic),
+        target=flat(term.target),
+    )
+
+
+def learnt_to_msg(learnt: LearntPhysics) -> LearntPhysicsMessage:
+    """Return the message of learnt physics."""
+    x, z = learnt.background_flux
+    return LearntPhysicsMessage(
+        density_difference=float(learnt.density_difference),
+        longitudinal_dispersivity=float(learnt.longitudinal_dispersivity),
+        transverse_dispersivity=float(learnt.transverse_dispersivity),
+        background_flux_x=float(x),
+        background_flux_z=float(z),
+        log_retardation=float(learnt.log_retardation),
+        leaks=[LearntLeak(**_floats(leak)) for leak in learnt.leaks],
+        patches=[SandPatch(**_floats(patch)) for patch in learnt.patches],
+    )
+
+
+def _floats(values: learnt_physics.LearntLeak | learnt_physics.SandPatch) -> dict[str, float]:
+    return {name: float(value) for name, value in asdict(values).items()}
+
+
+def ok(note: str = '') -> Outcome:
+    """Return the outcome of a successful request, with a `note` on its answer in one line."""
+    return Outcome(code=Outcome.OK, message=note)
+
+
+def refusal(error: Exception) -> Outcome:
+    """Return the outcome of a request that raised `error`, with the message in one line."""
+    code = Outcome.INVALID_INPUT if isinstance(error, InputError) else Outcome.FAILED
+    text = ' '.join(str(error).split())
+    return Outcome(code=code, message=text or type(error).__name__)
+
+
+def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
+    if isinstance(value, int | float):
+        return Quantity(value=float(value))
+    grid = rig.grid(value.shape[1], value.shape[0])
+    return Quantity(
+        value=math.nan,
+        grid=grid_to_msg(grid),
+        values=array.array('d', np.ascontiguousarray(value, dtype=np.float64).tobytes()),
+    )
+
+
+def effect_to_msg(effect: EffectDescription) -> Effect:
+    """Return the message of an effect; a text value has NaN as its number."""
+    message = Effect(name=effect.name)
+    for name, value in effect.parameters.items():
+        text = isinstance(value, str)
+        message.parameter_names.append(name)
+        message.parameter_values.append(math.nan if text else float(value))
+        message.parameter_texts.append(value if text else '')
+    return message
+
+
+def _camera_to_msg(camera: Camera) -> CameraGeometry:
+    checker = camera.colour_checker_px or ()
+    return CameraGeometry(
+        corners=[value for corner in camera.corners_px for value in corner],
+        colour_checker=[value for corner in checker for value in corner],
+        curvature_names=list(camera.curvature),
+        curvature_values=list(camera.curvature.values()),
+    )
+
+
+def _control_to_msg(control: Control, zone: PictureZone | None) -> ControlLimits:
+    fixed = {
+        name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
+        for name, well in control.fixed.items()
+    }
+    message = ControlLimits(
+        wells=list(control.wells),
+        producer=control.producer or '',
+        fixed=rates_to_msg(fixed),
+        max_rate=from_ml_h(control.max_rate_ml_h),
+        max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+        rate_step=from_ml_h(control.rate_step_ml_h),
+        min_rate=from_ml_h(control.min_rate_ml_h),
+        max_change=from_ml_h(control.max_change_ml_h or 0.0),
+        change_cost=from_ml_min(control.change_cost_ml_min),
+        end=60.0 * (control.end_min or 0.0),
+        disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
+        fuzziness=control.fuzziness_m,
+        objective=control.objective.name,
+        objective_parameters=(
+            json.dumps(control.objective.parameters) if control.objective.parameters else ''
+        ),
+    )
+    if zone is not None:
+        message.zone_grid = grid_to_msg(zone.raster)
+        message.zone = array.array('f', np.ascontiguousarray(zone.shares, np.float32).tobytes())
+    return message
+
+
+def rig_to_msg(rig: Rig) -> RigDescription:
+    """Return the message of a rig with its maps."""
+    return RigDescription(
+        name=rig.name,
+        width=rig.width_m,
+        height=rig.height_m,
+        depth=_quantity_to_msg(rig.nominal_map('depth_m'), rig),
+        porosity=_quantity_to_msg(rig.nominal_map('porosity'), rig),
+        permeability=_quantity_to_msg(rig.nominal_map('permeability_m2'), rig),
+        viscosity=rig.viscosity_pa_s,
+        density=rig.density_kg_m3,
+        open_top=rig.boundaries.top == 'open',
+        open_bottom=rig.boundaries.bottom == 'open',
+        open_left=rig.boundaries.left == 'open',
+        open_right=rig.boundaries.right == 'open',
+        heads=[
+            SideHead(side=side, head=head) for side, head in (rig.boundaries.heads_m or {}).items()
+        ],
+        wells=[
+            WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)
+            for name, well in rig.wells.items()
+        ],
+        camera=[_camera_to_msg(rig.camera)] if rig.camera else [],
+        control=[_control_to_msg(rig.control, rig.zone)] if rig.control else [],
+        effects=[effect_to_msg(effect) for effect in rig.effects],
+    )

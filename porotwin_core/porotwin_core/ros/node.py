@@ -1,0 +1,372 @@
+"""Shared parts of all nodes: parameters, diagnostics, and a main loop that ends cleanly."""
+
+import math
+import os
+import signal
+import sys
+from _thread import interrupt_main
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from threading import Event
+from types import FrameType
+from typing import Any, NoReturn
+from weakref import WeakKeyDictionary
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
+from porotwin_core.clock.photo_interval import (
+    LONGEST_PHOTO_INTERVAL_S,
+    SHORTEST_PHOTO_INTERVAL_S,
+    USUAL_PHOTO_INTERVAL_S,
+)
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig.grid_oddities import chosen_grid
+from porotwin_core.ros.node_health import NodeHealth
+from porotwin_core.ros.parameter_rule import ParameterRule
+from porotwin_core.ros.ros_environment import check_environment
+from porotwin_core.ros.senders import hearers
+
+DIAGNOSTICS = '/diagnostics'
+"""Topic of the health of all nodes."""
+
+HEARD_BY = 'heard_by'
+"""Value in the diagnostics of a node that others wait for: the nodes that hear it, by name."""
+
+END_S = 5.0
+"""Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
+takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""
+
+HEARTBEAT_S = 1.0
+"""Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask a node to stop."""
+
+OnChangeFn = Callable[[Any], None]
+"""Takes a value of a parameter; raises InputError if it is wrong."""
+
+
+def declare(
+    node: Node,
+    name: str,
+    default: Any,
+    description: str,
+    *,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    choices: Collection[str] = (),
+    on_change: OnChangeFn | None = None,
+) -> Any:
+    """Declare a parameter and return its value, which has the type of `default`.
+
+    Args:
+        node: the node.
+        name: name of the parameter, with its unit.
+        default: value if none is given.
+        description: one line for people.
+        at_least: smallest value of a number.
+        at_most: largest value of a number.
+        choices: the allowed texts; empty: any.
+        on_change: takes a new value while the node runs; None: the parameter is read-only. It
+            raises InputError to refuse the value.
+
+    Raises:
+        InputError: the value given is of another type, not a number, out of range or no choice.
+    """
+
+    rule = ParameterRule(
+        name, default, description, at_least, at_most, tuple(choices), on_change is not None
+    )
+    descriptor = ParameterDescriptor(
+        description=description,
+        read_only=on_change is None,
+        additional_constraints=rule.constraint,
+    )
+    _rules.setdefault(node, []).append(rule)
+    try:
+        value = node.declare_parameter(name, default, descriptor).value
+    except InvalidParameterTypeException as error:
+        raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
+    rule.check(value, node.get_name())
+    if on_change is not None:
+        if node not in _handlers:
+            _handlers[node] = {}
+            node.add_on_set_parameters_callback(partial(_on_set, node))
+        _handlers[node][name] = on_change
+    return value
+
+
+_rules: WeakKeyDictionary[Node, list[ParameterRule]] = WeakKeyDictionary()
+
+_handlers: WeakKeyDictionary[Node, dict[str, OnChangeFn]] = WeakKeyDictionary()
+"""Takes new values of the parameters that can change, by node and name."""
+
+
+def rules_of(node: Node) -> list[ParameterRule]:
+    """Return the rules of all parameters that `node` has declared, in the order of declaration."""
+    return list(_rules.get(node, []))
+
+
+def _on_set(node: Node, parameters: list[Parameter]) -> SetParametersResult:
+    """Take new values of several parameters of `node`, all of them or none."""
+    rules = {rule.name: rule for rule in rules_of(node)}
+    handlers, taken = _handlers[node], list[str]()
+    known = [parameter for parameter in parameters if parameter.name in handlers]
+    try:
+        for parameter in known:
+            rules[parameter.name].check(parameter.value, node.get_name())
+        for parameter in known:
+            handlers[parameter.name](parameter.value)
+            taken.append(parameter.name)
+    except InputError as error:
+        for name in taken:
+            handlers[name](node.get_parameter(name).value)
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
+
+
+def declare_rig(node: Node) -> Rig:
+    """Declare the parameter `rig`, a path of rig.yaml, and return the rig described there.
+
+    Raises:
+        InputError: the description is missing or wrong.
+    """
+    return load_rig(declare(node, 'rig', '', 'path of rig.yaml'))
+
+
+def declare_grid(node: Node, rig: Rig) -> Grid:
+    """Declare the parameter `grid` (columns x rows of the maps) and return that grid over `rig`.
+
+    The default has square cells of about 5 mm.
+
+    Raises:
+        InputError: the parameter is not of the form 187x112, or the grid cannot be computed.
+    """
+    text = declare(node, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+    return chosen_grid(text, rig)
+
+
+def declare_photo_interval(
+    node: Node, *, also: str = '', on_change: OnChangeFn | None = None
+) -> float:
+    """Declare the parameter `photo_interval_s` and return the time between photographs [s].
+
+    Args:
+        node: the node.
+        also: another consequence in this node, one clause for people.
+        on_change: as in `declare`.
+
+    Raises:
+        InputError: the value is no time that a camera keeps.
+    """
+    interval: float = declare(
+        node,
+        'photo_interval_s',
+        USUAL_PHOTO_INTERVAL_S,
+        'time between photographs [s]' + also,
+        at_least=SHORTEST_PHOTO_INTERVAL_S,
+        at_most=LONGEST_PHOTO_INTERVAL_S,
+        on_change=on_change,
+    )
+    return interval
+
+
+class Diagnostics:
+    """Publishes the health of one node on /diagnostics once a second (REP-107).
+
+    The executor of the node publishes. Silence therefore means a stuck executor or a stopped
+    process. A long computation in another thread does not cause silence.
+    """
+
+    def __init__(self, node: Node, *, heard: Collection[str] = ()) -> None:
+        """Make the publisher of `node` and its heartbeat.
+
+        Args:
+            node: the node.
+            heard: topics of the node; each heartbeat names the nodes that hear all of them.
+        """
+        self._node = node
+        self._heard = tuple(heard)
+        self._health = NodeHealth()
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
+        own = MutuallyExclusiveCallbackGroup()
+        node.create_timer(HEARTBEAT_S, self._beat, callback_group=own, clock=steady)
+        node.create_timer(HEARTBEAT_S, self._health.callbacks_ran, clock=steady)
+
+    def report(self, level: bytes, message: str, **values: object) -> None:
+        """Publish the health of the node; it is repeated until the next report.
+
+        Args:
+            level: DiagnosticStatus.OK, WARN or ERROR.
+            message: one line.
+            values: numbers and texts by name, published as text.
+        """
+        texts = {name: str(value) for name, value in values.items()}
+        self._health.report(level[0], message, texts)
+        self._beat()
+
+    def busy(self, what: str, longest_s: float = math.inf) -> AbstractContextManager[None]:
+        """Return a context manager that marks a piece of work as in progress.
+
+        Args:
+            what: the work in a few words, such as 'state 12'.
+            longest_s: the health is an error if the work takes longer [s]; infinite: never.
+        """
+        return self._health.busy(what, longest_s)
+
+    def _beat(self) -> None:
+        health = self._health.now()
+        values = dict(health.values)
+        if self._heard:
+            values[HEARD_BY] = ' '.join(sorted(hearers(self._node, *self._heard)))
+        status = DiagnosticStatus(
+            level=bytes([health.level]),
+            name=self._node.get_name(),
+            hardware_id=hardware_id(self._node),
+            message=health.message,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+
+def hardware_id(node: Node) -> str:
+    """Return the name of the rig in the reports of health: the namespace of its nodes.
+
+    Other devices report on the same topic, perhaps under the name of one of our nodes.
+    """
+    return str(node.get_namespace()).strip('/') or 'porotwin'
+
+
+def ensure_diagnostics(node: Node) -> None:
+    """Publish the health of `node`, unless the node publishes it already."""
+    if not any(publisher.topic_name == DIAGNOSTICS for publisher in node.publishers):
+        Diagnostics(node)  # its timers keep it alive
+
+
+@contextmanager
+def until_shutdown(context: Context) -> Iterator[None]:
+    """Leave the block without an error when `context` is shut down inside it.
+
+    A signal or another thread may shut the context down at any time, also between the executor's
+    check of the context and its use. Errors under a valid context are raised.
+    """
+    try:
+        yield
+    except ExternalShutdownException:
+        pass
+    except (RCLError, NotInitializedException):
+        if context.ok():
+            raise
+
+
+def _refuse(error: InputError) -> NoReturn:
+    print(f'{REFUSAL}{error}', file=sys.stderr)
+    sys.exit(WRONG_PARAMETERS)
+
+
+def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
+    """Spin a node until its process is asked to stop: the `main` of every node.
+
+    Args:
+        make_node: makes the node; an InputError ends the process with status 2 and one line.
+        threads: threads that run callbacks; one more is added for the health of the node.
+    """
+    end_with_parent()
+    try:
+        check_environment(os.environ)
+    except InputError as error:
+        _refuse(error)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    executor = executor_of(1 if threads == 1 else threads + 1)
+    node = None
+    with signals_as_interrupts() as asked:
+        try:
+            with until_shutdown(executor.context):
+                node = make_node()
+                ensure_diagnostics(node)
+                steady = Clock(clock_type=ClockType.STEADY_TIME)
+                own = MutuallyExclusiveCallbackGroup()
+                wake = partial(_wake, asked)
+                node.create_timer(HEARTBEAT_S, wake, callback_group=own, clock=steady)
+                executor.add_node(node)
+                executor.spin()
+        except InputError as error:
+            _refuse(error)
+        except KeyboardInterrupt:
+            pass  # asked to stop, perhaps during the start
+        finally:
+            for one in STOP_SIGNALS:
+                signal.signal(one, signal.SIG_IGN)  # the end is not interrupted
+            end_in_order(executor, [] if node is None else [node])
+
+
+@contextmanager
+def signals_as_interrupts() -> Iterator[Event]:
+    """Raise KeyboardInterrupt at SIGINT and SIGTERM, at most a heartbeat later.
+
+    The yielded event is set by the first of them. rclpy's own handlers end the context at once,
+    which `end_in_order` avoids.
+    """
+    asked = Event()
+
+    def interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
+        asked.set()
+        raise KeyboardInterrupt
+
+    before = {one: signal.signal(one, interrupt) for one in STOP_SIGNALS}
+    try:
+        yield asked
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+
+
+def _wake(asked: Event) -> None:
+    """Let the main thread look for signals: it takes none while it waits for messages.
+
+    Python drops an interrupt that is raised inside a destructor, so that it is repeated.
+    """
+    if asked.is_set():
+        interrupt_main()
+
+
+def executor_of(threads: int, context: Context | None = None) -> Executor:
+    """Return an executor that runs callbacks in `threads` threads; None: the default context."""
+    if threads == 1:
+        return SingleThreadedExecutor(context=context)
+    return MultiThreadedExecutor(num_threads=threads, context=context)
+
+
+def end_in_order(executor: Executor, nodes: Iterable[Node], context: Context | None = None) -> None:
+    """End the threads of `executor`, then the `nodes`, then their context; None: the default one.
+
+    rclpy may wait forever if a context ends while another thread waits for its messages, or before
+    its nodes.
+    """
+    executor.shutdown(END_S)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown(context=context)

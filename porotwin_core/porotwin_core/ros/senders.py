@@ -1,0 +1,176 @@
+"""The senders of messages: the nodes that publish a topic or call a service.
+
+ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have sent it. A
+receiver that accepts one sender therefore refuses all messages while another node could send.
+"""
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from porotwin_core.basis.errors import InputError
+
+GUARD = 'guard'
+"""Name of the node that alone may set the pumps."""
+
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+"""Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
+
+NAME_PATIENCE_S = 2.0
+"""Longest wait for the name of a node that was just discovered [s]; it takes less than 0.1 s."""
+
+LEASE_S = 20.0
+"""Fast DDS forgets a killed process after this time [s], its default."""
+
+NAME_PERIOD_S = 0.05
+"""Time between two looks for that name [s]."""
+
+
+@dataclass(frozen=True, order=True)
+class Sender:
+    """A writer in the graph: its node's full name, and an identity that no other writer has."""
+
+    node: str
+    identity: str
+
+
+def full_name(node: Any, name: str) -> str:
+    """Return the full name of the node `name` in the namespace of `node`."""
+    return f'{node.get_namespace().rstrip("/")}/{name}'
+
+
+def check_only_guard_publishes(node: Any) -> None:
+    """Check that only the guard publishes setpoints; every receiver of setpoints calls this.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    found = publishers(node, 'wells/setpoint')
+    refuse_others(found, full_name(node, GUARD), 'publishes wells/setpoint')
+
+
+def check_only_guard_calls(node: Any) -> None:
+    """Check that only the guard commands the pumps; every asset calls this.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
+
+
+def check_only_mend_offers(node: Any) -> None:
+    """Check that only the node `mend`, or a replay of its messages, publishes offers.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, 'mend', 'mend/offer')
+
+
+def check_only_solver_tells(node: Any) -> None:
+    """Check that only the solver, or a replay of its messages, tells the effects in the model.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, 'solver', 'model/effects')
+
+
+def _check_only(node: Any, name: str, topic: str) -> None:
+    """Check that no node but `name` and the player of a recording publishes `topic`."""
+    player = full_name(node, 'player')
+    found = [sender for sender in publishers(node, topic) if sender.node != player]
+    refuse_others(found, full_name(node, name), f'publishes {topic}')
+
+
+def publishers(node: Any, topic: str) -> list[Sender]:
+    """Return the publishers of `topic`, a name relative to `node` (rclpy.node.Node)."""
+    return _named_senders(node, node.resolve_topic_name(topic), mangled=False)
+
+
+def callers(node: Any, service: str) -> list[Sender]:
+    """Return the clients of `service`, a name relative to `node` (rclpy.node.Node)."""
+    # the DDS topic of the requests; the graph of ROS 2 Jazzy lists no clients of a service
+    return _named_senders(node, f'rq{node.resolve_service_name(service)}Request', mangled=True)
+
+
+def hearers(node: Any, *topics: str) -> frozenset[str]:
+    """Return the names of the nodes that `node` knows to subscribe to all of `topics`.
+
+    A message reaches only the subscribers that its sender knows, and each process gets to know the
+    others on its own. What another node sees of the graph therefore proves nothing.
+    """
+    return frozenset.intersection(
+        *(
+            frozenset(
+                info.node_name
+                for info in node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
+            )
+            for topic in topics
+        )
+    )
+
+
+def servers(node: Any, service: str) -> frozenset[str]:
+    """Return the identities of the servers of `service`, a name relative to `node`.
+
+    A restarted server has a new identity. A killed server stays visible for `LEASE_S`.
+    """
+    # the DDS topic of the answers
+    topic = f'rr{node.resolve_service_name(service)}Reply'
+    found = node.get_publishers_info_by_topic(topic, no_mangle=True)
+    return frozenset(bytes(info.endpoint_gid).hex() for info in found)
+
+
+def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
+    """Check that every sender in `found` is the node `expected`.
+
+    Args:
+        found: from `publishers` or `callers`.
+        expected: full name of the one node.
+        doing: the act in words, such as 'publishes wells/setpoint'.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    others = sorted({sender.node for sender in found} - {expected})
+    if others:
+        name = others[0].replace(UNKNOWN_NODE, 'a program without a name')
+        raise InputError(f'{name} {doing} too, and only {expected} may; end it')
+
+
+def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
+    """Return the only sender in `found`, the node `expected`; None if `found` is empty.
+
+    Args:
+        found: from `publishers` or `callers`.
+        expected: full name of the one node.
+        doing: the act in words, such as 'publishes wells/setpoint'.
+
+    Raises:
+        InputError: another node does so too, or there are several nodes `expected`.
+    """
+    refuse_others(found, expected, doing)
+    if len(found) > 1:
+        raise InputError(
+            f'{len(found)} nodes {expected}: each {doing}; if one has just died, wait '
+            f'{LEASE_S:g} s; to run two rigs, give each a ROS_DOMAIN_ID of its own'
+        )
+    return next(iter(found), None)
+
+
+def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
+    deadline = time.monotonic() + NAME_PATIENCE_S
+    while True:
+        found = [
+            Sender(
+                f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+                bytes(info.endpoint_gid).hex(),
+            )
+            for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
+        ]
+        named = not any(UNKNOWN_NODE in sender.node for sender in found)
+        if named or time.monotonic() > deadline:
+            return sorted(found)
+        time.sleep(NAME_PERIOD_S)

@@ -1,0 +1,1 @@
+"""The corrective source term of a trained model, and the gates that allow it."""

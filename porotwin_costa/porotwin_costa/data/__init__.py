@@ -1,0 +1,1 @@
+"""What a network learns from: frames, data sets, their scaling and their files."""

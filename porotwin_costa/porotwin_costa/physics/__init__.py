@@ -1,0 +1,1 @@
+"""Physics that COSTA learns before its network learns the remainder."""

@@ -1,0 +1,1 @@
+"""The nodes that serve the corrective source term and train it."""

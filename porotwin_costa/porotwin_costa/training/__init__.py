@@ -1,0 +1,1 @@
+"""Training of networks, one step ahead and over free runs."""

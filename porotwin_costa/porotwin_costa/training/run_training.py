@@ -1,0 +1,156 @@
+"""Training from observed maps: physics, network, free runs, gate."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import Crew
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.rig import Rig
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.free_run_gate import Judge, gated, kept_runs
+from porotwin_costa.data.dataset import Dataset, join_datasets
+from porotwin_costa.data.dataset_builder import build_dataset
+from porotwin_costa.data.frames import Frames
+from porotwin_costa.networks import Architecture
+from porotwin_costa.physics.physics_learning import SolverOn, Solvers, learn_physics
+from porotwin_costa.training.rollout_training import CURRICULUM, Stage, train_through_runs
+from porotwin_costa.training.training import ProgressFn, train
+
+SCHEME_GAIN = 0.3
+"""Share of the squared error of kept runs that a sharper scheme must take away [-]: its steps cost
+many times as much. Fluxes alone seldom take away as much of it."""
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """Maps to learn from, and the model that COSTA corrects.
+
+    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme of
+    `solver_on`. `precise_on` has a scheme that hardly errs: missing physics is found with it. The
+    workers of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
+    processes, both must be picklable. `sharper` names a scheme that learnt physics may have; empty:
+    none is tried.
+    """
+
+    rig: Rig
+    grid: Grid
+    frames: Sequence[Frames]
+    time_step: float
+    preset: str
+    solver_on: SolverOn
+    precise_on: SolverOn
+    pool: Crew
+    sharper: str = ''
+
+    def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
+        """Return the training pairs of `frames` for the model with `learnt` physics.
+
+        Raises:
+            InputError: no pair can be used.
+        """
+        settings = (self.rig, self.grid, self.time_step, self.preset, self.solver_on, learnt)
+        waiting = [self.pool.submit(_pairs_of, one, *settings) for one in frames]
+        usable = [one.result() for one in waiting if not isinstance(one.exception(), InputError)]
+        return join_datasets(usable or [waiting[0].result()])
+
+
+def _pairs_of(
+    frames: Frames,
+    rig: Rig,
+    grid: Grid,
+    time_step: float,
+    preset: str,
+    solver_on: SolverOn,
+    learnt: LearntPhysics,
+) -> Dataset:
+    """Return the training pairs of one experiment."""
+    model = solver_on(grid).model(learnt)
+    return build_dataset(
+        [frames],
+        rig,
+        grid=grid,
+        time_step=time_step,
+        predict=model.predict,
+        residual=model.residual,
+        preset=preset,
+    )
+
+
+def train_from_runs(
+    experiments: Experiments,
+    architecture: Architecture,
+    *,
+    seed: int,
+    epochs: int = 0,
+    curriculum: Sequence[Stage] = CURRICULUM,
+    progress: ProgressFn = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
+) -> CorrectiveModel:
+    """Return a model trained on single steps and then through free runs, and judged by free runs.
+
+    Args:
+        experiments: the maps and the model to correct.
+        architecture: the network; it says whether physics is learnt first.
+        seed: of weights, samples and roll-outs.
+        epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
+            shorten the roll-outs in proportion.
+        curriculum: stages of the roll-outs; empty: single steps only.
+        progress: called after every epoch.
+        say: told every decision.
+
+    Raises:
+        InputError: too few maps, none with tracer to judge, or the model cannot run.
+    """
+    usual = architecture.training.epochs
+    settings = architecture.training.with_epochs(epochs)
+    learning, kept = kept_runs(experiments.frames, settings.validation_share)
+    if not kept:
+        raise InputError('no free run can be judged: give three consecutive maps at least')
+    solver = experiments.solver_on(experiments.grid)
+    judge = Judge(solver, kept, experiments.time_step)
+    judge.check()
+    learnt = LearntPhysics()
+    if architecture.learns_physics:
+        learnt = learn_physics(
+            experiments.rig,
+            experiments.grid,
+            experiments.frames,
+            Solvers(experiments.precise_on, experiments.solver_on),
+            pool=experiments.pool,
+            say=say,
+        )
+        learnt = _with_scheme(learnt, experiments.sharper, judge, say)
+    dataset = experiments.pairs(experiments.frames, learnt)
+    model = train(dataset, architecture, settings, seed=seed, progress=progress)
+    if learnt != NO_LEARNT_PHYSICS:
+        model = replace(model, learnt=learnt)
+    model = train_through_runs(
+        model,
+        solver.model(learnt),
+        learning,
+        lambda one: judge.errors(one).mean_corrected,
+        seed=seed,
+        curriculum=[stage.shortened(settings.epochs / usual) for stage in curriculum],
+        say=say,
+    )
+    model = gated(model, judge)
+    say(model.provenance['gate']['says'])
+    return model
+
+
+def _with_scheme(
+    learnt: LearntPhysics, sharper: str, judge: Judge, say: Callable[[str], None]
+) -> LearntPhysics:
+    """Return `learnt` with the scheme `sharper`, if kept runs gain enough by it."""
+    if not sharper:
+        return learnt
+    changed = replace(learnt, scheme=sharper)
+    before, after = judge.physics_error(learnt), judge.physics_error(changed)
+    kept = after**2 < (1.0 - SCHEME_GAIN) * before**2
+    say(
+        f'scheme {sharper} {"taken" if kept else "not needed"}: error of the kept free runs '
+        f'{after:.4f} instead of {before:.4f}'
+    )
+    return changed if kept else learnt

@@ -1,0 +1,1 @@
+"""The controller: plans, their optimisation and the limits of a setpoint."""

@@ -1,0 +1,38 @@
+"""Compares the tracer in a photograph with the tracer that the pumps can have left there.
+
+A photograph of another rig, a damaged picture, or a baseline with tracer in it passes all checks of
+the light. It does not pass a balance: tracer appears or vanishes that no pump moved.
+"""
+
+import numpy as np
+
+from porotwin_core.basis.units import ML
+from porotwin_core.geometry.grid import FloatArray
+
+MOST_DIFFERENCE = 0.3
+"""Largest believable difference, relative to the larger volume; calibrated maps are off by 0.1."""
+
+LEAST_VOLUME_M3 = 3e-6
+"""A smaller difference is no news [m^3]: the plume of the first photographs is small and pale."""
+
+
+def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArray) -> str:
+    """Return in words that an observed map has too much or too little tracer, or an empty string.
+
+    The volumes are sums of concentration times pore volume over the observed cells.
+
+    Args:
+        observed: concentration in the photograph [-], (nz, nx); NaN where nothing was seen.
+        predicted: concentration predicted with the rates in force [-], (nz, nx).
+        pore_volume: volume of the pores of each cell [m^3], (nz, nx).
+    """
+    seen = np.isfinite(observed)
+    found = float(np.sum(observed[seen] * pore_volume[seen]))
+    expected = float(np.sum(predicted[seen] * pore_volume[seen]))
+    difference = abs(found - expected)
+    if difference <= max(LEAST_VOLUME_M3, MOST_DIFFERENCE * max(found, expected)):
+        return ''
+    return (
+        f'the photograph shows {found * ML:.3g} ml of tracer, and by the pumps it would be '
+        f'{expected * ML:.3g} ml; look at the photograph, the baseline and the pumps'
+    )

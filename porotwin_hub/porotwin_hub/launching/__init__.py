@@ -1,0 +1,1 @@
+"""All nodes of the graph, their parameters and processes."""

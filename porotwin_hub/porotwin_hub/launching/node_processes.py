@@ -1,0 +1,100 @@
+"""The processes of the graph's nodes as Linux shows them in /proc: found by name, and ended."""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from porotwin_core.basis.parent import PARENT
+
+PROCESSES = Path('/proc')
+
+POLL_S = 0.2
+"""Time between two looks at processes that are asked to end [s]."""
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """A process at one moment.
+
+    Attributes:
+        pid: its number.
+        stopped: whether it is stopped, as by SIGSTOP. A process under a debugger is not.
+        age_s: time since its start [s].
+        cpu_s: processor time that it has used [s].
+    """
+
+    pid: int
+    stopped: bool
+    age_s: float
+    cpu_s: float
+
+
+def process_of(pid: int) -> NodeProcess | None:
+    """Return the process with a number; None if it is gone, a zombie, or not shown by /proc."""
+    try:
+        text = (PROCESSES / str(pid) / 'stat').read_text()
+    except OSError:
+        return None
+    # proc(5): the state is field 3; the fields 14, 15 and 22 count clock ticks
+    fields = text.rpartition(')')[2].split()
+    if fields[0] in 'ZX':
+        return None
+    tick_s = 1.0 / os.sysconf('SC_CLK_TCK')
+    return NodeProcess(
+        pid,
+        stopped=fields[0] == 'T',
+        age_s=time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) * tick_s,
+        cpu_s=(int(fields[11]) + int(fields[12])) * tick_s,
+    )
+
+
+def nodes_of(launcher: str) -> dict[str, NodeProcess]:
+    """Return the processes of all nodes that a launcher started, by the name of the node.
+
+    A launcher gives its process number to its nodes in the environment variable `PARENT`, and
+    the name by the argument `__node:=NAME`. Nothing is taken from a message.
+    """
+    found = {}
+    mark = f'{PARENT}={launcher}'.encode()
+    for folder in PROCESSES.glob('[0-9]*'):
+        try:
+            if mark not in (folder / 'environ').read_bytes().split(b'\0'):
+                continue
+            words = (folder / 'cmdline').read_bytes().decode(errors='replace').split('\0')
+        except OSError:  # it ended meanwhile, or belongs to somebody else
+            continue
+        name = next((word[8:] for word in words if word.startswith('__node:=')), '')
+        process = process_of(int(folder.name)) if name else None
+        if process is not None:
+            found[name] = process
+    return found
+
+
+def kill(pid: int) -> None:
+    """Kill a process and, if it leads a group of processes, all of the group."""
+    with contextlib.suppress(ProcessLookupError):
+        if os.getpgid(pid) == pid:
+            os.killpg(pid, signal.SIGKILL)
+        else:
+            os.kill(pid, signal.SIGKILL)
+
+
+def await_end(pids: Iterable[int], *, patience_s: float) -> None:
+    """Wait for processes that were asked to end; kill those left after `patience_s` [s].
+
+    A stopped process is continued, so that it can end in order.
+    """
+    waiting = list(pids)
+    for pid in waiting:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+    deadline = time.monotonic() + patience_s
+    while waiting and time.monotonic() < deadline:
+        time.sleep(POLL_S)
+        waiting = [pid for pid in waiting if process_of(pid) is not None]
+    for pid in waiting:
+        kill(pid)

@@ -1,0 +1,33 @@
+"""The report of a cycle as a message."""
+
+import math
+
+from porotwin_hub.loop.cycle import Cycle
+from porotwin_msgs.msg import CycleReport, NewState, RateFactor
+
+
+def report_of(cycle: Cycle, state: NewState) -> CycleReport:
+    """Return the report of a cycle that began with the message `state`."""
+    decision, forecast = cycle.decision, cycle.forecast
+    return CycleReport(
+        header=state.header,
+        sequence=state.sequence,
+        prediction_error=cycle.prediction_error,
+        corrected_error=cycle.corrected_error,
+        expected_error=cycle.expected_error,
+        disallowed_tracer=cycle.disallowed_tracer,
+        objective_unchanged=decision.cost_unchanged if decision else math.nan,
+        objective=decision.cost if decision else math.nan,
+        objective_evaluations=decision.evaluations if decision else 0,
+        corrected=forecast is not None and forecast.is_corrected,
+        correction_status=forecast.correction_status if forecast else 'no forecast',
+        predict_duration=cycle.durations.get('predict', math.nan),
+        correct_duration=cycle.durations.get('correct', math.nan),
+        optimise_duration=cycle.durations.get('optimise', math.nan),
+        cycle_duration=cycle.durations['cycle'],
+        rate_factors=[
+            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
+            for well, found in cycle.rate_factors.items()
+        ],
+        remarks=[*cycle.remarks, *cycle.notes],
+    )

@@ -1,0 +1,91 @@
+"""The door of the hub: states and measured rates are checked here, before anything uses them."""
+
+import math
+
+import numpy as np
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import plausible_rate_ml_h
+from porotwin_core.basis.units import percent, to_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.rates_in_force import KnownRates, balanced
+from porotwin_core.rates.wells import WellRates
+from porotwin_core.rig import Rig
+
+LEAST_SEEN_SHARE = 0.1
+"""Share of the rig that a map shows at least. From a hand before the camera no setpoint follows."""
+
+
+class StateNumbers:
+    """Follows the numbers of states, which count up by one from each state of one node to the next.
+
+    A number that does not follow is a state of another node, or states were lost. Two that follow
+    each other are believed again, and so is a count that begins anew.
+    """
+
+    def __init__(self) -> None:
+        """Begin before the first state."""
+        self._last: int | None = None
+        self._strange: int | None = None
+
+    def doubt(self, number: int) -> str:
+        """Return why the state `number` may come from another node, or an empty string."""
+        expected = (None, number - 1)
+        if number == 0 or self._last in expected or self._strange == number - 1:
+            self._last, self._strange = number, None
+            return ''
+        self._strange = number
+        return (
+            f'its number is {number} after {self._last}; states were lost, or a second node '
+            'publishes asset/new_state'
+        )
+
+
+class Door:
+    """Lets in what can be true for one rig; refuses the rest with one line."""
+
+    def __init__(self, rig: Rig, grid: Grid) -> None:
+        """Check for `rig`, whose maps are on `grid`."""
+        self._grid = grid
+        self._wells = set(rig.wells)
+        self._balancing_well = rig.control.producer if rig.control and rig.closed else None
+        _, self._largest_ml_h = plausible_rate_ml_h(rig.pore_volume)
+
+    def check_state(self, concentration: FloatArray, grid: Grid) -> None:
+        """Return if a map (nz, nx) on `grid` can be a state of the rig.
+
+        Raises:
+            InputError: it is on another grid, or shows next to nothing.
+        """
+        if grid != self._grid:
+            raise InputError(
+                f'its map is {grid} over {grid.width} x {grid.height} m, the hub works on '
+                f'{self._grid} over {self._grid.width} x {self._grid.height} m; start both alike'
+            )
+        seen = float(np.mean(np.isfinite(concentration)))
+        if seen < LEAST_SEEN_SHARE:
+            raise InputError(f'its map shows {percent(seen)} of the rig; is the camera covered?')
+
+    def known_rates(self, start: float, end: float, rates: WellRates) -> KnownRates:
+        """Return the `rates` that were measured from `start` to `end` [s].
+
+        In a closed rig the producer's rate is set such that it balances all others.
+
+        Raises:
+            InputError: a well is unknown, a rate is larger than any pump of this rig can have, or
+                the times are not in order.
+        """
+        if not (math.isfinite(start) and start <= end):
+            raise InputError(f'they begin {start - end:.3f} s after their end; send start <= stamp')
+        for name, well in rates.items():
+            if name not in self._wells:
+                known = ', '.join(sorted(self._wells))
+                raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
+            if abs(to_ml_h(well.rate)) > self._largest_ml_h:
+                raise InputError(
+                    f"well '{name}': {to_ml_h(well.rate):.4g} ml/h, but this rig stands at most "
+                    f'{self._largest_ml_h:.4g} ml/h; send m^3/s'
+                )
+        if self._balancing_well is not None:
+            rates = balanced(rates, self._balancing_well)
+        return KnownRates(start, end, rates)

@@ -1,0 +1,83 @@
+"""The state that predictions start from: the photograph, or a filter of photograph and forecast."""
+
+from porotwin_core.geometry.grid import FloatArray, fill_unseen
+from porotwin_core.model.state_filter import PUMP_DEVIATION, Estimate, Seen, StateFilter
+from porotwin_core.rates.rates_in_force import injected_tracer
+from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.loop.cycle import Cycle
+from porotwin_hub.models.forecast import Forecast
+
+
+class StateEstimation:
+    """Estimates one state after the other.
+
+    Attributes:
+        estimate: the last one by the filter; None: there is none.
+    """
+
+    def __init__(self, state_filter: StateFilter | None, learner: RateLearner | None) -> None:
+        """Estimate by `state_filter`.
+
+        Args:
+            state_filter: weighs photograph and forecast; None: the state is the photograph, its
+                unseen cells filled in (the paper's way).
+            learner: knows how sure the rate of the tracer's pump is; None: as sure as usual.
+        """
+        self._filter = state_filter
+        self._learner = learner
+        self.estimate: Estimate | None = None
+        self._expected: FloatArray | None = None
+
+    def interrupt(self) -> None:
+        """Forget the last state: the next one does not follow from it."""
+        self.estimate = None
+        self._expected = None
+
+    def expect(self, cycle: Cycle) -> None:
+        """Fill the unseen cells of the next photograph from the forecast of `cycle`."""
+        ahead = cycle.forecast
+        self._expected = ahead.corrected if ahead is not None else cycle.state
+
+    def estimate_state(self, cycle: Cycle) -> None:
+        """Set the state of `cycle` from its observation and the forecast that was made for it."""
+        observation, elapsed = cycle.observation, cycle.elapsed
+        expected = elapsed.corrected if elapsed is not None else self._expected
+        if self._filter is None:
+            cycle.state = fill_unseen(observation.concentration, expected)
+            return
+        seen = Seen.of(observation.concentration, observation.deviation, observation.systematic)
+        self.estimate = self._filtered(self._filter, cycle, seen, elapsed, expected)
+        cycle.seen = seen
+        cycle.state = self.estimate.concentration
+        cycle.observed = self.estimate.observed
+        cycle.expected_error = self.estimate.expected_error
+
+    def _filtered(
+        self,
+        state_filter: StateFilter,
+        cycle: Cycle,
+        seen: Seen,
+        elapsed: Forecast | None,
+        expected: FloatArray | None,
+    ) -> Estimate:
+        if elapsed is None or self.estimate is None:
+            return state_filter.begin(seen, expected)
+        return state_filter.update(
+            self.estimate,
+            elapsed.corrected,
+            seen,
+            injected_tracer(cycle.periods),
+            self._pump_deviation(cycle),
+        )
+
+    def _pump_deviation(self, cycle: Cycle) -> float:
+        """Return the standard deviation of the rate factor of the tracer's pump [-]."""
+        if self._learner is None:
+            return PUMP_DEVIATION
+        factors = self._learner.factors
+        deviations = [
+            factors[name].deviation
+            for name, well in cycle.pumped.items()
+            if well.rate > 0.0 and well.concentration > 0.0
+        ]
+        return max(deviations, default=0.0)

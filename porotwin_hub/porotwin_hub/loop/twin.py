@@ -1,0 +1,386 @@
+"""The loop of the twin: one observed state in, a setpoint and a forecast out.
+
+The five steps of the paper (section 2.4): the asset emits a state; the physics-based model predicts
+the next one; the data-driven model corrects the prediction; the physics-based model predicts again
+with the correction; the twin emits the result. In the optimising mode (section 4) the twin chooses
+the rates first.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.clock.stamps import believed_start
+from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.model.correction import CorrectionFn
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
+from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.rates_in_force import (
+    KnownRates,
+    RatePeriod,
+    describe_difference,
+    latest_known,
+    rates_at_end,
+    rates_in_force,
+    same_rates,
+)
+from porotwin_core.rates.wells import WellRates
+from porotwin_hub.control.controller import Planner
+from porotwin_hub.estimation.pale_wells import PaleWells
+from porotwin_hub.estimation.rate_learning import (
+    DeliveringModel,
+    PumpFactor,
+    RateLearner,
+    correcting_delivered,
+    joined,
+)
+from porotwin_hub.estimation.tracer_balance import imbalance
+from porotwin_hub.loop.cycle import Cycle, Observation
+from porotwin_hub.loop.photo_pace import FEWEST, odd_pace
+from porotwin_hub.loop.setpoint_choice import SetpointChoice
+from porotwin_hub.loop.state_estimation import StateEstimation
+from porotwin_hub.models.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
+from porotwin_hub.models.plant_knowledge import PlantKnowledge
+
+SAME_TIME_S = 0.5
+"""A forecast belongs to a photograph if their times differ by at most this [s]."""
+
+
+class Twin:
+    """The loop between two photographs; `cycle` advances it by one observation.
+
+    `decide` and `look_ahead` are the halves of `cycle`: a setpoint need not wait for the forecast
+    of the next photograph.
+    """
+
+    def __init__(
+        self,
+        physics: PhysicsModel,
+        data_driven: CorrectionFn,
+        *,
+        photo_interval: float,
+        controller: Planner | None = None,
+        assumed: WellRates | None = None,
+        pore_volume: FloatArray | None = None,
+        began: float | None = None,
+        state_filter: StateFilter | None = None,
+        learner: RateLearner | None = None,
+        pauses: FixedPauses = NO_PAUSES,
+        wells: PaleWells | None = None,
+    ) -> None:
+        """Make the loop.
+
+        Args:
+            physics: the physics-based model.
+            data_driven: the data-driven model, or `no_correction`.
+            photo_interval: time between photographs [s]; how far a forecast looks ahead.
+            controller: chooses setpoints; None: the twin predicts and does not control.
+            assumed: rates until any are known, without a controller; None: all wells are off.
+            pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
+                tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
+            state_filter: estimates the state from photograph and prediction; None: the state is the
+                photograph, its unseen cells filled in (the paper's way).
+            learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
+            pauses: announced pauses of the fixed wells, since the start of the experiment.
+            wells: looks for wells that are paler than what they inject; None: nobody looks.
+        """
+        self._wells = wells
+        self._pore_volume = pore_volume
+        self._pauses = pauses
+        self._estimation = StateEstimation(state_filter, learner)
+        self._plain_physics = physics
+        self._learner = learner
+        self._physics = physics
+        if learner is not None:
+            self._physics = DeliveringModel(physics, learner)
+            data_driven = correcting_delivered(data_driven, learner)
+        self._forecaster = Forecaster(self._physics, data_driven)
+        self._photo_interval = photo_interval
+        self._times: deque[float] = deque(maxlen=2 * FEWEST)
+        self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
+        self._choice = SetpointChoice(controller, photo_interval)
+        self._known_start = began
+        self._told_start: float | None = None
+        self._began = began
+        self._assumed = assumed or {}
+        self._pumped: WellRates | None = None
+        self._state: Observation | None = None
+        self._forecast: Forecast | None = None
+        self._learnt = NO_LEARNT_PHYSICS
+
+    def interrupt(self) -> None:
+        """Forget state and forecast: the next state does not follow from the last."""
+        self._state = None
+        self._forecast = None
+        self._times.clear()
+        if self._wells is not None:
+            self._wells.forget()
+        self._estimation.interrupt()
+        if self._learner is not None:
+            self._learner.interrupt()
+
+    def begin_anew(self) -> None:
+        """Forget everything, also the setpoint in force: time went back."""
+        self.interrupt()
+        self._began = self._known_start
+        self._choice.forget()
+        self._pumped = None
+        self._learnt = NO_LEARNT_PHYSICS
+        if self._learner is not None:
+            self._learner.begin_anew()
+
+    def set_start(self, time: float) -> None:
+        """Count pauses and the end from the start that was told [s], if `believed_start` does."""
+        self._told_start = time
+
+    def forget_rate_factors(self) -> None:
+        """Learn the rate factors anew: those learnt with another model may stand for its error."""
+        if self._learner is not None:
+            self._learner.begin_anew()
+
+    @property
+    def controls(self) -> bool:
+        """Whether setpoints are chosen."""
+        return self._choice.planner is not None
+
+    @property
+    def validity(self) -> float:
+        """How long a setpoint is valid after its photograph [s]."""
+        return self._choice.validity
+
+    def change_controller(self, controller: Planner | None) -> None:
+        """Choose setpoints by `controller` from now on; None: predict and do not control."""
+        self._choice.planner = controller
+
+    def set_aside(self, observation: Observation) -> Cycle:
+        """Return the cycle of an observation that is shown and changes nothing."""
+        cycle = Cycle(observation, observation.concentration, (), {})
+        self._count_disallowed_tracer(cycle)
+        return cycle
+
+    def cycle(self, observation: Observation, known: Sequence[KnownRates] = ()) -> Cycle:
+        """Return the results of an observation: `decide`, then `look_ahead`."""
+        cycle = self.decide(observation, known)
+        self.look_ahead(cycle)
+        return cycle
+
+    def decide(
+        self,
+        observation: Observation,
+        known: Sequence[KnownRates] = (),
+        *,
+        actuate: bool = True,
+    ) -> Cycle:
+        """Return the state estimate and the setpoint that follow from an observation.
+
+        If the rates in force since the last observation differ from the rates of the forecast, the
+        elapsed interval is forecast again first. A model that does not answer is a remark of the
+        cycle; the setpoint is then the last one while it is valid, afterwards the safe rates.
+
+        Args:
+            observation: the state that the asset emitted.
+            known: rates measured or confirmed since the last observation. Where none are known, the
+                commanded rates count as pumped.
+            actuate: False for a state too old to act on: no setpoint follows from it.
+        """
+        cycle = self._begin(observation, known)
+        self._count_disallowed_tracer(cycle)
+        if actuate:
+            delivery = {name: found.factor for name, found in self._factors().items()}
+            plant = PlantKnowledge(delivery, learnt=self._learnt)
+            self._choice.choose(cycle, self._physics, began=self._began or 0.0, plant=plant)
+        return cycle
+
+    def reject_setpoint(self, cycle: Cycle) -> None:
+        """Go on without the setpoint of `cycle`, because the asset did not take it."""
+        self._choice.reject(cycle)
+
+    def look_ahead(self, cycle: Cycle) -> None:
+        """Judge the forecast of the observation, and forecast the next observation.
+
+        A model that does not answer is a remark of the cycle.
+        """
+        self._judge(cycle)
+        self._learn_rates(cycle)
+        self._forecast_next(cycle)
+        self._state = Observation(cycle.observation.time, cycle.state)
+        self._forecast = cycle.forecast
+        self._learnt = NO_LEARNT_PHYSICS if cycle.forecast is None else cycle.forecast.learnt
+        self._pumped = cycle.pumped
+        self._estimation.expect(cycle)
+
+    def _count_disallowed_tracer(self, cycle: Cycle) -> None:
+        if self._choice.planner is not None:
+            objective = self._choice.planner.objective
+            cycle.disallowed_tracer = objective.disallowed_tracer(cycle.observation.concentration)
+
+    def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
+        """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
+        now = observation.time
+        self._began = believed_start(self._told_start, self._began, now)
+        gap = now - self._state.time if self._state is not None else 0.0
+        if gap > self._longest_gap:
+            self.interrupt()
+        commanded = self._commanded_rates(now)
+        known = self._as_told(known, commanded)
+        self._choice.delay.learn(known, now)
+        before = self._pumped if self._pumped is not None else commanded
+        if self._state is None:
+            believed = self._choice.delay.believed(commanded, before)
+            periods: tuple[RatePeriod, ...] = ()
+            pumped = latest_known(known, now) or self._pauses_now.at(now, believed)
+        else:
+            periods = self._rates_since(self._state.time, now, known, commanded, before)
+            pumped = rates_at_end(known, periods)
+        if not self.controls:
+            self._choice.leave(pumped)
+        cycle = Cycle(observation, observation.concentration, periods, pumped)
+        self._times.append(now)
+        if odd := odd_pace(self._times, self._photo_interval):
+            cycle.remarks.append(odd)
+        if gap > self._longest_gap:
+            cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
+        if self._state is not None:
+            self._forecast_elapsed(cycle, self._state)
+        self._estimation.estimate_state(cycle)
+        return cycle
+
+    def _rates_since(
+        self,
+        start: float,
+        end: float,
+        known: Sequence[KnownRates],
+        commanded: WellRates,
+        before: WellRates,
+    ) -> tuple[RatePeriod, ...]:
+        """Return the rates in force from `start` to `end` [s].
+
+        A setpoint that ends in between holds until then. The `commanded` rates are those at `end`.
+        """
+        told = [(end, commanded)]
+        ended = self._choice.ended_within(start, end)
+        if ended is not None:
+            told = [(ended.valid_until, ended.rates), *told]
+        periods: list[RatePeriod] = []
+        for until, rates in told:
+            periods += rates_in_force(
+                known,
+                start,
+                until,
+                commanded=self._choice.delay.believed(rates, before),
+                before=before,
+                pauses=self._pauses_now,
+            )
+            start, before = until, rates_at_end(known, periods)
+        return tuple(joined(periods))
+
+    @property
+    def _pauses_now(self) -> FixedPauses:
+        """The announced pauses on the clock of the observations."""
+        return self._pauses.since(self._began or 0.0)
+
+    def _factors(self) -> dict[str, PumpFactor]:
+        """Return the learnt share of its rate that each pump delivers, by well."""
+        return self._learner.factors if self._learner is not None else {}
+
+    def _forecast_elapsed(self, cycle: Cycle, last: Observation) -> None:
+        """Set the forecast that was made for the observation, if there was one.
+
+        It is made again if other rates were pumped than it assumed, or if the photograph came at
+        another time.
+        """
+        planned = self._forecast
+        if planned is None:
+            return
+        as_planned = all(same_rates(period.rates, planned.rates) for period in cycle.periods)
+        if as_planned and abs(planned.time - cycle.observation.time) <= SAME_TIME_S:
+            cycle.elapsed = planned
+            return
+        try:
+            cycle.elapsed = self._forecaster.forecast(last.concentration, cycle.periods)
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no prediction for this photograph: {error}')
+            cycle.periods = ()
+            return
+        difference = '' if as_planned else describe_difference(cycle.periods, planned.rates)
+        if difference:
+            cycle.notes.append(f'predicted again with the rates in force: {difference}')
+
+    def _commanded_rates(self, now: float) -> WellRates:
+        """Return the rates that the wells should pump at `now` [s].
+
+        Without a planner they are as they were, but a setpoint from before ends as any other does.
+        """
+        if self._choice.planner is not None:
+            return self._choice.commanded(self._choice.planner, now)
+        left = self._choice.left_over(now, self._assumed)
+        if left is not None:
+            return left
+        return self._pumped if self._pumped is not None else self._assumed
+
+    def _learn_rates(self, cycle: Cycle) -> None:
+        """Learn the rate factors; a model that does not answer is a remark of the cycle."""
+        estimate = self._estimation.estimate
+        if self._learner is None or estimate is None or cycle.seen is None:
+            return
+        time = cycle.observation.time
+        try:
+            cycle.remarks += self._learner.learn(
+                self._plain_physics, time, estimate, cycle.seen, cycle.periods
+            )
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no rates learnt: {error}')
+        cycle.rate_factors = self._learner.factors
+
+    def _as_told(self, known: Sequence[KnownRates], commanded: WellRates) -> list[KnownRates]:
+        """Return `known` rates as the pumps were told; measured ones teach the rate factors."""
+        if self._learner is None:
+            return list(known)
+        pauses = self._pauses_now
+        for item in known:
+            # a mean over the begin or the end of a pause tells nothing about a pump
+            if not item.is_open and not pauses.moments(item.start, item.end):
+                self._learner.meter(item.rates, pauses.at(item.start, commanded))
+        return [
+            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
+            for item in known
+        ]
+
+    def _judge(self, cycle: Cycle) -> None:
+        """Compare the observation with its forecast, or with one made now for its time."""
+        if self._state is None or not cycle.periods:
+            return
+        if self._wells is not None:
+            seen = cycle.observation
+            remark = self._wells.remark(seen.concentration, seen.time, cycle.periods)
+            cycle.remarks += [remark] if remark else []
+        if cycle.elapsed is None:
+            try:
+                cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
+            except ModelUnavailable as error:
+                cycle.remarks.append(f'no prediction for this photograph: {error}')
+                return
+        cycle.prediction_error = relative_error(cycle.elapsed.predicted, cycle.observed)
+        cycle.corrected_error = relative_error(cycle.elapsed.corrected, cycle.observed)
+        if self._pore_volume is not None:
+            observed = cycle.observation.concentration
+            remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
+            cycle.remarks += [remark] if remark else []
+
+    def _forecast_next(self, cycle: Cycle) -> None:
+        now = cycle.observation.time
+        planned = cycle.setpoint.rates if cycle.setpoint and cycle.accepted else cycle.pumped
+        periods = rates_in_force(
+            (),
+            now,
+            now + self._photo_interval,
+            commanded=planned,
+            before=planned,
+            pauses=self._pauses_now,
+        )
+        try:
+            cycle.forecast = self._forecaster.forecast(cycle.state, periods, cycle.durations)
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no forecast: {error}')

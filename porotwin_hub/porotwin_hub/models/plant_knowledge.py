@@ -1,0 +1,26 @@
+"""Knowledge of the plant beyond its model: pumps, person, and physics."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.rates.order_delay import AT_ONCE, OrdersAhead
+
+
+@dataclass(frozen=True)
+class PlantKnowledge:
+    """What a decision takes into account beside the model, the state and the rates in force.
+
+    Attributes:
+        delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+        ahead: the rates in force until an order of now will be set.
+        learnt: the physics that the data-driven model corrects by.
+    """
+
+    delivery: Mapping[str, float] = field(default_factory=dict)
+    ahead: OrdersAhead = AT_ONCE
+    learnt: LearntPhysics = NO_LEARNT_PHYSICS
+
+
+NOTHING_LEARNT = PlantKnowledge()
+"""Pumps deliver what they are told, orders are set at once, and the model is right."""

@@ -1,0 +1,1 @@
+"""The person at the pumps: setpoints in force, announcements, confirmations."""

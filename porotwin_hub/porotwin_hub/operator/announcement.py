@@ -1,0 +1,100 @@
+"""Setpoints in words: text for a terminal, sentences for a voice."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.clock.stamps import SINCE_1970
+from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_core.rig import PUMP_STEP_ML_H
+
+NO_SETPOINT = 'no setpoint: '
+"""Begin of the hub's remark that tells why no setpoint follows from a photograph."""
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """A setpoint in words: `text` to read, `speech` to hear, `changed` wells to set."""
+
+    text: str
+    speech: str
+    changed: tuple[str, ...]
+
+
+def clock_time(seconds: float) -> str:
+    """Return a time in words: the time of the day, or h:mm:ss since the start of an experiment."""
+    if seconds < SINCE_1970:
+        return str(timedelta(seconds=round(seconds)))
+    return datetime.fromtimestamp(seconds).astimezone().strftime('%H:%M:%S')
+
+
+def announce(
+    sequence: int,
+    rates: WellRates,
+    before: WellRates,
+    *,
+    note: str = '',
+    reason: str = '',
+    step_ml_h: float = PUMP_STEP_ML_H,
+) -> Announcement:
+    """Return the words for setpoint `sequence`, with every rate in ml/h.
+
+    Args:
+        sequence: the number of the setpoint.
+        rates: the rates to set [m^3/s].
+        before: the rates at the pumps [m^3/s]; a well that is missing there counts as changed.
+        note: follows the number, such as the time of the photograph.
+        reason: why these rates, in one line; may be empty.
+        step_ml_h: the smallest change that a hand can set [ml/h]; smaller ones do not count.
+    """
+    changed = tuple(
+        well
+        for well, rate in rates.items()
+        if well not in before or _step(rate, before[well]) >= step_ml_h - 0.5 * PUMP_STEP_ML_H
+    )
+    speech = ' '.join(_order(well, rates[well]) for well in changed) or 'No change.'
+    why = f'\n  why: {reason}' if reason else ''
+    title = f'setpoint {sequence}{note}{why}'
+    return Announcement(_table(title, rates, before, changed), speech, changed)
+
+
+def announce_expiry(
+    sequence: int, safe: WellRates, before: WellRates, *, note: str = ''
+) -> Announcement:
+    """Return the words for the expired setpoint `sequence`: the `safe` rates [m^3/s] hold now.
+
+    They name every well: whoever missed the last setpoints must not miss a pump.
+    """
+    title = f'setpoint {sequence} has expired and none followed{note}; set the safe rates now'
+    orders = ' '.join(_order(well, rate) for well, rate in safe.items())
+    speech = f'Setpoint {sequence} has expired. Set the safe rates now. {orders}'.strip()
+    return Announcement(_table(title, safe, before, tuple(safe)), speech, tuple(safe))
+
+
+def _step(rate: WellRate, before: WellRate) -> float:
+    return abs(to_ml_h(rate.rate - before.rate))
+
+
+def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, ...]) -> str:
+    lines = [title]
+    for well, rate in rates.items():
+        line = f'  {well:12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
+        if well in changed:
+            last = before.get(well)
+            if last is None or _step(rate, last) < 0.5 * PUMP_STEP_ML_H:
+                line += '   <-- set'
+            else:
+                line += f'   <-- was {to_ml_h(last.rate) + 0.0:.1f}'
+        lines.append(line)
+    return '\n'.join(lines)
+
+
+def _order(well: str, rate: WellRate) -> str:
+    """Return one short sentence that a voice reads well, such as 'Set control 2 to minus 740.'"""
+    head = well.rstrip('0123456789')
+    name = f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
+    value = round(to_ml_h(rate.rate), 1)
+    if value == 0.0:
+        return f'Switch {name} off.'
+    sign = 'minus ' if value < 0.0 else ''
+    return f'Set {name} to {sign}{abs(value):g}.'

@@ -1,0 +1,184 @@
+"""The bridge to the person at the pumps: shows, speaks and confirms setpoints.
+
+Beside a real rig it also stands for the asset: it answers `asset/ping`, and it takes
+`asset/control` by passing the setpoint on to the operator, as the paper's audio link did.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from porotwin_core import __version__
+from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import believed_age, steady_time
+from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.node import declare, declare_rig, run
+from porotwin_hub.operator.announcement import NO_SETPOINT, Announcement
+from porotwin_hub.operator.setpoint_book import SetpointBook, ShownSetpoint
+from porotwin_hub.operator.voice import Voice
+from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
+from porotwin_msgs.srv import ConfirmRates, Control, Ping
+
+EXPIRY_PERIOD_S = 1.0
+"""Time between checks of the newest setpoint's expiry [s]: an operator needs no finer time."""
+
+
+class OperatorNode(Node):
+    """Announces setpoints and publishes the rates that the operator confirms."""
+
+    def __init__(self, *, clock: Callable[[], float] | None = None, **kwargs: Any) -> None:
+        """Read the parameters.
+
+        Args:
+            clock: the time [s] for expiry; None: a clock that nobody sets, or simulated time.
+            kwargs: for the node, such as `context` and `parameter_overrides`.
+
+        Raises:
+            InputError: a parameter or the rig description is wrong.
+        """
+        super().__init__('operator', **kwargs)
+        rig = declare_rig(self)
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._now = clock or (self._simulated_time if self._simulated else steady_time())
+        self._book = SetpointBook(rig)
+        stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
+        self._voice: Voice | None = None
+        self._let_speak(
+            declare(self, 'speak', False, 'speak with espeak-ng', on_change=self._let_speak)
+        )
+        self._photographs_ahead = 0.0
+        self._waits_for_setpoints = False
+        self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
+        self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        self.create_subscription(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
+        self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
+        if stands_for_asset:
+            self.create_service(Control, 'asset/control', self._on_control)
+            self.create_service(Ping, 'asset/ping', self._on_ping)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(EXPIRY_PERIOD_S, self._on_timer, clock=steady)
+
+    def _let_speak(self, speak: bool) -> None:
+        self._voice = Voice(on_problem=self.get_logger().warning) if speak else None
+        if self._voice is not None and self._voice.program is None:
+            self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
+
+    def _simulated_time(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _on_setpoint(self, message: Setpoint) -> None:
+        now = self._now()
+        try:
+            senders.check_only_guard_publishes(self)
+            setpoint = self._shown(message)
+            words = self._book.announce(setpoint, now=now)
+        except InputError as error:
+            self.get_logger().error(f'setpoint {message.sequence} not shown: {error}')
+            return
+        arrived = setpoint.valid_until - setpoint.validity  # by the clock of the photographs
+        self._photographs_ahead = arrived - now
+        self._say(words)
+
+    def _shown(self, message: Setpoint) -> ShownSetpoint:
+        """Return a setpoint as the book keeps it.
+
+        Raises:
+            InputError: its rates are not valid.
+        """
+        taken = conversions.time_from_msg(message.header.stamp)
+        until = conversions.time_from_msg(message.valid_until)
+        now, validity = float(self.get_clock().now().nanoseconds) * 1e-9, until - taken
+        age = believed_age(taken, now, validity, simulated=self._simulated)
+        return ShownSetpoint(
+            sequence=message.sequence,
+            rates=conversions.rates_from_msg(message.wells),
+            stamp=taken,
+            valid_until=until,
+            validity=validity - age,
+            reason=message.reason,
+        )
+
+    def _on_cycle(self, message: CycleReport) -> None:
+        """Say why no setpoint follows from a photograph, once until one follows again."""
+        reason = next((one for one in message.remarks if one.startswith(NO_SETPOINT)), '')
+        if reason and not self._waits_for_setpoints:
+            self._say(Announcement(reason, reason, changed=()))
+        self._waits_for_setpoints = bool(reason)
+
+    def _on_offer(self, message: MendOffer) -> None:
+        """Say what a diagnosis offers to the model, and what became of it."""
+        try:
+            senders.check_only_mend_offers(self)
+        except InputError as error:
+            self.get_logger().error(f'offer {message.sequence} not shown: {error}')
+            return
+        asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
+        text = f'offer {message.sequence}: {message.sentence}'
+        if asks:
+            text += '\n  answer on the page, or with ./porotwin mend accept or refuse'
+        spoken = f'{message.sentence} Accept?' if asks else message.sentence
+        self._say(Announcement(text, spoken, changed=('model',)))
+
+    def _on_timer(self) -> None:
+        words = self._book.expire(self._now())
+        if words is not None:
+            self._say(words)
+
+    def _say(self, words: Announcement) -> None:
+        print(words.text, flush=True)
+        self._announcements.publish(String(data=words.speech))
+        voice = self._voice
+        if voice is not None and words.changed:
+            voice.say(words.speech, words.changed)
+
+    def _on_confirm(
+        self, request: ConfirmRates.Request, response: ConfirmRates.Response
+    ) -> ConfirmRates.Response:
+        try:
+            changed = conversions.rates_from_msg(request.wells)
+            rates = self._book.confirmed(request.sequence, changed)
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'confirmation refused: {error}')
+            return response
+        # by the clock of the photographs, so that the hub can compare it with them
+        now = conversions.time_to_msg(self._now() + self._photographs_ahead)
+        message = WellRates(start=now, wells=conversions.rates_to_msg(rates))
+        message.header.stamp = now
+        message.header.frame_id = conversions.RIG_FRAME
+        self._measured.publish(message)
+        response.outcome = conversions.ok()
+        return response
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        try:
+            senders.check_only_guard_calls(self)
+            self._book.check(self._shown(request.setpoint))
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'setpoint {request.setpoint.sequence} refused: {error}')
+            return response
+        response.outcome = conversions.ok()
+        return response
+
+    def _on_ping(self, request: Ping.Request, response: Ping.Response) -> Ping.Response:
+        response.name = 'operator'
+        response.version = __version__
+        response.status = 'a person at the pumps'
+        response.time = self.get_clock().now().to_msg()
+        return response
+
+
+def main() -> None:
+    """Run the node."""
+    run(OperatorNode)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,194 @@
+"""Whether something covered the sand of the baseline: later photographs agree, and it differs.
+
+A hand before the baseline looks like a hole in every later photograph. Several of them tell the two
+cases apart: they show one and the same pattern of grains there, which the baseline lacks. An object
+that stands before the sand in all later photographs hides the grains of those, and not of the
+baseline.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.baseline.baseline import Baseline
+from porotwin_imaging.baseline.photo_cells import PhotoCells, photo_cells
+from porotwin_imaging.baseline.validity import hidden_sand
+from porotwin_imaging.numerics.cell_sums import BlockSums
+from porotwin_imaging.numerics.stopwatch import Stopwatch
+from porotwin_imaging.photograph.linear_light import linear_light
+from porotwin_imaging.photograph.photo_names import named
+from porotwin_imaging.settings import ValiditySettings
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_COMPARED = 4
+"""Photographs that are compared, evenly spread: a hand is not in the same place in all of them."""
+_FEWEST = 2
+"""Fewest photographs that can agree with each other."""
+_LEAST_SHARE = 0.005
+"""Share of the sand below which a hole is not told [-]. Undisturbed photographs have none."""
+_CLEARER = 2.0
+"""Ratio of the contrasts of grains with and without a cover."""
+_MOSTLY = 0.7
+"""Least share of a hole with equal grains in the photographs [-]: 1 with a hand in the baseline."""
+_MARGIN = np.ones((3, 3), np.uint8)
+"""One block around a hole is left out as well: corners and blurred rims look like sand."""
+_NAMED = 3
+"""Baselines that a message names."""
+REASONS = 'a hand or an object was before it, or the sand has changed since'
+REMEDY = 'take another baseline'
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Sand that the baseline does not show, and later photographs do.
+
+    Attributes:
+        share: its share of the sand [-].
+        photographs: photographs that agree with each other there.
+        names: names of the baselines.
+    """
+
+    share: float
+    photographs: int
+    names: tuple[str, ...]
+
+    @property
+    def finding(self) -> str:
+        """The finding with the name of the file."""
+        files = ', '.join(name for name in self.names[:_NAMED] if name)
+        return (
+            f'the baseline{f" {files}" if files else ""} does not show the sand on '
+            f'{100 * self.share:.1f} % of the rig, where {self.photographs} later photographs '
+            'agree with each other'
+        )
+
+    def __str__(self) -> str:
+        """One line for the operator."""
+        return (
+            f'{self.finding}: {REASONS}; {REMEDY}. Until then these cells are left out of all maps'
+        )
+
+
+def uncovered(
+    baseline: Baseline, photographs: Sequence[Callable[[], bytes]], names: Sequence[str] = ()
+) -> tuple[Baseline, Cover | None]:
+    """Return the baseline without its covered sand, and the cover.
+
+    Args:
+        baseline: the baseline.
+        photographs: functions that read the state photographs; a few of them are called.
+        names: names of the files of the baselines.
+
+    Raises:
+        InputError: too much of the sand is covered; the message names the baseline.
+    """
+    settings = baseline.settings.validity
+    hole, count = _hole(baseline, photographs, settings)
+    if hole is None:
+        return baseline, None
+    rows, columns = baseline.usable.shape
+    shown = cv2.resize(
+        (~hole[::-1]).astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST
+    )
+    usable = (baseline.usable * shown).astype(np.uint8)
+    share = baseline.sampling.cell_means(usable.astype(np.float32))
+    sand = baseline.share > settings.least_visible_share
+    lost = float((sand & (share <= settings.least_visible_share)).sum() / max(1, sand.sum()))
+    cover = Cover(lost, count, tuple(names))
+    if lost > settings.most_hidden:
+        with named(names[0] if names else ''):
+            raise InputError(f'{Cover(lost, count, ()).finding}: {REASONS}; {REMEDY}')
+    return replace(baseline, usable=usable, share=share), cover
+
+
+def _hole(
+    baseline: Baseline, photographs: Sequence[Callable[[], bytes]], settings: ValiditySettings
+) -> tuple[Mask | None, int]:
+    """Return the blocks (rows, columns) that only the baseline hides, None without, and a count.
+
+    The count is the number of compared photographs.
+    """
+    places = np.linspace(0, len(photographs) - 1, min(len(photographs), _COMPARED))
+    reference: Baseline | None = None
+    differs = agree = clearer = blurred = np.ones(1, bool)
+    count = 0
+    for place in np.round(places).astype(int):
+        cells = _cells(photographs[place], baseline)
+        if cells is None:
+            continue
+        count += 1
+        seen, before = _contrasts(cells.sums.blocks)
+        sand = cells.sums.blocks.share > settings.least_visible_share
+        smooth = (before < settings.least_texture) & (seen > _CLEARER * before)
+        differs = differs & sand & (hidden_sand(cells.sums.blocks, settings) | smooth)
+        clearer = clearer & (seen > _CLEARER * before)
+        blurred = blurred & (before > _CLEARER * seen)
+        if reference is None:
+            agree = seen > settings.least_texture  # grains that others can agree with
+            reference = replace(baseline, colours=_colours(cells, baseline))
+        else:
+            agree = agree & _agreeing(photographs[place], reference, settings)
+        if (differs & agree).sum() < _LEAST_SHARE * sand.sum():
+            return None, count
+    if count < _FEWEST:
+        return None, count
+    hole = _of_the_baseline(differs, agree, clearer, blurred)
+    return (hole if hole.sum() >= _LEAST_SHARE * sand.sum() else None), count
+
+
+def _cells(read: Callable[[], bytes], baseline: Baseline) -> PhotoCells | None:
+    """Return the cells of a photograph; None for a bad one, which the maps tell."""
+    try:
+        return photo_cells(read(), baseline, Stopwatch())
+    except (InputError, OSError):
+        return None
+
+
+def _colours(cells: PhotoCells, baseline: Baseline) -> Array:
+    """Return the linear colours of a photograph on the sampling grid, (rows, columns, 3)."""
+    return linear_light(baseline.sampling.sample(cells.pixels, cells.alignment.homography))
+
+
+def _agreeing(read: Callable[[], bytes], reference: Baseline, settings: ValiditySettings) -> Mask:
+    """Return the blocks with the grains of the `reference` in a photograph."""
+    cells = _cells(read, reference)
+    return ~hidden_sand(cells.sums.blocks, settings) if cells else np.zeros(1, bool)
+
+
+def _contrasts(sums: BlockSums) -> tuple[Array, Array]:
+    """Return the contrast of grains in the blocks of a photograph and of the baseline [-]."""
+    share = np.maximum(sums.share, 1e-3)[..., None]
+    found = []
+    for square, mean in ((sums.state_square, sums.state), (sums.baseline_square, sums.baseline)):
+        light = ((mean / share) ** 2).sum(axis=2)
+        scatter = (square / share).sum(axis=2) - light
+        found.append(np.sqrt(np.maximum(scatter, 0.0) / np.maximum(light, 1e-12)))
+    return found[0], found[1]
+
+
+def _of_the_baseline(differs: Mask, agree: Mask, clearer: Mask, blurred: Mask) -> Mask:
+    """Return the places (rows, columns) where the baseline is at fault.
+
+    A cover has fewer grains than the sand. Its rim has more, in whichever picture it is.
+
+    Args:
+        differs: blocks with other grains than the baseline, in all photographs.
+        agree: blocks with equal grains in all photographs.
+        clearer: blocks with clearer grains in all photographs than in the baseline.
+        blurred: blocks with clearer grains in the baseline.
+    """
+    count, parts = cv2.connectedComponents(differs.astype(np.uint8))
+    size, same, more, less = (
+        np.bincount(parts.ravel(), which.ravel(), minlength=count)
+        for which in (differs, agree, clearer, blurred)
+    )
+    at_fault = (same >= _MOSTLY * size) & (more >= less)
+    hole = (differs & at_fault[parts]).astype(np.uint8)
+    return np.asarray(cv2.dilate(hole, _MARGIN) > 0)

@@ -1,0 +1,82 @@
+"""Thin objects in front of the sand: tubes, cables and sensors laid there after the baseline.
+
+An object much thinner than the windows in which grains are compared (`validity.py`) hides a part of
+each block of cells that it crosses. Inside such a block, the ratio of the photograph to the
+baseline scatters much more than around it. The edge of a plume scatters as well, but no more than
+the step between the blocks on its two sides explains: a step of size D inside a block has at most
+the variance D^2 / 4. Objects are long and thin, noise is not.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.numerics.cell_sums import BlockSums
+from porotwin_imaging.settings import DEFAULTS, ThinObjectSettings
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_AROUND = 15
+"""Blocks across the surroundings whose median scatter is the ordinary one."""
+_LEAST_ORDINARY = 0.5
+"""The ordinary scatter is raised to this, relative to the median of the photograph [-]."""
+_LEAST_SCATTER = 1e-4
+"""The ordinary scatter is raised to this relative variance: no camera has less noise than 1 %."""
+_LEAST_SHARE = 0.5
+"""Blocks with a smaller visible share are not judged."""
+_LEAST_LIGHT, _LEAST_RATIO, _SMALLEST_DIVISOR = 1e-4, 1e-3, 1e-6
+_TOP_PERCENTILE = 99.5
+"""Percentile of the scatter that is the top of the 8-bit scale of the median."""
+
+
+def thin_objects(blocks: BlockSums, settings: ThinObjectSettings = DEFAULTS.thin_objects) -> Mask:
+    """Return the blocks (rows, columns) that a thin object crosses, with their surroundings."""
+    judged = blocks.share > _LEAST_SHARE
+    nothing = np.zeros(judged.shape, bool)
+    if not judged.any():
+        return nothing
+    scatter, step = _scatter_and_step(blocks, judged)
+    unusual = scatter / _ordinary(scatter, judged)
+    unexplained = scatter / np.maximum(step**2 / 4.0, _SMALLEST_DIVISOR)
+    edge, core = (
+        judged & (unusual > limit) & (unexplained > limit / 2)
+        for limit in (settings.edge, settings.core)
+    )
+    joined = cv2.morphologyEx(edge.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+    length = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
+    seeds = np.bincount(labels[core], minlength=count)
+    chosen = (length >= settings.least_length) & (seeds >= settings.least_seeds * length)
+    chosen[0] = False
+    if not chosen.any():
+        return nothing
+    wide = cv2.dilate(chosen[labels].astype(np.uint8), np.ones((3, 3), np.uint8))
+    return np.asarray(cv2.morphologyEx(wide, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))) > 0
+
+
+def _scatter_and_step(blocks: BlockSums, judged: Mask) -> tuple[Array, Array]:
+    """Return the relative variance of samples about the ratio of their block, and the largest
+    step of the log ratio between neighbouring blocks."""
+    share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
+    state, before = blocks.state / share, blocks.baseline / share
+    ratio = state / np.maximum(before, _SMALLEST_DIVISOR)
+    variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
+    relative = np.maximum(variance / share, 0.0) / np.maximum(state, _LEAST_LIGHT) ** 2
+    scatter = np.where(judged, relative.mean(axis=2), 0.0).astype(np.float32)
+    log_ratio = np.log(np.maximum(ratio.mean(axis=2), _LEAST_RATIO)).astype(np.float32)
+    log_ratio[~judged] = np.median(log_ratio[judged])
+    around = np.ones((3, 3), np.uint8)
+    return scatter, cv2.dilate(log_ratio, around) - cv2.erode(log_ratio, around)
+
+
+def _ordinary(scatter: Array, judged: Mask) -> Array:
+    """Return the median scatter around each block, computed with 8 bits of its square root."""
+    middle = float(np.median(scatter[judged]))
+    root = np.sqrt(np.where(judged, scatter, middle))
+    top = max(float(np.percentile(root[judged], _TOP_PERCENTILE)), _SMALLEST_DIVISOR)
+    levels = np.clip(root / top * 255, 0, 255).astype(np.uint8)
+    median = (cv2.medianBlur(levels, _AROUND) / 255.0 * top) ** 2
+    return np.maximum(median, max(_LEAST_ORDINARY * middle, _LEAST_SCATTER))

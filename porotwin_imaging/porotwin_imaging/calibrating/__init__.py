@@ -1,0 +1,1 @@
+"""How a calibration is fitted to a known injection, and whether to trust it."""

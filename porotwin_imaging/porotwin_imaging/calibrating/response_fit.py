@@ -1,0 +1,223 @@
+"""The response from known dilutions and from the mass over the photographs of an injection.
+
+The level of tracer stock is known here, so that signals are relative to it. Unknown is the
+bend of the curve between water and stock. With the concentration c = h(s) of the relative signal s,
+
+    int h(s) phi d dA = m V(t) + o
+
+holds for all photographs (`mass_balance_fit`). The factor m is often not 1: a porosity is 8 %
+wrong, or tracer sorbs. Its prior is a Cauchy distribution about 1: a mass that can agree does
+agree, and one that cannot has no say. The bend changes the mass in fronts only, whose share falls
+while the plume grows. Beside a model of the flow the fronts show it better (`front_response`).
+Dilutions show the curve itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from porotwin_imaging.calibrating.front_response import FrontFit
+from porotwin_imaging.settings import DEFAULTS, MassBalanceSettings
+from porotwin_imaging.tracer.calibration import Response
+from porotwin_imaging.tracer.response_family import FAMILIES, MOST_BEND, concentration_of
+
+Array = NDArray[Any]
+
+_BENDS = np.linspace(-MOST_BEND, MOST_BEND, 241)
+"""Bends that are tried [-]; the posterior is computed on them."""
+_FACTORS = 601
+"""Mass factors that are tried; they are evenly spaced in the logarithm, 0.5 % apart."""
+_SIGNAL_EDGES = np.linspace(-0.5, 2.0, 501)
+"""Edges of the bins of the relative signal, for the histogram of pore volume [-]."""
+_CLEAR_ODDS = 3.0
+"""Another family than the first is taken if it is more probable by this factor."""
+_POINTS = np.linspace(0.0, 1.2, 25)
+"""Points of the response curve [relative signal]."""
+_BEND_STEP = 0.005
+"""Change of the bend [-] for the derivative of the curve."""
+_STOCK = 0.999
+"""Dilutions above this concentration are stock [-]."""
+_FEWEST_POINTS = 2
+"""Dilutions between water and stock that can correct the curve of a family."""
+
+
+@dataclass(frozen=True)
+class Dilution:
+    """A known dilution.
+
+    Attributes:
+        signal: signal relative to stock [-].
+        concentration: its concentration [-], 1 = tracer stock.
+    """
+
+    signal: float
+    concentration: float
+
+
+@dataclass(frozen=True)
+class ResponseFit:
+    """The response that the evidence prefers.
+
+    Attributes:
+        family: name of the family.
+        bend: its bend [-].
+        deviation: standard deviation of the bend over all families [-].
+        points: relative signals of known dilutions, increasing, with 0 and 1; empty without.
+        corrections: additions to the concentration of the family at `points` [-].
+    """
+
+    family: str
+    bend: float
+    deviation: float
+    points: tuple[float, ...] = ()
+    corrections: tuple[float, ...] = ()
+
+    def concentration_of(self, signal: Array) -> Array:
+        """Return the concentration [-] of relative signals, of the same shape."""
+        values = concentration_of(self.family, signal, self.bend)
+        if not self.points:
+            return values
+        corrections = PchipInterpolator(self.points, self.corrections)
+        return np.asarray(values + corrections(np.clip(signal, 0.0, 1.0)))
+
+    def curve(self, level: float) -> Response:
+        """Return the response for signals whose stock has the signal `level`."""
+        shifted = [
+            concentration_of(self.family, _POINTS, self.bend + sign * _BEND_STEP)
+            for sign in (-1.0, 1.0)
+        ]
+        sensitivity = np.abs(shifted[1] - shifted[0]) / (2 * _BEND_STEP)
+        values = np.maximum.accumulate(self.concentration_of(_POINTS))
+        return Response(
+            tuple(map(float, level * _POINTS)),
+            tuple(map(float, values)),
+            tuple(map(float, self.deviation * sensitivity)),
+        )
+
+
+def fit_response(
+    signals: Sequence[Array],
+    pore_volume: Array,
+    injected: Sequence[float],
+    dilutions: Sequence[Dilution] = (),
+    fronts: FrontFit | None = None,
+    settings: MassBalanceSettings = DEFAULTS.mass_balance,
+) -> ResponseFit:
+    """Return the response that masses, fronts and dilutions prefer.
+
+    Args:
+        signals: relative signal of each photograph [-], shape (nz, nx), 0 away from tracer.
+        pore_volume: phi d dA of the cells [m^3], shape (nz, nx).
+        injected: injected volume at each photograph [m^3]; empty without a pump log.
+        dilutions: photographs of known dilutions.
+        fronts: the bend that the fronts show; None if they were not compared.
+        settings: priors and expected errors.
+    """
+    evidence: dict[str, Array] = {}
+    first = next(iter(FAMILIES))
+    # masses alone do not tell families apart, and noise about water bends a power law
+    for family in FAMILIES if dilutions else (first,):
+        logs = -0.5 * ((_BENDS - settings.expected_bend) / settings.bend_deviation) ** 2
+        logs = logs + _dilution_evidence(family, dilutions, settings)
+        if fronts is not None:
+            logs = logs - 0.5 * ((_BENDS - fronts.bend) / fronts.deviation) ** 2
+        if len(injected):
+            counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]
+            logs = logs + _mass_evidence(family, np.array(counts), np.asarray(injected), settings)
+        evidence[family] = logs
+    highest = max(float(logs.max()) for logs in evidence.values())
+    likely = {family: np.exp(logs - highest) for family, logs in evidence.items()}
+    best = max(likely, key=lambda name: likely[name].sum())
+    if likely[best].sum() < _CLEAR_ODDS * likely[first].sum():
+        best = first
+    bend = float(np.average(_BENDS, weights=likely[best]))
+    weights = sum(likely.values())
+    deviation = float(np.sqrt(np.average((_BENDS - bend) ** 2, weights=weights)))
+    points, corrections = _corrections(best, bend, dilutions)
+    return ResponseFit(best, bend, deviation, points, corrections)
+
+
+def _corrections(
+    family: str, bend: float, dilutions: Sequence[Dilution]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return points and corrections that lead the curve through several known dilutions.
+
+    Photographs of the same dilution are averaged.
+    """
+    known = sorted({one.concentration for one in dilutions if 0 < one.concentration < _STOCK})
+    if len(known) < _FEWEST_POINTS:
+        return (), ()
+    signals = [
+        float(np.mean([one.signal for one in dilutions if one.concentration == value]))
+        for value in known
+    ]
+    if any(high <= low for low, high in pairwise([0.0, *signals, 1.0])):
+        return (), ()
+    missing = np.array(known) - concentration_of(family, np.array(signals), bend)
+    return (0.0, *signals, 1.0), (0.0, *map(float, missing), 0.0)
+
+
+def _pore_volume_by_signal(signal: Array, pore_volume: Array) -> Array:
+    """Return the pore volume [m^3] in each bin of the relative signal; 0 is no tracer."""
+    inside = np.clip(signal, _SIGNAL_EDGES[0], _SIGNAL_EDGES[-1])
+    return np.histogram(inside, _SIGNAL_EDGES, weights=pore_volume * (signal != 0))[0]
+
+
+def _dilution_evidence(
+    family: str, dilutions: Sequence[Dilution], settings: MassBalanceSettings
+) -> Array:
+    """Return the log likelihood of each bend by the dilutions."""
+    logs = np.zeros(len(_BENDS))
+    if not dilutions:
+        return logs
+    signal = np.array([one.signal for one in dilutions])
+    known = np.array([one.concentration for one in dilutions])
+    for index, bend in enumerate(_BENDS):
+        misfit = (concentration_of(family, signal, float(bend)) - known) / settings.dilution_error
+        logs[index] = -0.5 * float(misfit @ misfit)
+    return logs
+
+
+def _mass_evidence(
+    family: str, counts: Array, injected: Array, settings: MassBalanceSettings
+) -> Array:
+    """Return the log likelihood of each bend by the masses, over all mass factors and offsets.
+
+    The offset is normal and small, or in a few experiments with a fault normal and large.
+    """
+    middles = 0.5 * (_SIGNAL_EDGES[1:] + _SIGNAL_EDGES[:-1])
+    curves = np.stack([concentration_of(family, middles, float(bend)) for bend in _BENDS])
+    largest = injected.max()
+    masses = curves @ counts.T / largest  # (bends, photographs)
+    volume = injected / largest
+    weight = 1.0 / ((settings.photograph_error * volume) ** 2 + settings.common_error**2)
+    weight *= min(1.0, settings.independent_photographs / len(injected))
+    widest = np.log(settings.most_factor)
+    logs_of_factor = np.linspace(-widest, widest, _FACTORS)
+    apart = masses[:, None, :] - np.exp(logs_of_factor)[None, :, None] * volume
+    usual = _over_offsets(apart, weight, settings.offset_error)
+    faulty = _over_offsets(apart, weight, settings.faulty_offset)
+    logs = np.logaddexp(
+        usual + np.log1p(-settings.fault_share), faulty + np.log(settings.fault_share)
+    )
+    prior = -np.log1p((logs_of_factor / settings.log_error) ** 2)
+    return np.asarray(np.logaddexp.reduce(prior + logs, axis=1))
+
+
+def _over_offsets(apart: Array, weight: Array, deviation: float) -> Array:
+    """Return the log likelihood of masses over all normal offsets, without constants.
+
+    Args:
+        apart: differences of the masses without an offset, shape (bends, factors, photographs).
+        weight: inverse variances of the photographs, shape (photographs,).
+        deviation: standard deviation of the offset, which is the same in all photographs.
+    """
+    stiff = deviation**-2
+    offset = (apart @ weight) / (weight.sum() + stiff)
+    misfit = (apart - offset[..., None]) ** 2 @ weight + stiff * offset**2
+    return np.asarray(-0.5 * misfit - 0.5 * np.log1p(weight.sum() / stiff))

@@ -1,0 +1,164 @@
+"""The choice of the signal: its contrast and its weights of red, green and blue.
+
+A dye absorbs red, green and blue in fixed ratios. In the contrast that describes how its light is
+lost, the signals of the channels are therefore proportional, from pale to stock. In the other
+contrast their ratio changes. This needs no known concentration.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_imaging.settings import DEFAULTS, CalibrationSettings
+from porotwin_imaging.tracer.tracer_signal import (
+    CHANNELS,
+    Contrast,
+    TracerSignal,
+    learned_weights,
+    mean_absorbance,
+)
+
+Array = NDArray[Any]
+Labels = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+_STRONG_PERCENTILE = 99.9
+"""Percentile of the log ratios that is the strongest signal; single cells may be noise."""
+_QUIET_SPREADS = 4
+"""Cells within this many median absolute deviations are background."""
+_PALE, _DEEP = (0.2, 0.5), (0.8, 1.2)
+"""Shares of the strong signal between which cells are pale, and full of tracer [-]."""
+_SINGLE_CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Weights that take red, green and blue alone."""
+_FEWEST_PALE = 20
+"""Pale cells and full cells that determine the ratio of two channels."""
+_LEAST_SLOPE = 0.1
+"""Channels that absorb less than this share of the red light do not tell the ratio."""
+_CLEARLY_STRAIGHTER = 0.04
+"""The difference is taken only if its colours bend less by this."""
+
+
+@dataclass(frozen=True)
+class SignalChoice:
+    """The chosen signal.
+
+    Attributes:
+        signal: its definition.
+        colour_bend: relative change of the ratio of the channels from pale to stock, by contrast;
+            NaN if there are too few pale cells.
+        line: a line for the operator.
+    """
+
+    signal: TracerSignal
+    colour_bend: dict[str, float]
+    line: str
+
+
+def choose_signal(
+    log_ratios: Sequence[Array],
+    visible: Sequence[Mask],
+    labels: Labels,
+    contrast: Contrast | None = None,
+    settings: CalibrationSettings = DEFAULTS.calibration,
+) -> SignalChoice:
+    """Return the signal that describes the tracer of these photographs best.
+
+    Args:
+        log_ratios: log ratio of each photograph to the baseline, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        labels: index of the sand in each cell, shape (nz, nx). Colours are compared in one sand.
+        contrast: the contrast, None to choose it by the colours.
+        settings: thresholds.
+
+    Raises:
+        CalibrationRefused: no photograph shows tracer.
+    """
+    ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
+    strength = -ratios.mean(axis=1)
+    strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
+    tracer = strength > settings.tracer_share * strongest
+    deviation = float(np.median(np.abs(strength - np.median(strength))))
+    quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
+    if tracer.sum() < settings.fewest_tracer_cells or strongest < settings.least_log_ratio:
+        raise CalibrationRefused(
+            'calibration: no photograph shows tracer; use ones of an injection with a dye that '
+            'darkens the sand'
+        )
+    sand = np.concatenate([labels[seen] for seen in visible])
+    main = sand == np.bincount(sand[tracer]).argmax()
+    bends = {name: _colour_bend(name, ratios[main]) for name in get_args(Contrast)}
+    chosen = contrast or _straighter(bends)
+    name, signal, clarity = _clearest(chosen, ratios[tracer], ratios[quiet])
+    red, green, blue = signal.weights
+    reason = 'as asked' if contrast else _reason(bends)
+    line = (
+        f'signal: {chosen} ({reason}), weights {name} (red {red:.2f}, green {green:.2f}, blue '
+        f'{blue:.2f}); signal-to-noise ratio {clarity:.0f}'
+    )
+    coloured = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
+    return SignalChoice(coloured, dict(bends), line)
+
+
+def _straighter(bends: dict[Contrast, float]) -> Contrast:
+    """Return the contrast whose channels keep their ratio; absorbance in doubt."""
+    gain = bends['absorbance'] - bends['difference']
+    return 'difference' if gain > _CLEARLY_STRAIGHTER else 'absorbance'
+
+
+def _reason(bends: dict[Contrast, float]) -> str:
+    """Return the reason of the choice in words."""
+    if not np.isfinite(list(bends.values())).all():
+        return 'too few pale cells to compare colours'
+    words = ', '.join(f'{100 * bend:.0f} % in {name}' for name, bend in bends.items())
+    return f'colours change from pale to stock by {words}'
+
+
+def _colour_bend(contrast: Contrast, ratios: Array) -> float:
+    """Return the relative change of the ratio of the channels from pale to full cells.
+
+    The change is the mean over green and blue relative to red. `ratios`: log ratios of the cells of
+    one sand, shape (n, 3).
+    """
+    red, green, blue = (TracerSignal(contrast, weights).of(ratios) for weights in _SINGLE_CHANNELS)
+    strong = float(np.percentile(red, _STRONG_PERCENTILE))
+    level = float(np.median(red[red > 0.5 * strong]))
+    pale, full = ((red > low * level) & (red < high * level) for low, high in (_PALE, _DEEP))
+    if min(pale.sum(), full.sum()) < _FEWEST_PALE:
+        return float('nan')
+    changes = [
+        abs(np.log(max(_slope(red[pale], other[pale]), 1e-3) / _slope(red[full], other[full])))
+        for other in (green, blue)
+        if _slope(red[full], other[full]) > _LEAST_SLOPE
+    ]
+    return float(np.mean(changes)) if changes else float('nan')
+
+
+def _slope(first: Array, second: Array) -> float:
+    """Return the ratio of the medians of two signals."""
+    return float(np.median(second) / np.median(first))
+
+
+def _clearest(
+    contrast: Contrast, tracer: Array, background: Array
+) -> tuple[str, TracerSignal, float]:
+    """Return the name, the signal and the signal-to-noise ratio of the best weights."""
+    candidates = {name: TracerSignal(contrast, weights) for name, weights in CHANNELS.items()}
+    candidates['learned'] = TracerSignal(contrast, learned_weights(tracer, background))
+    clarity = {
+        name: _clarity(signal.of(tracer), signal.of(background))
+        for name, signal in candidates.items()
+    }
+    name = max(candidates, key=lambda key: clarity[key])
+    return name, candidates[name], clarity[name]
+
+
+def _clarity(tracer: Array, background: Array) -> float:
+    """Return the median signal of tracer over the spread of the background.
+
+    Two small terms in the divisor prefer signals that are also even within the tracer.
+    """
+    return float(np.median(tracer) / (background.std() + 0.002 + 0.05 * tracer.std()))

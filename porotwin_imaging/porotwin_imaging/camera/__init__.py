@@ -1,0 +1,1 @@
+"""The node that takes photographs from a source and publishes them."""

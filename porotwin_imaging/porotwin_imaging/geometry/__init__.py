@@ -1,0 +1,1 @@
+"""From metres in the rig to pixels: corners, lens, alignment, sampling."""

@@ -1,0 +1,315 @@
+"""Alignment of a photograph to the baseline: features are tracked and a homography fitted.
+
+A nudged camera or a slightly rotated tripod moves every grain, which would show as tracer. Corners
+of the grain texture are tracked from the baseline into the photograph by pyramidal Lucas-Kanade
+optical flow. The flow runs on locally normalised brightness, so that tracer and light have no
+influence, and each feature is tracked back as a check. A homography is fitted by RANSAC. If the
+camera has moved too far for the flow, matched binary features (ORB) give a start value.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.settings import DEFAULTS, AlignmentSettings
+
+Array = NDArray[Any]
+GreyImage = NDArray[np.uint8]
+
+_FLOW_LEVELS = 4
+"""Pyramid levels of the optical flow: shifts of some ten pixels are followed."""
+_FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005)
+"""The flow stops after 30 iterations or below 0.005 px."""
+_RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 2000, 0.999
+_CORNER_QUALITY, _CORNER_DISTANCE_PX, _CORNER_WINDOW_PX = 0.05, 5, 7
+"""Quality relative to the best corner of a tile, distance between corners, and their window."""
+_ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
+_ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
+_FEWEST_MATCHES = 20
+"""ORB matches below which the start value is unreliable."""
+TURNS = {
+    'turned by 180 degrees': (slice(None, None, -1), slice(None, None, -1)),
+    'mirrored': (slice(None), slice(None, None, -1)),
+    'mirrored upside down': (slice(None, None, -1), slice(None)),
+}
+"""Ways to turn a photograph by software, and the order of rows and columns that undoes them."""
+_MIDDLE_GREY, _GREY_PER_SPREAD = 128, 40
+"""Normalised brightness in grey levels: three spreads on either side fit into 8 bits."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How the camera has moved since the baseline, in pixels of the decoded photograph.
+
+    Attributes:
+        homography: from baseline pixels to photograph pixels, shape (3, 3).
+        shift: largest displacement of a corner of the rig [px].
+        residual: root mean square distance of the inliers from the homography [px].
+        inliers: share of the reference features that are inliers [-].
+    """
+
+    homography: Array
+    shift: float
+    residual: float
+    inliers: float
+
+
+@dataclass(frozen=True)
+class ReferenceFeatures:
+    """Features of the baseline that are tracked into every photograph.
+
+    Attributes:
+        reduction: integer factor between decoded pixels and pixels of the tracking.
+        picture: normalised baseline at that scale, shape (rows, columns).
+        mask: 1 inside the rig, same shape.
+        points: the features as (column, row), float32, shape (n, 1, 2).
+        corners: bounding box of the rig as (column, row), float32, shape (4, 1, 2).
+    """
+
+    reduction: int
+    picture: GreyImage
+    mask: GreyImage
+    points: Array
+    corners: Array
+
+
+def reference_features(
+    pixels: NDArray[np.uint8],
+    inside: NDArray[np.bool_],
+    settings: AlignmentSettings = DEFAULTS.alignment,
+) -> ReferenceFeatures:
+    """Return the features of a baseline photograph.
+
+    Args:
+        pixels: decoded baseline, shape (rows, columns, 3).
+        inside: True inside the rig, shape (rows, columns).
+        settings: number and size of the features.
+
+    Raises:
+        InputError: the baseline shows no texture inside the rig.
+    """
+    reduction = max(1, math.ceil(pixels.shape[1] / settings.widest_px))
+    picture = _normalised(_reduced(pixels, reduction), settings)
+    mask = _reduced(inside.astype(np.uint8), reduction)
+    points = _spread_corners(picture, mask, settings)
+    rows, columns = np.nonzero(mask)
+    low, high = (columns.min(), rows.min()), (columns.max(), rows.max())
+    corners = np.array([[low], [(low[0], high[1])], [high], [(high[0], low[1])]], dtype=np.float32)
+    return ReferenceFeatures(reduction, picture, mask, points, corners)
+
+
+def align(
+    pixels: NDArray[np.uint8],
+    reference: ReferenceFeatures,
+    settings: AlignmentSettings = DEFAULTS.alignment,
+) -> Alignment:
+    """Return how `pixels`, of the same shape as the baseline, is moved against it.
+
+    Raises:
+        InputError: the photograph does not show the scene of the baseline.
+    """
+    picture = _normalised(_reduced(pixels, reference.reduction), settings)
+    found = _tracked(picture, reference, reference.points, settings)
+    start = None
+    if found is None:
+        start = _matched(picture, reference)
+        if start is not None:
+            found = _tracked(picture, reference, _moved(reference.points, start), settings)
+    if found is None:
+        _refuse_turned(picture, start, reference, settings)
+        raise InputError(
+            'photograph does not match the baseline: another rig, or the camera has moved too '
+            'far; take a new baseline'
+        )
+    return _in_decoded_pixels(found, reference.reduction)
+
+
+def _refuse_turned(
+    picture: GreyImage,
+    start: Array | None,
+    reference: ReferenceFeatures,
+    settings: AlignmentSettings,
+) -> None:
+    """Raise InputError if the picture shows the scene of the baseline turned or mirrored.
+
+    `start` is the rough homography of the picture. Its features match in any direction, but not in
+    a mirror.
+    """
+    mirrored = np.ascontiguousarray(picture[TURNS['mirrored']])
+    mirrored_start = None if start is not None else _matched(mirrored, reference)
+    likely = {
+        'turned by 180 degrees': _is_upside_down(start),
+        'mirrored': mirrored_start is not None,
+        'mirrored upside down': _is_upside_down(mirrored_start),
+    }
+    for words in (words for words in TURNS if likely[words]):
+        back = np.ascontiguousarray(picture[TURNS[words]])
+        near = _matched(back, reference)
+        if near is None:
+            continue
+        if _tracked(back, reference, _moved(reference.points, near), settings) is not None:
+            raise InputError(
+                f'photograph is {words} against the baseline; turn it back, or take a baseline '
+                'with the same setting of the camera'
+            )
+
+
+def _is_upside_down(homography: Array | None) -> bool:
+    """Return whether a homography turns a picture by more than 90 degrees."""
+    return homography is not None and homography[0, 0] < 0.0 and homography[1, 1] < 0.0
+
+
+def alignment_remarks(
+    alignment: Alignment, reduction: int, settings: AlignmentSettings = DEFAULTS.alignment
+) -> list[str]:
+    """Return status lines about a moved camera or a deformed picture.
+
+    `reduction` converts decoded pixels to pixels of the file.
+    """
+    remarks = []
+    if alignment.shift * reduction > settings.reported_shift_px:
+        remarks.append(f'camera has moved by {alignment.shift * reduction:.1f} px: corrected')
+    if alignment.residual > settings.suspicious_residual_px:
+        remarks.append(
+            f'alignment leaves {alignment.residual * reduction:.1f} px: the picture is '
+            'deformed against the baseline'
+        )
+    return remarks
+
+
+def _normalised(pixels: NDArray[np.uint8], settings: AlignmentSettings) -> GreyImage:
+    """Return brightness relative to its local mean and spread, 8-bit grey, (rows, columns)."""
+    grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    window = (settings.normalisation_px, settings.normalisation_px)
+    mean = cv2.blur(grey, window)
+    spread = cv2.blur(cv2.absdiff(grey, mean), window)
+    scaled = _MIDDLE_GREY + _GREY_PER_SPREAD * (grey - mean) / (spread + 1.0)
+    return np.clip(scaled, 0, 255).astype(np.uint8)
+
+
+def _reduced(picture: Array, reduction: int) -> Array:
+    """Return the picture at the scale of the tracking."""
+    if reduction == 1:
+        return picture
+    size = (picture.shape[1] // reduction, picture.shape[0] // reduction)
+    cropped = picture[: size[1] * reduction, : size[0] * reduction]
+    return cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)
+
+
+def _in_decoded_pixels(found: Alignment, reduction: int) -> Alignment:
+    """Return the alignment in pixels of the decoded photograph instead of the reduced one."""
+    k = float(reduction)
+    finer = np.array([[k, 0, (k - 1) / 2], [0, k, (k - 1) / 2], [0, 0, 1]])
+    return Alignment(
+        finer @ found.homography @ np.linalg.inv(finer),
+        k * found.shift,
+        k * found.residual,
+        found.inliers,
+    )
+
+
+def _tracked(
+    picture: GreyImage, reference: ReferenceFeatures, guess: Array, settings: AlignmentSettings
+) -> Alignment | None:
+    """Return the alignment by optical flow from the start points `guess`, None if it fails."""
+    options: dict[str, Any] = {
+        'winSize': (settings.patch_px, settings.patch_px),
+        'maxLevel': _FLOW_LEVELS,
+        'criteria': _FLOW_CRITERIA,
+        'flags': cv2.OPTFLOW_USE_INITIAL_FLOW,
+    }
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        reference.picture, picture, reference.points, guess.copy(), **options
+    )
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(
+        picture, reference.picture, there, reference.points.copy(), **options
+    )
+    closed = np.linalg.norm((back - reference.points)[:, 0], axis=1) < settings.closure_px
+    good = closed & (found[:, 0] == 1) & (found_back[:, 0] == 1)
+    if good.sum() < settings.fewest_inliers:
+        return None
+    source, target = reference.points[good], there[good]
+    homography, chosen = cv2.findHomography(
+        source,
+        target,
+        cv2.RANSAC,
+        settings.ransac_tolerance_px,
+        maxIters=_RANSAC_ITERATIONS,
+        confidence=_RANSAC_CONFIDENCE,
+    )
+    if homography is None or chosen is None:
+        return None
+    inlier = chosen[:, 0] == 1
+    if inlier.sum() < settings.fewest_inliers or inlier.mean() < settings.least_inlier_share:
+        return None
+    residual = np.linalg.norm((_moved(source, homography) - target)[inlier, 0], axis=1)
+    moved_corners = _moved(reference.corners, homography)
+    shift = np.linalg.norm((moved_corners - reference.corners)[:, 0], axis=1)
+    return Alignment(
+        homography,
+        float(shift.max()),
+        float(np.sqrt(np.mean(residual**2))),
+        float(inlier.sum() / len(reference.points)),
+    )
+
+
+def _matched(picture: GreyImage, reference: ReferenceFeatures) -> Array | None:
+    """Return a rough homography (3, 3) from matched ORB features, None if too few match."""
+    detector = cv2.ORB.create(nfeatures=_ORB_FEATURES, fastThreshold=_ORB_FAST_THRESHOLD)
+    own_points, own_words = detector.detectAndCompute(reference.picture, reference.mask)
+    points, words = detector.detectAndCompute(picture, None)
+    if own_words is None or words is None or min(len(points), len(own_points)) < _FEWEST_MATCHES:
+        return None
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(own_words, words)
+    if len(matches) < _FEWEST_MATCHES:
+        return None
+    source = np.array([own_points[m.queryIdx].pt for m in matches], np.float32)[:, None]
+    target = np.array([points[m.trainIdx].pt for m in matches], np.float32)[:, None]
+    homography, chosen = cv2.findHomography(
+        source, target, cv2.RANSAC, _ORB_TOLERANCE_PX, maxIters=_ORB_ITERATIONS
+    )
+    if homography is None or chosen.sum() < _FEWEST_MATCHES:
+        return None
+    return homography
+
+
+def _spread_corners(picture: GreyImage, mask: GreyImage, settings: AlignmentSettings) -> Array:
+    """Return the strongest corners of every tile as (column, row), float32, shape (n, 1, 2)."""
+    rows, columns = picture.shape
+    tiles = settings.tiles_across
+    corners_per_tile = settings.tracked_points // (tiles * tiles)
+    found: list[Array] = []
+    for row in range(tiles):
+        for column in range(tiles):
+            first_row, first_column = row * rows // tiles, column * columns // tiles
+            area = (
+                slice(first_row, (row + 1) * rows // tiles),
+                slice(first_column, (column + 1) * columns // tiles),
+            )
+            corners = cv2.goodFeaturesToTrack(
+                picture[area],
+                corners_per_tile,
+                _CORNER_QUALITY,
+                _CORNER_DISTANCE_PX,
+                mask=mask[area],
+                blockSize=_CORNER_WINDOW_PX,
+            )
+            if corners is not None:
+                found.append(np.asarray(corners) + np.array([first_column, first_row], np.float32))
+    if not found:
+        raise InputError(
+            'baseline shows no texture inside the rig: check focus and camera.corners_px'
+        )
+    return np.concatenate(found).astype(np.float32)
+
+
+def _moved(points: Array, homography: Array) -> Array:
+    """Return points (n, 1, 2) moved by a homography (3, 3), float32."""
+    return cv2.perspectiveTransform(
+        points.astype(np.float32), homography.astype(np.float64)
+    ).astype(np.float32)

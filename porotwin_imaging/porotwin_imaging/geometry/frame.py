@@ -1,0 +1,71 @@
+"""The part of the rig that leaves the frame when the camera moves.
+
+A photograph shows nothing beyond its edges. Black there would read as tracer stock, so samples
+outside the frame are not used, and cells without samples have no value.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.corners_and_lens import apply_homography
+from porotwin_imaging.geometry.sampling import Sampling
+from porotwin_imaging.settings import DEFAULTS, ValiditySettings
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_REPORTED_SHARE = 1e-3
+"""Least share of the sand that is reported [-]: less is the edge of an ordinary shake."""
+
+
+def in_frame(sampling: Sampling, homography: Array, shape: tuple[int, ...]) -> Mask | None:
+    """Return where the samples (rows, columns) lie in the photograph; None if all of them do.
+
+    Args:
+        sampling: sampling points in the baseline.
+        homography: from baseline pixels to photograph pixels, shape (3, 3).
+        shape: rows and columns of the decoded photograph.
+    """
+    columns, rows = sampling.columns, sampling.rows
+    border = [
+        np.concatenate([plane[0], plane[-1], plane[:, 0], plane[:, -1]])
+        for plane in (columns, rows)
+    ]
+    if _inside(homography, border[0], border[1], shape).all():
+        return None
+    return _inside(homography, columns, rows, shape)
+
+
+def _inside(homography: Array, columns: Array, rows: Array, shape: tuple[int, ...]) -> Mask:
+    """Return where points of the baseline lie in a photograph of `shape` (rows, columns)."""
+    column, row = apply_homography(homography.astype(np.float32), columns, rows)
+    inside = (column >= 0) & (row >= 0) & (column <= shape[1] - 1) & (row <= shape[0] - 1)
+    return np.asarray(inside, bool)
+
+
+def frame_remarks(
+    share: Array, framed: Array, settings: ValiditySettings = DEFAULTS.validity
+) -> list[str]:
+    """Return a remark if sand has left the frame.
+
+    Args:
+        share: share of each cell that the baseline shows, shape (nz, nx).
+        framed: the part of `share` that lies in the photograph.
+        settings: thresholds.
+
+    Raises:
+        InputError: too much of the sand has left the frame.
+    """
+    sand = share > settings.least_visible_share
+    lost = float((sand & (framed <= settings.least_visible_share)).sum() / max(1, sand.sum()))
+    if lost > settings.most_hidden:
+        raise InputError(
+            f'photograph does not show {100 * lost:.0f} % of the sand: the camera has moved too '
+            'far; set it back or take a new baseline'
+        )
+    if lost < _REPORTED_SHARE:
+        return []
+    return [f'{100 * lost:.1f} % of the sand has left the frame: unknown']

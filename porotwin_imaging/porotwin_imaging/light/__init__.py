@@ -1,0 +1,1 @@
+"""The light of a photograph compared with the baseline, by chart and by sand."""

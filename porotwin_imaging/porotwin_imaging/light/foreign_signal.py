@@ -1,0 +1,107 @@
+"""Signals that tracer cannot make: another dye, a pH indicator, gas, coloured light, a hard shadow.
+
+Tracer darkens every colour channel, in the proportions of its dye. A cell whose change has another
+sign or another colour shows something else, and a number there would be read as tracer or as clean
+sand. These cells have no value, and a photograph with many of them is refused.
+
+A dark tube has the wrong colour where it fills a cell, and looks like tracer where it crosses a
+plume or fills half a cell. The dark line through the cells of the wrong colour is left out as well.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.light.light_check import window_mean
+from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings
+from porotwin_imaging.tracer.tracer_colour import TracerColour, split
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_SPECK = (2, 2)
+"""Places smaller than this are noise [cells]."""
+_TOLD_SHARE = 5e-4
+"""Smaller shares of the sand, some cells at a wire, are left out without a remark [-]."""
+_GRAINS = 3.0
+"""Darkening of a line over the median of all places [-]. Normal noise has a median of about two
+standard deviations there, and hardly a cell is three times as dark."""
+_REACH = (5, 5)
+"""Cells across the surroundings that are left out as well."""
+
+
+def without_foreign_signal(
+    residual: Array,
+    visible: Mask,
+    colour: TracerColour | None,
+    settings: ForeignSignalSettings = DEFAULTS.foreign_signal,
+) -> tuple[Mask, list[str]]:
+    """Return the visible cells (nz, nx) whose change of light tracer can make, and remarks.
+
+    Args:
+        residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        colour: colour of the tracer, None if it is unknown or grey; then only the sign is checked.
+        settings: thresholds.
+
+    Raises:
+        InputError: too much of the sand shows something else.
+    """
+    smooth = window_mean(residual, visible)
+    foreign = smooth.max(axis=2) > settings.most_brighter
+    if colour is not None:
+        foreign |= _another_colour(smooth, colour, settings)
+    foreign &= visible
+    foreign = cv2.morphologyEx(
+        foreign.astype(np.uint8), cv2.MORPH_OPEN, np.ones(_SPECK, np.uint8)
+    ).astype(bool)
+    foreign |= _dark_lines(residual, visible, foreign, settings)
+    count = max(1, int(visible.sum()))
+    share = float(foreign.sum() / count)
+    if share > settings.most_share:
+        raise InputError(
+            f'photograph shows what tracer cannot make on {100 * share:.0f} % of the sand: another '
+            'dye, a pH indicator, gas or coloured light; use a baseline and a calibration of this '
+            'fluid'
+        )
+    if not foreign.any():
+        return visible, []
+    left_out = cv2.dilate(foreign.astype(np.uint8), np.ones(_REACH, np.uint8)) > 0
+    lost = float((left_out & visible).sum() / count)
+    part = f'{100 * lost:.1f} % of the sand'
+    remark = f'{part} has a colour that tracer cannot make: this part is left out'
+    return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
+
+
+def _dark_lines(
+    residual: Array, visible: Mask, foreign: Mask, settings: ForeignSignalSettings
+) -> Mask:
+    """Return the cells of thin dark lines (nz, nx) that pass through `foreign` cells.
+
+    A line is darker than the grain of the sand, which fine cells show as lines everywhere.
+    """
+    if not foreign.any():
+        return foreign
+    darkening = -np.where(visible, residual.mean(axis=2), 0.0).astype(np.float32)
+    around = np.ones((settings.line_cells,) * 2, np.uint8)
+    relief = cv2.morphologyEx(darkening, cv2.MORPH_TOPHAT, around)
+    grain = _GRAINS * float(np.median(relief[visible]))
+    thin = relief > max(settings.line_depth, grain)
+    joined = ((thin & visible) | foreign).astype(np.uint8)
+    _, parts = cv2.connectedComponents(joined, connectivity=8)
+    return np.asarray(np.isin(parts, np.unique(parts[foreign])))
+
+
+def _another_colour(smooth: Array, colour: TracerColour, settings: ForeignSignalSettings) -> Mask:
+    """Return where (nz, nx) the hue is not the hue of tracer, or where it is missing."""
+    grey, hue = split(smooth)
+    along = hue @ colour.direction.astype(hue.dtype)
+    across = np.linalg.norm(hue - along[..., None] * colour.direction, axis=2)
+    turned = across > settings.hue_error + settings.most_turned * np.maximum(along, 0.0)
+    opposite = along < -settings.hue_error
+    dark = grey < -settings.least_dark
+    colourless = dark & (along < settings.least_hue * colour.strength * -grey)
+    return np.asarray(turned | opposite | colourless, bool)

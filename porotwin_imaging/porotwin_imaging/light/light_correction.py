@@ -1,0 +1,179 @@
+"""The light of a photograph: what is corrected, and which cells can be compared with the baseline.
+
+A change of tone is undone (`tone_change.py`), the drift of light is removed (`light_drift.py`),
+then soft shadows (`local_light.py`). The rest must be tracer: cells that are brighter
+(`light_check.py`) or have another colour (`foreign_signal.py`) have no value.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_imaging.light.colour_checker import ChartLight
+from porotwin_imaging.light.foreign_signal import without_foreign_signal
+from porotwin_imaging.light.light_check import (
+    drift_remarks,
+    exposure_remarks,
+    lit_as_baseline,
+    refuse_unknown_light,
+    spilled_light,
+)
+from porotwin_imaging.light.light_drift import LightDrift, light_drift
+from porotwin_imaging.light.local_light import local_light
+from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
+from porotwin_imaging.numerics.cell_sums import BlockSums
+from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
+from porotwin_imaging.tracer.tracer_colour import TracerColour, colour_in
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+BelowVeil = Callable[[tuple[float, float, float]], Array]
+"""Returns the log ratios (nz, nx, 3) without a veil of this linear red, green and blue."""
+
+_MOST_BLOCKS = 400
+"""Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
+_TONE_ERRORS = {'curve': 0.02, 'haze': 0.03}
+"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Where
+stock leaves little light, a small error of the haze counts."""
+_LEAST_LIGHT = 1e-4
+"""Linear light of the baseline is raised to this before it divides [-]."""
+_LEAST_SHARE = 0.3
+"""Visible share of a block that counts [-]."""
+
+
+@dataclass(frozen=True)
+class CorrectedLight:
+    """Log ratios to the baseline without the changes of light.
+
+    Attributes:
+        log_ratio: log ratios, shape (nz, nx, 3).
+        variance: variance that the correction adds, shape (nz, nx), or (1, 1) if it adds none.
+        comparable: visible cells whose change tracer can make, shape (nz, nx).
+        drift: all changes of light that were removed.
+        remarks: one line on each correction.
+        left_out: one line on each fault that could not be corrected.
+    """
+
+    log_ratio: Array
+    variance: Array
+    comparable: Mask
+    drift: LightDrift
+    remarks: list[str]
+    left_out: list[str]
+
+
+def corrected_light(
+    log_ratio: Array,
+    visible: Mask,
+    share: Array,
+    sums: BlockSums,
+    chart_light: ChartLight | None,
+    colour: TracerColour | None,
+    settings: ImagingSettings = DEFAULTS,
+    below_veil: BelowVeil | None = None,
+) -> CorrectedLight:
+    """Return log ratios without the changes of light.
+
+    Args:
+        log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        share: usable share of each cell, shape (nz, nx).
+        sums: means of the baseline over blocks of cells.
+        chart_light: light at the colour chart, or None.
+        colour: colour of the tracer from the calibration; if None, the photograph is asked.
+        settings: settings of all steps.
+        below_veil: takes haze from the samples of the photograph; None: from means of cells.
+
+    Raises:
+        InputError: the light cannot be compared with the baseline.
+    """
+    variance: Array = np.zeros((1, 1), np.float32)
+    blocks, seen = _blocks(log_ratio, visible)
+    before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
+    checker_gain = None if chart_light is None else chart_light.straight_gain
+    tone = None if chart_light is None else tone_of_chart(chart_light)
+    tone = tone or tone_change(blocks, before, after, seen, checker_gain, settings)
+    remarks = exposure_remarks(checker_gain, settings.light)
+    if tone is None and chart_light is not None:
+        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen, settings)
+        remarks += not_hazy
+    if tone is not None:
+        if tone.veil is not None and below_veil is not None:
+            log_ratio = below_veil(tone.veil)
+        else:
+            log_ratio = tone.undone(log_ratio, _light(sums.baseline, sums, share.shape))
+        blocks, seen = _blocks(log_ratio, visible)
+        remarks.append(tone.remark)
+        variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
+    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
+    refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
+    remarks += drift_remarks(drift, visible, settings.light)
+    residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
+    colour = colour or colour_in(residual, seen)
+    local = local_light(residual, seen, colour, settings.local_light)
+    if local is not None:
+        residual = residual - local.log_gain[..., None]
+        drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
+        variance = variance + _resized(local.variance, visible.shape)
+        remarks += local.remarks
+    comparable, bright = lit_as_baseline(residual, seen, settings.light)
+    if (found := seen & ~comparable).any():
+        variance = variance + _resized(spilled_light(residual, found, after) ** 2, visible.shape)
+    comparable, foreign = without_foreign_signal(
+        residual, comparable, colour, settings.foreign_signal
+    )
+    _refuse_much_left_out(seen, comparable, settings.foreign_signal)
+    left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
+    return CorrectedLight(
+        log_ratio=drift.removed_from(log_ratio),
+        variance=variance,
+        comparable=visible & ~left_out,
+        drift=drift,
+        remarks=remarks,
+        left_out=[*bright, *foreign],
+    )
+
+
+def _refuse_much_left_out(seen: Mask, comparable: Mask, settings: ForeignSignalSettings) -> None:
+    """Raise InputError if reflections and other colours hide too much of the sand together."""
+    lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
+    if lost > settings.most_left_out:
+        raise InputError(
+            f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
+            f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '
+            'baseline and a calibration of this fluid and light'
+        )
+
+
+def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
+    """Return the mean log ratio of blocks of cells (rows, columns, 3), and which show sand.
+
+    The cells of a coarse map are its blocks.
+    """
+    nz, nx = visible.shape
+    if nx <= _MOST_BLOCKS:
+        return log_ratio, visible
+    size = (_MOST_BLOCKS, max(1, round(nz * _MOST_BLOCKS / nx)))
+    share = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    filled = log_ratio * visible[..., None]
+    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
+    return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
+
+
+def _light(plane: Array, sums: BlockSums, shape: tuple[int, int]) -> Array:
+    """Return the linear light of a plane of `sums` at `shape`, with channels."""
+    light = plane / np.maximum(sums.share, _LEAST_SHARE)[..., None]
+    return np.maximum(_resized(light, shape), _LEAST_LIGHT)
+
+
+def _resized(plane: Array, shape: tuple[int, int]) -> Array:
+    """Return a plane at another `shape`, interpolated."""
+    if plane.shape[:2] == shape:
+        return plane
+    return np.asarray(cv2.resize(plane, shape[::-1], interpolation=cv2.INTER_LINEAR))

@@ -1,0 +1,203 @@
+"""Local light: soft shadows and lamps that the smooth drift of light does not follow.
+
+Somebody stands beside the rig, a curtain moves, a lamp fails: a part of the photograph is darker,
+and a map would show tracer there. A shadow takes the same share of red, green and blue, tracer does
+not (`tracer_colour.py`). Sand without the hue of tracer therefore shows the local light. A smooth
+field is fitted to it and continues below the plumes. It is used only if it is much larger than in
+ordinary photographs.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from porotwin_imaging.settings import DEFAULTS, LocalLightSettings
+from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_ROUNDS = 4
+"""Fits with robust weights."""
+_BEND_PENALTY, _SLOPE_PENALTY = 0.03, 1e-4
+"""Penalties on bends and slopes of the field, relative to the weight of the data of a node."""
+_TRACER_SPREADS, _TRACER_REACH = 4.0, 5
+"""Blocks above so many spreads contain tracer; so many blocks across around them may do."""
+_SMALL, _LARGE = 3, 9
+"""Blocks across the windows of averaged hue."""
+_EXPLAINED, _PALEST = 0.5, 0.01
+"""Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
+_WINDOW = (5, 5)
+"""Blocks over which missing light is averaged before it is judged."""
+_SMALLEST_DIVISOR = 1e-9
+_TOLD, _TOLD_SHARE = 0.02, 0.005
+"""Changes of light above this, on more than this share of the sand, are told [log, -]."""
+_FIELD_ERROR = 0.1
+"""Standard deviation of the field relative to its largest value: measured on photographs with
+known shadows [-]."""
+
+
+@dataclass(frozen=True)
+class LocalLight:
+    """Light of parts of a photograph relative to the rest.
+
+    Attributes:
+        log_gain: log of the ratio, shape (nz, nx); 0 everywhere in ordinary photographs.
+        variance: variance of `log_gain`, same shape.
+        remarks: lines for the reader.
+    """
+
+    log_gain: Array
+    variance: Array
+    remarks: list[str]
+
+
+def local_light(
+    residual: Array,
+    visible: Mask,
+    colour: TracerColour | None,
+    settings: LocalLightSettings = DEFAULTS.local_light,
+) -> LocalLight | None:
+    """Return the local light of a photograph; None if it is ordinary.
+
+    Args:
+        residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        colour: colour of the tracer; None if it is unknown or grey.
+        settings: thresholds.
+    """
+    if colour is None:
+        return None
+    light, share = _blocks(residual, visible, settings)
+    seen = share > settings.least_share
+    grey, hue = split(light)
+    tracer = colour.amount(hue)
+    clean = seen & ~_near_tracer(grey, tracer, seen) & (grey > -settings.darkest)
+    if not _is_unusual(grey, clean, settings):
+        return None
+    field = np.minimum(_smooth_field(grey, clean * share, settings), settings.most_brighter)
+    return _local_light(field, clean, residual.shape[:2], visible)
+
+
+def _blocks(residual: Array, visible: Mask, settings: LocalLightSettings) -> tuple[Array, Array]:
+    """Return means over blocks of cells (rows, columns, 3), and their visible share."""
+    nz, nx = visible.shape
+    size = (min(nx, settings.blocks_across), min(nz, max(4, settings.blocks_across * nz // nx)))
+    weight = visible.astype(np.float32)
+    share = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    filled = np.where(visible[..., None], residual, 0.0).astype(np.float32)
+    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
+    return sums / np.maximum(share, settings.least_share)[..., None], share
+
+
+def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
+    """Return the blocks with tracer and their surroundings.
+
+    Tracer is a significant hue in a small window, or one in a large window that explains most of
+    the darkening there: wide and pale tracer.
+    """
+    noise, around = local_noise(tracer, seen), np.ones((_TRACER_REACH,) * 2, np.uint8)
+    strong = _average(tracer, seen, (_SMALL, _SMALL)) > _TRACER_SPREADS * noise / _SMALL
+    spots = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    strong = np.asarray(cv2.dilate(spots, around)) > 0
+    rest = seen & ~strong
+    amount, darkening = (_average(p, rest, (_LARGE, _LARGE)) for p in (tracer, -grey))
+    pale = amount > np.maximum(_TRACER_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
+    pale &= rest & (darkening > _PALEST)
+    return np.asarray(strong | (cv2.dilate(pale.astype(np.uint8), around) > 0))
+
+
+def _average(plane: Array, chosen: Mask, window: tuple[int, int]) -> Array:
+    """Return the mean of a plane over the chosen blocks of windows."""
+    total = cv2.blur(chosen.astype(np.float64), window)
+    sums = cv2.blur((plane * chosen).astype(np.float64), window)
+    return np.asarray(sums / np.maximum(total, _SMALLEST_DIVISOR))
+
+
+def _is_unusual(missing: Array, clean: Mask, settings: LocalLightSettings) -> bool:
+    """Return whether light is missing on a part of the sand that no ordinary photograph has."""
+    if not clean.any():
+        return False
+    smooth = _average(missing, clean, _WINDOW)
+    return float((np.abs(smooth[clean]) > settings.least_change).mean()) > settings.least_part
+
+
+def _smooth_field(missing: Array, weight: Array, settings: LocalLightSettings) -> Array:
+    """Return the smooth field (rows, columns) of missing light.
+
+    The field is bilinear between nodes. Bends and slopes between the nodes are penalised; robust
+    weights (Tukey's biweight) leave out objects with sharp edges.
+    """
+    rows, columns = missing.shape
+    nodes = settings.nodes_across
+    count = (max(4, round(nodes * rows / columns)), nodes)
+    shape = sparse.kron(_hats(rows, count[0]), _hats(columns, count[1]), format='csr')
+    bends, slopes = _penalties(count)
+    robust = np.ones_like(missing)
+    for _ in range(_ROUNDS):
+        data = sparse.diags((weight * robust).ravel())
+        normal = shape.T @ data @ shape
+        size = float(np.median(normal.diagonal()[normal.diagonal() > 0]))
+        system = normal + size * (_BEND_PENALTY * bends + _SLOPE_PENALTY * slopes)
+        found = spsolve(system.tocsc(), shape.T @ (data @ missing.ravel()))
+        field = (shape @ found).reshape(missing.shape)
+        distance = (missing - field) / settings.tolerance
+        robust = np.clip(1.0 - distance**2, 0.0, None) ** 2
+    return np.asarray(field)
+
+
+def _hats(length: int, nodes: int) -> sparse.csr_matrix:
+    """Return the bilinear weights (length, nodes) of evenly spaced nodes."""
+    place = np.linspace(0, nodes - 1, length)
+    left = np.minimum(place.astype(int), nodes - 2)
+    right = place - left
+    row = np.arange(length)
+    return sparse.csr_matrix(
+        (
+            np.concatenate([1 - right, right]),
+            (np.concatenate([row, row]), np.concatenate([left, left + 1])),
+        ),
+        shape=(length, nodes),
+    )
+
+
+def _penalties(count: tuple[int, int]) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """Return the squared bends and slopes of a field on `count` nodes (rows, columns)."""
+    bends: list[Any] = []
+    slopes: list[Any] = []
+    for axis in (0, 1):
+        for order, collected in ((2, bends), (1, slopes)):
+            steps = sparse.csr_matrix(np.diff(np.eye(count[axis]), order, axis=0))
+            parts = [sparse.identity(n) for n in count]
+            parts[axis] = steps
+            whole = sparse.kron(*parts, format='csr')
+            collected.append(whole.T @ whole)
+    return sum(bends[1:], bends[0]), sum(slopes[1:], slopes[0])
+
+
+def _local_light(field: Array, clean: Mask, shape: tuple[int, int], visible: Mask) -> LocalLight:
+    """Return the field on the cells (nz, nx), with its variance and remarks."""
+    size = shape[::-1]
+    log_gain = cv2.resize(field.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    guessed = cv2.resize((~clean).astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    deepest = float(np.abs(log_gain[visible]).max())
+    variance = (_FIELD_ERROR * deepest) ** 2 * (0.25 + guessed)
+    return LocalLight(log_gain, variance, _remarks(log_gain[visible]))
+
+
+def _remarks(log_gain: Array) -> list[str]:
+    """Return what was corrected; `log_gain` (n,) are those of the visible cells."""
+    lines = []
+    for changed, word in ((log_gain < -_TOLD, 'darker'), (log_gain > _TOLD, 'brighter')):
+        if changed.mean() > _TOLD_SHARE:
+            most = 100 * abs(float(np.expm1(np.percentile(log_gain[changed], 50))))
+            lines.append(
+                f'{100 * changed.mean():.0f} % of the sand is {word} without the colour of tracer, '
+                f'by {most:.0f} % in the median: corrected as shadow or lamp'
+            )
+    return lines

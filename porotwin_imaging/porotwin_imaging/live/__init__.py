@@ -1,0 +1,1 @@
+"""The node that maps photographs as they come."""

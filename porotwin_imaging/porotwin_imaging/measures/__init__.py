@@ -1,0 +1,1 @@
+"""Measures of plumes and of courses of maps."""

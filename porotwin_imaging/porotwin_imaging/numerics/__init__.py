@@ -1,0 +1,1 @@
+"""What knows nothing of photographs: robust statistics, sums over cells, bands."""

@@ -1,0 +1,1 @@
+"""Photographs of CO2 with a pH indicator: water, dissolved CO2 and gas."""

@@ -1,0 +1,1 @@
+"""A photograph as a file: its name, time, bytes and linear light."""

@@ -1,0 +1,360 @@
+"""Photographs as files: is the file complete, how large is it, and its pixels at a reduced scale.
+
+Pixels keep the order of the file, and an EXIF orientation is not applied. A camera that is turned
+by hand between two photographs writes another orientation, but the corners of the rig are given in
+pixels of the sensor.
+"""
+
+import io
+import re
+import struct
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageCms
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
+from porotwin_imaging.settings import DEFAULTS, DecodingSettings
+
+JPEG_START = b'\xff\xd8'
+JPEG_END = b'\xff\xd9'
+PNG_START = b'\x89PNG\r\n\x1a\n'
+PNG_END = b'IEND\xaeB`\x82'
+TIFF_STARTS = (b'II*\x00', b'MM\x00*')
+DECODING_FLAGS = {
+    1: cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
+    2: cv2.IMREAD_REDUCED_COLOR_2 | cv2.IMREAD_IGNORE_ORIENTATION,
+    4: cv2.IMREAD_REDUCED_COLOR_4 | cv2.IMREAD_IGNORE_ORIENTATION,
+    8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
+}
+"""OpenCV's flags for each reduction."""
+_JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of the JPEG segment that holds the size; the three exceptions are tables."""
+_SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
+_MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
+"""Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
+_EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
+_PLAIN_TAGS = {ORIENTATION_TAG: UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
+"""Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
+_INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
+"""Section of the EXIF data, and its word for Adobe RGB."""
+_SRGB = 'sRGB'
+OTHER_FORMATS = {
+    'HEIC': re.compile(rb'....ftyp(hei|hev|mif1|msf1)', re.DOTALL),
+    'AVIF': re.compile(rb'....ftypavi', re.DOTALL),
+    'a raw file of a camera': re.compile(
+        rb'....ftypcrx|FUJIFILMCCD-RAW|II\*\x00....CR|IIRS|IIU\x00', re.DOTALL
+    ),
+    'WebP': re.compile(rb'RIFF....WEBP', re.DOTALL),
+    'GIF': re.compile(rb'GIF8'),
+    'BMP': re.compile(rb'BM'),
+    'JPEG 2000': re.compile(rb'\x00\x00\x00\x0cjP  |\xff\x4f\xff\x51'),
+    'BigTIFF': re.compile(rb'II\+\x00|MM\x00\+'),
+    'PDF': re.compile(rb'%PDF'),
+}
+"""Beginnings of files of formats that are not read."""
+_TIFF_SIZE_TAGS = (256, 257)
+_SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
+"""Raw files of cameras are TIFFs that begin with a preview."""
+_BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
+"""Usual bits of a level, and where a TIFF and a PNG tell theirs."""
+_TRAILING_BYTES = 64
+"""Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
+MOST_PIXELS = 175_000_000
+"""Larger photographs are refused before they are decoded: a damaged or malicious header may claim
+any size. The largest cameras have 150 megapixels."""
+MOST_BYTES = 512_000_000
+"""Larger files are refused: a TIFF of 150 megapixels has 450 MB."""
+_CHECKED_EVERY = 4
+"""Every fourth pixel in each direction is enough to find black and white photographs."""
+
+
+@dataclass(frozen=True)
+class DecodedPhoto:
+    """A decoded photograph.
+
+    Attributes:
+        pixels: uint8, shape (rows, columns, 3), blue-green-red, row 0 at the top.
+        width: columns of the file [px].
+        height: rows of the file [px].
+        reduction: 1, 2, 4 or 8, the ratio of file pixels to decoded pixels. A point `p` of the file
+            lies at `(p + 0.5) / reduction - 0.5` in `pixels`.
+    """
+
+    pixels: NDArray[np.uint8]
+    width: int
+    height: int
+    reduction: int
+
+
+def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
+    """Return decoded pixels, or None if OpenCV cannot decode the file."""
+    if data.startswith(TIFF_STARTS):
+        data = _with_plain_tags(data)
+    flags = DECODING_FLAGS[reduction if data.startswith(JPEG_START) else 1]
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:  # a damaged header may claim a size that OpenCV refuses
+        return None
+    if pixels is None:
+        return None
+    if not data.startswith(JPEG_START):
+        pixels = _reduced(np.asarray(pixels), reduction)
+    return np.asarray(pixels, np.uint8)
+
+
+def _reduced(pixels: NDArray[Any], reduction: int) -> NDArray[Any]:
+    """Return the means of blocks of `reduction` x `reduction` pixels, as in a reduced JPEG.
+
+    OpenCV's own reduction of a PNG or TIFF takes the middle of each block only, with more noise. It
+    also leaves out the last block if that is not whole, and stretches the others.
+    """
+    if reduction == 1:
+        return pixels
+    rows, columns = pixels.shape[:2]
+    whole = cv2.copyMakeBorder(
+        pixels, 0, -rows % reduction, 0, -columns % reduction, cv2.BORDER_REPLICATE
+    )
+    size = (whole.shape[1] // reduction, whole.shape[0] // reduction)
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
+
+
+def _with_plain_tags(tiff: bytes) -> bytes:
+    """Return the TIFF as upright, and with transparency that is in its colours already.
+
+    OpenCV rotates TIFFs despite the flag, and darkens the colours by the transparency.
+    """
+    order = '<' if tiff.startswith(b'II') else '>'
+    try:
+        (directory,) = struct.unpack_from(order + 'I', tiff, 4)
+        (count,) = struct.unpack_from(order + 'H', tiff, directory)
+        entries = range(directory + 2, directory + 2 + 12 * count, 12)
+        tags = {struct.unpack_from(order + 'H', tiff, entry)[0]: entry for entry in entries}
+    except struct.error:  # the file is damaged; the decoder reports it
+        return tiff
+    for tag, value in _PLAIN_TAGS.items():
+        if tag in tags:
+            place = tags[tag] + 8
+            tiff = tiff[:place] + struct.pack(order + 'HH', value, 0) + tiff[place + 4 :]
+    return tiff
+
+
+def colour_profile(data: bytes) -> str:
+    """Return the name of the colour space that the file `data` declares, 'sRGB' by default.
+
+    It stands in an ICC profile, or for Adobe RGB in the EXIF data alone.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            profile = image.info.get('icc_profile')
+            if profile:
+                opened = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+                name = ImageCms.getProfileDescription(opened).strip()
+                return _SRGB if _SRGB.lower() in name.lower() else name
+            if image.getexif().get_ifd(_INTEROPERABILITY).get(1) == _ADOBE_INDEX:
+                return 'Adobe RGB'
+    except Exception:  # a damaged header makes Pillow raise errors of many types
+        return _SRGB
+    return _SRGB
+
+
+def is_photograph(data: bytes) -> bool:
+    """Return whether the file `data` begins as a JPEG, PNG or TIFF."""
+    return data.startswith((JPEG_START, PNG_START, *TIFF_STARTS))
+
+
+def is_complete(data: bytes) -> bool:
+    """Return whether the file `data` ends as its format requires."""
+    if data.startswith(JPEG_START):
+        tail = data[-_TRAILING_BYTES:].rstrip(b'\x00')
+        return tail.endswith(JPEG_END) or _jpeg_has_its_end(data)
+    if data.startswith(PNG_START):
+        return data.endswith(PNG_END)
+    if data.startswith(TIFF_STARTS):
+        size = _tiff_size(data)
+        return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
+    return False
+
+
+def _jpeg_has_its_end(data: bytes) -> bool:
+    """Return whether the first picture in a JPEG has its end marker; cameras append other data.
+
+    The segments are walked by their lengths, because a preview in a segment has an end marker too.
+    """
+    position = len(JPEG_START)
+    while position + 1 < len(data):
+        if data[position] != 0xFF:
+            return False
+        marker = data[position + 1]
+        if marker == _END_MARKER:
+            return True
+        if marker == 0xFF:
+            position += 1
+            continue
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
+        if marker == _SCAN_MARKER:
+            found = _MARKER_IN_SCAN.search(data, position)
+            if found is None:
+                return False
+            position = found.start()
+    return False
+
+
+def _tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) from the header of a TIFF; None if broken, or a camera's raw file."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of a large picture; its size is judged here
+            image = Image.open(io.BytesIO(data))
+        with image:
+            tags = image.tag_v2  # type: ignore[attr-defined]
+            if tags.get(_SUBFILE_TAG) == _PREVIEW or _DNG_VERSION_TAG in tags:
+                return None
+            # `size` would be turned by the orientation
+            width, height = (int(tags[tag]) for tag in _TIFF_SIZE_TAGS)
+            return width, height
+    except Exception:  # a damaged header makes Pillow raise errors of many types
+        return None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) from the first frame header of a JPEG, or None."""
+    position = 2
+    while position + 9 < len(data):
+        if data[position] != 0xFF:
+            return None
+        marker = data[position + 1]
+        if marker == 0xFF:
+            position += 1
+            continue
+        if marker in _JPEG_FRAME_MARKERS:
+            height, width = struct.unpack('>HH', data[position + 5 : position + 9])
+            return width, height
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
+    return None
+
+
+def photo_size(data: bytes) -> tuple[int, int]:
+    """Return (width, height) [px] of the photograph `data`, read from the header only.
+
+    Raises:
+        InputError: the file is no JPEG, PNG or TIFF, its header is broken, or it claims too many
+            pixels.
+    """
+    found: tuple[int, int] | None = None
+    if data.startswith(JPEG_START):
+        found = _jpeg_size(data)
+    elif data.startswith(PNG_START) and len(data) >= 24:
+        found = struct.unpack('>II', data[16:24])
+    elif data.startswith(TIFF_STARTS):
+        found = _tiff_size(data)
+    for name, start in OTHER_FORMATS.items():
+        if start.match(data[:32]):
+            raise InputError(f'photograph is {name}; set the camera to JPEG, or convert it to TIFF')
+    if found is None and data.startswith(TIFF_STARTS):
+        raise InputError(
+            'photograph is a TIFF that cannot be read: damaged, with float levels, or the raw file '
+            'of a camera; save it with 8 or 16 bits, or set the camera to JPEG'
+        )
+    if found is None or min(found) < 1:
+        raise InputError(
+            f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again, '
+            'or set the camera to JPEG'
+        )
+    if found[0] * found[1] > MOST_PIXELS:
+        raise InputError(
+            f'photograph claims {found[0]} x {found[1]} px, more than any camera has; send it again'
+        )
+    return found
+
+
+def decode(
+    data: bytes, reduction: int = 1, settings: DecodingSettings = DEFAULTS.decoding
+) -> DecodedPhoto:
+    """Return the photograph `data`, decoded `reduction` (1, 2, 4 or 8) times coarser.
+
+    A JPEG is decoded at the reduced scale directly, at a fraction of the cost of a full decode.
+
+    Raises:
+        InputError: the file is truncated or broken, it has a palette of few colours or Lab colours,
+            or the photograph is black or over-exposed.
+    """
+    width, height = photo_size(data)
+    if not is_complete(data):
+        raise InputError(
+            f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
+        )
+    mode = _mode(data)
+    if mode == 'LAB':
+        raise InputError('photograph is a TIFF with Lab colours; save it with RGB colours')
+    if mode in ('P', 'PA', '1'):
+        raise InputError(
+            'photograph has a palette of at most 256 colours, too few for concentrations; save it '
+            'with 24 bits, without a palette'
+        )
+    pixels = _pixels(data, reduction)
+    if pixels is None:
+        raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
+    _refuse_without_picture(pixels, settings, deep=_bits(data) > _BITS)
+    return DecodedPhoto(pixels, width, height, reduction)
+
+
+def _mode(data: bytes) -> str:
+    """Return Pillow's mode of a PNG or TIFF, such as 'RGB', or 'P' for numbers of colours.
+
+    It is empty for a JPEG and a damaged file.
+    """
+    if not data.startswith((PNG_START, *TIFF_STARTS)):
+        return ''
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            return image.mode
+    except Exception:  # a damaged header; the decoder reports it
+        return ''
+
+
+def _bits(data: bytes) -> int:
+    """Return the bits of a level in the file `data`: 8, or 16 for PNG and TIFF of that depth."""
+    if data.startswith(PNG_START) and len(data) > _PNG_DEPTH:
+        return data[_PNG_DEPTH]
+    if data.startswith(TIFF_STARTS):
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            return int(image.tag_v2.get(_BITS_TAG, (_BITS,))[0])  # type: ignore[attr-defined]
+    return _BITS
+
+
+def _refuse_without_picture(
+    pixels: NDArray[np.uint8], settings: DecodingSettings, *, deep: bool
+) -> None:
+    """Raise InputError if the photograph as a whole is black or over-exposed.
+
+    `deep` tells that the file has more than 8 bits, which may not be used in full.
+    """
+    green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
+    brightest = float(np.percentile(green, 99.5))
+    if brightest < settings.dark_level:
+        raise InputError(
+            f'photograph is black: 99.5 % of it at grey level {brightest:.0f} of 255 or '
+            'below; check lamp, lens cap and exposure'
+            + (', and that the levels of the file use all of its 16 bits' if deep else '')
+        )
+    bright = float(np.mean(green >= settings.bright_level))
+    if bright > settings.most_bright:
+        raise InputError(
+            f'photograph is over-exposed: {100 * bright:.0f} % of it at full white; '
+            'shorten the exposure'
+        )

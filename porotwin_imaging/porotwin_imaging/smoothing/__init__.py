@@ -1,0 +1,1 @@
+"""Denoised maps with their deviations."""

@@ -1,0 +1,1 @@
+"""From colour to concentration: the signal of the tracer and its calibration."""

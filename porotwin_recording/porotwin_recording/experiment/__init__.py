@@ -1,0 +1,1 @@
+"""A folder or a bag as one recording; cuts, conversion, the catalogue."""

@@ -1,0 +1,459 @@
+"""The experiment in a bag: rig, rates, tracer maps and photographs from recorded messages."""
+
+import logging
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.rig import Rig
+from porotwin_core.ros.from_messages import rates_from_msg, rig_from_msg
+from porotwin_recording.experiment.joined_bags import refuse_two_experiments, refuse_two_rigs
+from porotwin_recording.experiment.rig_pauses import with_pauses
+from porotwin_recording.experiment.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
+from porotwin_recording.mcap import topic_names
+from porotwin_recording.mcap.bag_reader import BagMessage, BagReader
+from porotwin_recording.mcap.serialization import SECOND, stamp_of
+from porotwin_recording.tables.concentration import (
+    DEVIATIONS,
+    ConcentrationMaps,
+    MapOrigin,
+    Maps,
+    MapSeries,
+    without_impossible,
+)
+from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.rates import measured_to
+from porotwin_recording.tables.recorded_data import RecordedData
+
+_START, _INTERRUPTED = 0, 1
+"""Values of CleanState.cause; a bag is read without the installed message classes."""
+
+_STAMP_END = 12
+"""End of the stamp in a message that begins with a header [bytes]."""
+
+_SHOWN = 5
+"""Most moments that a remark lists."""
+
+_SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'}
+"""Suffix of an image file by its first two bytes."""
+
+HEAD_BYTES = 4096
+"""Bytes that tell one photograph from another: its stamp, length, EXIF data and first pixels."""
+
+_PHOTOS = (topic_names.IMAGE, topic_names.BASELINE)
+_NUMBERS = (topic_names.NEW_STATE, topic_names.SETPOINT, topic_names.MEASURED)
+_LARGE = (topic_names.NEW_STATE, *_PHOTOS)
+"""Topics whose messages are read later, one by one."""
+
+LOG = logging.getLogger('porotwin')
+
+_SIZE_TOLERANCE = 1e-6
+"""Relative difference of sizes that only round-off explains."""
+
+
+def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) -> RecordedData:
+    """Return the experiment in the bag at `path`; a given `rig` replaces the recorded one.
+
+    - Time zero is the stamp of the CleanState message that starts the experiment, else the first
+      stamp. Earlier rates hold from time zero on.
+    - If two maps, photographs or rates have the same stamp, the later message counts.
+    - A setpoint holds until the next one, regardless of its validity.
+    - A sequence that begins again goes on with the same experiment, for example after a restart of
+      a node. A remark says so. Photographs that are sent again replace the earlier ones.
+    - If another experiment begins in the same bag, the `segment` is read (counted from 1), or the
+      one with most states. See `segments` for what counts as another experiment.
+    - Rates that are not finite or belong to unknown wells are left out, as in the hub.
+
+    Raises:
+        InputError: no bag, a bag without a rig, bags of two rigs or two experiments with the same
+            times, maps of another rig, or no such segment.
+    """
+    bag = BagReader(path)
+    collector = _Collector(bag)
+    try:
+        if rig is None:
+            refuse_two_rigs(bag)
+        collector.collect(_experiment_topics(bag))
+    except AttributeError as error:
+        raise InputError(
+            f'{path}: recorded with other interfaces ({error}); read it with the version of '
+            'PoroTwin that made it'
+        ) from None
+    replaced = None if rig is None else collector.rig
+    if rig is None:
+        rig = collector.rig
+    if rig is None:
+        raise InputError(f'{path}: {collector.rig_fault}; name its rig.yaml with --rig')
+    collector.remove_unknown_wells(rig)
+    chosen = _chosen(bag, joined(collector.segments), segment)
+    start = chosen.start_stamp()
+    return RecordedData(
+        rig,
+        commanded=_schedule(chosen.commanded, start),
+        measured=_measured_schedule(chosen.measured, start),
+        maps=_maps(bag, chosen, start, rig),
+        photos=_photos(bag, chosen, start),
+        remarks=tuple(bag.remarks),
+        replaced_rig=replaced,
+    )
+
+
+def _chosen(bag: BagReader, segments: list[Segment], number: int | None) -> Segment:
+    """Return segment `number` (from 1), or the one with most states; remark on the others.
+
+    Raises:
+        InputError: there is no such segment.
+    """
+    count = len(segments)
+    if number is not None and not 1 <= number <= count:
+        held = 'one experiment' if count == 1 else f'{count} experiments'
+        raise InputError(f'{bag.path}: holds {held}; choose a segment from 1 to {count}')
+    index = number - 1 if number else max(range(count), key=lambda i: segments[i].state_count)
+    chosen = segments[index]
+    if count > 1:
+        held = '; '.join(f'{n} with {s.state_count} states' for n, s in enumerate(segments, 1))
+        bag.remark(
+            f'{bag.path}: holds {count} experiments ({held}); segment {index + 1} is read; '
+            'choose another with ./porotwin export --segment'
+        )
+    if chosen.interruptions:
+        first = chosen.start_stamp()
+        moments = ', '.join(f'{(at - first) / SECOND:g}' for at in chosen.interruptions[:_SHOWN])
+        more = ', ...' if len(chosen.interruptions) > _SHOWN else ''
+        bag.remark(
+            f'{bag.path}: {len(chosen.interruptions) + 1} parts of one experiment joined; the '
+            f'sequence of states began again at {moments}{more} s'
+        )
+    return chosen
+
+
+def _experiment_topics(bag: BagReader) -> dict[str, str]:
+    """Return the topics of an experiment: absolute name to name in the namespace."""
+    names: dict[str, str] = {}
+    for relative in (
+        topic_names.RIG,
+        topic_names.SETPOINT,
+        topic_names.MEASURED,
+        topic_names.NEW_STATE,
+        topic_names.CLEAN_STATE,
+        topic_names.IMAGE,
+        topic_names.BASELINE,
+    ):
+        matching = sorted(name for name in bag.topics if name.endswith(f'/{relative}'))
+        if len(matching) > 1:
+            raise InputError(
+                f"{bag.path}: holds two rigs ('{matching[0]}', '{matching[1]}'); record one alone"
+            )
+        names.update(dict.fromkeys(matching, relative))
+    if not names:
+        raise InputError(f'{bag.path}: holds no topic of a PoroTwin experiment')
+    return names
+
+
+def image_begin(data: bytes) -> bytes:
+    """Return the length (4 bytes) and the first bytes of the file in a CompressedImage (CDR).
+
+    Raises:
+        InputError: the bytes are no CompressedImage.
+    """
+    try:
+        length_of = struct.Struct('<I' if data[1] & 1 else '>I').unpack_from
+        position = _STAMP_END
+        for _ in ('frame_id', 'format'):
+            (length,) = length_of(data, position)
+            position += 4 + length + -length % 4
+        length_of(data, position)
+    except (struct.error, IndexError):
+        raise InputError("message is not a 'sensor_msgs/msg/CompressedImage'") from None
+    return data[position:HEAD_BYTES]
+
+
+def _located(messages: Iterable[BagMessage]) -> Iterator[tuple[Location, BagMessage]]:
+    """Yield messages with their locations."""
+    last: dict[str, Location] = {}
+    for message in messages:
+        before = last.get(message.topic)
+        repeated = before is not None and before.log_time == message.log_time
+        number = before.number + 1 if before is not None and repeated else 0
+        last[message.topic] = Location(message.topic, message.log_time, number)
+        yield last[message.topic], message
+
+
+def _between(bag: BagReader, locations: list[Location]) -> Iterator[tuple[Location, BagMessage]]:
+    """Yield the messages from the first to the last of `locations`, all of one topic."""
+    if locations:
+        log_times = [location.log_time for location in locations]
+        topic, stop = locations[0].topic, max(log_times) + 1
+        yield from _located(bag.messages([topic], start=min(log_times), stop=stop))
+
+
+class _Collector:
+    """Collects the experiments in one pass over a bag; maps and photographs stay on disk."""
+
+    def __init__(self, bag: BagReader) -> None:
+        self.bag = bag
+        self.rig: Rig | None = None
+        self.rig_fault = 'holds no rig description'
+        self.segments = [Segment()]
+        self._rate_faults: list[str] = []
+        self._copies = 0
+        self._add: dict[str, Callable[[BagMessage, Location], None]] = {
+            topic_names.RIG: self._add_rig,
+            topic_names.SETPOINT: self._add_setpoint,
+            topic_names.MEASURED: self._add_measured,
+            topic_names.NEW_STATE: self._add_state,
+            topic_names.CLEAN_STATE: self._add_clean_state,
+            topic_names.IMAGE: self._add_photo,
+            topic_names.BASELINE: self._add_baseline,
+        }
+
+    def collect(self, names: dict[str, str]) -> None:
+        """Read the topics `names` (absolute name to relative name).
+
+        Raises:
+            InputError: the bags of a folder hold two experiments.
+        """
+        faults: dict[str, list[str]] = {}
+        simultaneous = False
+        heads = {name: HEAD_BYTES for name in names if names[name] in _LARGE}
+        for location, message in _located(self.bag.messages(list(names), heads=heads)):
+            simultaneous |= location.number > 0
+            try:
+                self._add[names[message.topic]](message, location)
+            except InputError as error:  # one wrong message costs that message
+                faults.setdefault(message.topic, []).append(str(error))
+        if simultaneous:
+            photos = {name: head for name, head in heads.items() if names[name] in _PHOTOS}
+            compared = [name for name in names if names[name] in (*_PHOTOS, *_NUMBERS)]
+            refuse_two_experiments(self.bag, compared, photos)
+        if self._copies:
+            self.bag.remark(
+                f'{self.bag.path}: {self._copies} maps and photographs are in it twice, with one '
+                'time of recording, and are read once; does its folder hold two copies of one bag?'
+            )
+        for topic, lines in faults.items():
+            self.bag.remark(
+                f"{self.bag.path}: {len(lines)} messages of '{topic}' left out: {lines[0]}"
+            )
+
+    def remove_unknown_wells(self, rig: Rig) -> None:
+        """Remove rates of wells that `rig` lacks, and remark on all rates that were left out.
+
+        Raises:
+            InputError: no rates remain, so the bag belongs to another rig.
+        """
+        schedules = [rates for part in self.segments for rates in (part.commanded, part.measured)]
+        any_recorded = any(schedules)
+        for rates in schedules:
+            for stamp in list(rates):
+                unknown = [well for well in rates[stamp] if well not in rig.wells]
+                if unknown:
+                    del rates[stamp]
+                    known = ', '.join(rig.wells)
+                    self._rate_faults.append(f"unknown well '{unknown[0]}'; the rig has {known}")
+        path, faults = self.bag.path, self._rate_faults
+        if any_recorded and not any(schedules):
+            raise InputError(f'{path}: rates name an {faults[-1]}')
+        if faults:
+            self.bag.remark(f'{path}: {len(faults)} messages of rates left out: {faults[0]}')
+
+    def _add_rig(self, message: BagMessage, _: Location) -> None:
+        try:
+            rig = rig_from_msg(self.bag.decode(message))
+            self.rig = with_pauses(rig, self.bag.topics[message.topic].pauses)
+        except InputError as error:  # the caller's rig.yaml may replace it
+            self.rig_fault = str(error)
+
+    def _add_setpoint(self, message: BagMessage, _: Location) -> None:
+        wells = self.bag.decode(message).wells
+        self._add_rates(self.segments[-1].commanded, stamp_of(message.data), wells)
+
+    def _add_measured(self, message: BagMessage, _: Location) -> None:
+        rates = self.bag.decode(message)
+        start = int(rates.start.sec) * SECOND + int(rates.start.nanosec)
+        self._add_rates(self.segments[-1].measured, start, rates.wells)
+
+    def _add_rates(self, rates: dict[int, WellRates], stamp: int, wells: Any) -> None:
+        try:
+            rates[stamp] = rates_from_msg(wells)
+        except InputError as error:  # the hub ignored this message, too
+            self._rate_faults.append(str(error))
+
+    def _add_clean_state(self, message: BagMessage, _: Location) -> None:
+        event = self.bag.decode(message)
+        if event.cause in (_START, _INTERRUPTED):
+            stamp, starts = stamp_of(message.data), event.cause == _START
+            self.segments += self.segments[-1].restarted(stamp, starts=starts)
+
+    def _add_state(self, message: BagMessage, location: Location) -> None:
+        stamp = stamp_of(message.data)
+        self._copies += location.number > 0 and stamp in self.segments[-1].maps
+        self.segments[-1].add_map(stamp, location)
+
+    def _add_photo(self, message: BagMessage, location: Location) -> None:
+        self._add_image(message, location, 'state')
+
+    def _add_baseline(self, message: BagMessage, location: Location) -> None:
+        self._add_image(message, location, 'baseline')
+
+    def _add_image(self, message: BagMessage, location: Location, role: Role) -> None:
+        begin = image_begin(message.data)
+        key = PhotoKey(role, stamp_of(message.data), zlib.crc32(begin))
+        suffix = _SUFFIXES.get(begin[4:6], '.img')
+        self._copies += location.number > 0 and key in self.segments[-1].photos
+        self.segments[-1].photos[key] = LocatedPhoto(location, suffix)
+
+
+def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
+    """Return rates by stamp [ns] as a schedule that begins at `start` [ns]."""
+    if not rates:
+        return None
+    by_time = {max(0, stamp - start) / SECOND: rates[stamp] for stamp in sorted(rates)}
+    return Schedule.from_rates(by_time.items())
+
+
+def _measured_schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
+    """Return measured rates as `_schedule`, with last rows that tell how long they go on."""
+    schedule = _schedule(rates, start)
+    if schedule is None or not schedule.rows:
+        return schedule
+    return measured_to(schedule, max(0, max(rates) - start) / SECOND)
+
+
+def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> ConcentrationMaps | None:
+    """Return the tracer maps, which are decoded when they are read.
+
+    Raises:
+        InputError: the maps have another size than the rig.
+    """
+    first = _first_state(bag, segment)
+    if first is None:
+        return None
+    state, origin, grid = first
+    sizes, expected = (grid.width, grid.height), (rig.width_m, rig.height_m)
+    if not np.allclose(sizes, expected, rtol=_SIZE_TOLERANCE):
+        raise InputError(
+            f'{bag.path}: its maps cover {grid.width:g} x {grid.height:g} m, '
+            f'the rig {rig.width_m:g} x {rig.height_m:g} m; name the rig.yaml it was recorded with'
+        )
+    stamps = sorted(segment.maps)
+    locations = [segment.maps[stamp] for stamp in stamps]
+    times = np.array([(stamp - start) / SECOND for stamp in stamps])
+
+    def reader(values_of: Callable[[Any], Any]) -> Callable[[int, int], Maps]:
+        def read(first: int, last: int) -> Maps:
+            maps = np.full((last - first, *grid.shape), np.nan, dtype=np.float32)
+            numbers = {location: number for number, location in enumerate(locations[first:last])}
+            for location, message in _between(bag, locations[first:last]):
+                if (number := numbers.get(location)) is None:
+                    continue
+                time = times[first + number]
+                try:
+                    values = np.asarray(values_of(bag.decode(message)))
+                except InputError as error:  # one wrong message costs that message
+                    LOG.warning('%s; the map at %g s is left unknown', error, time)
+                    continue
+                maps[number] = _map_values(bag, values, grid, time)
+            return maps
+
+        return read
+
+    cells = rig.grid(grid.nx, grid.nz)
+    deviations = {
+        name: MapSeries(times, cells, reader(_deviation_reader(name, grid)))
+        for name in DEVIATIONS
+        if len(getattr(state, name, ()))
+    }
+    recorded = reader(lambda message: message.tracer.concentration)
+
+    def read(first: int, last: int) -> Maps:
+        return without_impossible(recorded(first, last), bag.path)
+
+    return ConcentrationMaps(times, cells, read, **deviations, origin=origin)
+
+
+def _first_state(bag: BagReader, segment: Segment) -> tuple[Any, MapOrigin, Grid] | None:
+    """Return the first readable state of a segment, how its map was made, and its grid.
+
+    States before it that cannot be read are removed, with a remark. None: there is no state.
+    """
+    faults: list[str] = []
+    for stamp in sorted(segment.maps):
+        wanted = segment.maps[stamp]
+        found = (message for location, message in _between(bag, [wanted]) if location == wanted)
+        try:
+            state = next((bag.decode(message) for message in found), None)
+        except InputError as error:
+            state, faults = None, [*faults, str(error)]
+        if state is None:
+            del segment.maps[stamp]
+            continue
+        if faults:
+            bag.remark(f'{faults[0]}; {len(faults)} states are left out')
+        grid = state.tracer.grid
+        cells = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
+        return state, origin_of_state(state, bag.topics[wanted.topic].program), cells
+    if faults:
+        bag.remark(f'{faults[0]}; none of {len(faults)} states can be read')
+    return None
+
+
+def origin_of_state(state: Any, program: str | None) -> MapOrigin:
+    """Return how the maps of a topic were made, from a state message and its program, if known."""
+    # an imported folder may hold maps of unknown origin, which count as calibrated
+    unknown = program == '' and state.calibrated
+    calibration = getattr(state, 'calibration', '')
+    return MapOrigin(None if unknown else state.calibrated, calibration, program or '')
+
+
+def _deviation_reader(name: str, grid: Grid) -> Callable[[Any], Any]:
+    """Return the function that reads the field `name` of a state; NaN where a state has none."""
+
+    def values_of(state: Any) -> Any:
+        values = getattr(state, name)
+        return values if len(values) else np.full(grid.shape, np.nan, dtype=np.float32)
+
+    return values_of
+
+
+def _map_values(bag: BagReader, values: Maps, grid: Grid, time: float) -> Maps:
+    """Return the `values` of a state message as a map (nz, nx).
+
+    Raises:
+        InputError: they lie on another grid.
+    """
+    if values.size != grid.nx * grid.nz:
+        raise InputError(
+            f'{bag.path}: the map at {time:g} s has {values.size} values, '
+            f'but earlier maps lie on {grid}; export the parts one by one'
+        )
+    return values.reshape(grid.shape)
+
+
+def _photos(bag: BagReader, segment: Segment, start: int) -> tuple[Photo, ...]:
+    """Return the photographs, ordered by time and numbered by role."""
+    numbers: dict[Role, int] = {}
+    photos = []
+    for key, photo in sorted(segment.photos.items(), key=lambda item: item[0].stamp):
+        numbers[key.role] = numbers.get(key.role, 0) + 1
+        name = f'photos/{key.role}_{numbers[key.role]:04d}{photo.suffix}'
+        read = _image_reader(bag, photo.location)
+        photos.append(Photo((key.stamp - start) / SECOND, key.role, name, read))
+    return tuple(photos)
+
+
+def _image_reader(bag: BagReader, photo: Location) -> Callable[[], bytes]:
+    def read() -> bytes:
+        for location, message in _between(bag, [photo]):
+            if location == photo:
+                return bytes(bag.decode(message).data)
+        raise InputError(f'{bag.path}: changed while it was read; open it again')
+
+    return read

@@ -1,0 +1,179 @@
+"""A recording of one experiment, whether a folder or a bag holds it."""
+
+import logging
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.rates_in_force import balanced
+from porotwin_core.rates.wells import Schedule
+from porotwin_core.rig import Rig, load_rig
+from porotwin_recording.experiment.bag import read_bag
+from porotwin_recording.experiment.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
+from porotwin_recording.experiment.odd_recording import remarks_about_times
+from porotwin_recording.mcap.bag_folder import is_bag
+from porotwin_recording.tables.concentration import ConcentrationMaps, Maps
+from porotwin_recording.tables.map_files import files_with_maps
+from porotwin_recording.tables.rates import later_commands
+from porotwin_recording.tables.recorded_data import RecordedData
+
+LOG = logging.getLogger('porotwin')
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording(RecordedData):
+    """The data of one experiment and the place they come from.
+
+    The attributes of `RecordedData` are None or empty where the recording lacks something. The
+    properties `schedule`, `delivered`, `times`, `grid` and `concentration` raise InputError then.
+    """
+
+    source: Path
+
+    @property
+    def schedule(self) -> Schedule:
+        """Commanded rates.
+
+        Raises:
+            InputError: the recording holds none.
+        """
+        if self.commanded is None:
+            raise InputError(f'{self.source}: holds no commanded pump rates; add rates.csv')
+        return self.commanded
+
+    @cached_property
+    def delivered(self) -> Schedule:
+        """Measured rates where they exist, commanded rates elsewhere, well by well.
+
+        The commanded rates of a well count before its first measured row, from the last measured
+        row of all wells on, and always if the well is not measured. In a closed rig the producer
+        balances all others, as in the hub, because measured rates never add up to zero exactly.
+
+        Raises:
+            InputError: the recording holds neither.
+        """
+        if self.measured is None or not self.measured.rows:
+            return self.schedule
+        rows = self.measured.rows
+        begin = {row.well: row.time for row in reversed(rows)}
+        later = later_commands(self.commanded, self.measured)
+        earlier = [
+            row
+            for row in (() if self.commanded is None else self.commanded.rows)
+            if row.time < begin.get(row.well, rows[-1].time)
+        ]
+        return self._balanced(Schedule((*rows, *earlier, *later)))
+
+    def _balanced(self, schedule: Schedule) -> Schedule:
+        """Return `schedule`, balanced by the producer of the control section in a closed rig."""
+        producer = self.rig.control.producer if self.rig.control else None
+        if producer is None or not self.rig.closed:
+            return schedule
+        times = dict.fromkeys(row.time for row in schedule.rows)
+        return Schedule.from_rates((time, balanced(schedule.at(time), producer)) for time in times)
+
+    @property
+    def known_rates(self) -> Schedule | None:
+        """The delivered rates; None if the recording holds none."""
+        measured = self.measured is not None and bool(self.measured.rows)
+        return self.delivered if measured or self.commanded is not None else None
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the tracer maps [s], shape (nt,).
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self.present_maps.times
+
+    @property
+    def grid(self) -> Grid:
+        """Grid of the tracer maps.
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self.present_maps.grid
+
+    @cached_property
+    def concentration(self) -> Maps:
+        """All tracer maps in memory, float32, shape (nt, nz, nx); prefer `maps` for long runs.
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self.present_maps[:]
+
+    @property
+    def present_maps(self) -> ConcentrationMaps:
+        """The tracer maps.
+
+        Raises:
+            InputError: the recording holds none; the line names the file that is expected.
+        """
+        if self.maps is None:
+            raise InputError(f'{self.source}: holds no concentration maps; {self._maps_remedy()}')
+        return self.maps
+
+    def _maps_remedy(self) -> str:
+        """Return how to give the recording maps."""
+        make = './porotwin image {0} --output {0}/' + MAPS_FILE
+        if not _is_folder(self.source):
+            return (
+                f'./porotwin export {self.source} FOLDER makes a folder of it, and '
+                f'{make.format("FOLDER")} the maps'
+            )
+        ways = [f'make them with {make.format(self.source)}'] if self.photos else []
+        if self.remarks:
+            return self.remarks[0]
+        if found := files_with_maps(self.source):
+            ways.insert(0, f'if {" or ".join(found)} holds them, name it {MAPS_FILE}')
+        return ', or '.join(ways) or f'write them as {self.source / MAPS_FILE}'
+
+
+def open_recording(
+    path: Path | str, *, rig: Rig | Path | str | None = None, segment: int | None = None
+) -> Recording:
+    """Return the recording at `path`: an experiment folder, a rosbag2 folder or an .mcap file.
+
+    Args:
+        path: the recording; the rig.yaml of an experiment folder means the folder.
+        rig: a rig, or the path of a rig.yaml, that replaces the one of the recording.
+        segment: number of the experiment in a bag that holds several, from 1; see `read_bag`.
+
+    Raises:
+        InputError: one line that names the recording, the fault and the remedy.
+    """
+    path = Path(path)
+    if isinstance(rig, Path | str):
+        rig = load_rig(rig)
+    if not path.exists():
+        raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
+    if path.name == RIG_FILE and path.is_file():  # the folder is meant
+        path = path.parent
+    is_folder = _is_folder(path)
+    if is_folder and segment not in (None, 1):
+        raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
+    data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
+    if not is_folder:  # read_folder has told them
+        for remark in remarks_about_times(data):
+            LOG.warning('%s: %s', path, remark)
+    tell_other_rig(path, data.rig, data.replaced_rig)
+    return Recording(source=path, **vars(data))
+
+
+def tell_other_rig(path: Path, used: Rig, own: Rig | None) -> None:
+    """Log the keys that differ between the `used` rig and the `own` one of the data at `path`."""
+    if own is not None and (keys := used.keys_that_differ(own)):
+        LOG.warning('%s: read with another rig.yaml, which differs in %s', path, ', '.join(keys))
+
+
+def _is_folder(path: Path) -> bool:
+    """Return whether `path` is an experiment folder, and no bag."""
+    return path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))

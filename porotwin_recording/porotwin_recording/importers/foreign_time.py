@@ -1,0 +1,235 @@
+"""Dates and times of other programs: order of day and month, am and pm, time zones."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Literal
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_recording.importers.foreign_table import number_in
+
+DateOrder = Literal['day-first', 'month-first']
+
+MONTHS = 12
+HALF_DAY_H = 12
+CENTURY = 2000
+"""Years of two digits belong to this century."""
+
+FIRST_YEAR, LAST_YEAR = 1900, 2200
+"""Years of experiments; other ones are slips."""
+
+_EXCEL_DAYS = (20_000.0, 80_000.0)
+"""Numbers that Excel shows as dates from 1954 to 2119: days since the end of 1899."""
+
+_EPOCH_SECONDS = (5e8, 5e9)
+"""Numbers that count seconds since 1970, from 1985 to 2128."""
+
+_TIME = r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?'
+_ZONE = r'\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?'
+_ISO = re.compile(
+    rf'(?P<year>\d{{4}})[-/.](?P<month>\d{{1,2}})[-/.](?P<day>\d{{1,2}}){_TIME}{_ZONE}'
+)
+_OTHER = re.compile(
+    rf'(?P<one>\d{{1,2}})(?P<mark>[-/.])(?P<two>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}}){_TIME}{_ZONE}'
+)
+
+
+def moments(
+    words: Sequence[str],
+    where: str,
+    *,
+    order: DateOrder | None = None,
+    zone: str = '',
+    places: Sequence[str] = (),
+) -> tuple[list[datetime], list[str]]:
+    """Return the times in `words`, and the assumptions that were made, one line each.
+
+    Times without a zone are those of one clock that nobody set in between; with `zone` they follow
+    its summer time, and a time that does not exist there or occurs twice is refused. They are
+    returned as if they were UTC, so that differences are right.
+
+    Args:
+        words: dates with times, all written alike.
+        where: file and column, for messages.
+        order: order of day and month in dates such as 3/4/2024; None: as the dates show.
+        zone: time zone, such as Europe/Oslo; empty: none.
+        places: the place of each word, for messages; empty: its row in a table with a header.
+
+    Raises:
+        InputError: a word is no time, lacks the time of day that others have, is none in its zone,
+            is more than a year from most others, or can be read in two ways.
+    """
+    matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
+    places = places or [f'{where}:{row}' for row in range(2, len(words) + 2)]
+    for word, match, place in zip(words, matches, places, strict=True):
+        if match is None:
+            raise InputError(f"{place}: '{word}' is no date; {_remedy(word)}")
+    found = [match for match in matches if match is not None]
+    _check_clock_times(found, places)
+    told: list[str] = []
+    doubtful = [match for match in found if 'one' in match.groupdict()]
+    day_first = _is_day_first(
+        [(m['one'], m['two'], m['mark']) for m in doubtful], where, order, told
+    )
+    _check_two_digits(doubtful, where)
+    zoned = [match['zone'] is not None for match in found]
+    if any(zoned) and not all(zoned):
+        raise InputError(f'{where}: some times have a zone and some have none; write them alike')
+    if found and not any(zoned):
+        told.append(
+            f'times without a zone: taken as times of {zone}'
+            if zone
+            else 'times without a zone: taken as times of one clock; --time-zone names its zone'
+        )
+    times = [
+        _moment(match, day_first, zone, place) for match, place in zip(found, places, strict=True)
+    ]
+    _check_years(times, words, places)
+    return times, told
+
+
+def _remedy(word: str) -> str:
+    """Return what to write instead of a word that is no date."""
+    number = number_in(word, 'comma' if ',' in word else 'point')
+    for unit, length, (low, high), start in (
+        ('days of Excel', DAY_S, _EXCEL_DAYS, datetime(1899, 12, 30, tzinfo=UTC)),
+        ('seconds since 1970', 1.0, _EPOCH_SECONDS, datetime(1970, 1, 1, tzinfo=UTC)),
+    ):
+        if low <= number <= high:
+            meant = start + timedelta(seconds=round(number * length))
+            return f'if these are {unit}, write {meant:%Y-%m-%d %H:%M:%S}'
+    return 'write 2024-05-31 14:30:00, or with its zone 2024-05-31 14:30:00+02:00'
+
+
+def names_zone(words: Sequence[str]) -> bool:
+    """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
+    matches = (_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words)
+    return any(match is not None and match['zone'] is not None for match in matches)
+
+
+def _check_years(times: Sequence[datetime], words: Sequence[str], places: Sequence[str]) -> None:
+    """Refuse a time that is more than a year from most others: a clock was not set."""
+    if not times:
+        return
+    middle = sorted(range(len(times)), key=lambda at: times[at])[len(times) // 2]
+    for at, time in enumerate(times):
+        if abs((time - times[middle]).total_seconds()) > LONGEST_EXPERIMENT_S:
+            raise InputError(
+                f"{places[at]}: '{words[at]}' is more than a year from '{words[middle]}' of "
+                f'{places[middle]}; correct the one that is wrong'
+            )
+
+
+def _check_clock_times(found: Sequence[re.Match[str]], places: Sequence[str]) -> None:
+    """Refuse a date without a time of day beside dates with one: it is no midnight for sure."""
+    missing = [at for at, match in enumerate(found) if match['time'] is None]
+    if missing and len(missing) < len(found):
+        date = found[missing[0]][0]
+        raise InputError(
+            f"{places[missing[0]]}: '{date}' has no time of day, and other rows have one; write it "
+            f"as in '{date} 14:30:00', or '{date} 00:00:00' if it was midnight"
+        )
+
+
+def _check_two_digits(found: Sequence[re.Match[str]], where: str) -> None:
+    """Refuse 24-05-30, where nothing shows whether year or day comes first."""
+    for match in found:
+        if match['mark'] == '-' and len(match['year']) == len('24'):
+            date = '-'.join(match[name] for name in ('one', 'two', 'year'))
+            raise InputError(
+                f"{where}: is '{date}' in {CENTURY + int(match['one'])} or in "
+                f'{CENTURY + int(match["year"])}? write years with four digits, as in 2024-05-31'
+            )
+
+
+def _is_day_first(
+    dates: Sequence[tuple[str, str, str]], where: str, order: DateOrder | None, told: list[str]
+) -> bool:
+    """Return whether the day comes first; add the reason to `told`."""
+    first = any(int(one) > MONTHS for one, _, _ in dates)
+    second = any(int(two) > MONTHS for _, two, _ in dates)
+    if first and second:
+        raise InputError(
+            f'{where}: some dates have the day first and some the month; write 2024-05-31'
+        )
+    if not dates or first or second:
+        return first
+    if order is not None:
+        return order == 'day-first'
+    if all(mark == '.' for _, _, mark in dates):
+        told.append(f'{where}: dates with points, taken with the day first')
+        return True
+    one, two, mark = dates[0]
+    raise InputError(
+        f"{where}: is '{one}{mark}{two}' day and month, or month and day? give --date-order "
+        'day-first or month-first'
+    )
+
+
+def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> datetime:
+    parts = match.groupdict()
+    if 'one' in parts:
+        day, month = (parts['one'], parts['two'])[:: 1 if day_first else -1]
+    else:
+        day, month = parts['day'], parts['month']
+    year = int(parts['year']) + CENTURY * (len(parts['year']) == len('24'))
+    if not FIRST_YEAR <= year <= LAST_YEAR:
+        raise InputError(f"{where}: '{match[0]}' is no date of an experiment; correct the year")
+    try:
+        hour, minute, second = _clock(parts['time'], parts['half'])
+        whole = int(second)
+        moment = datetime(year, int(month), int(day), hour, minute, whole)
+        moment += timedelta(microseconds=round(1e6 * (second - whole)))
+        if parts['zone']:
+            written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
+            return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
+    except ValueError as error:
+        beyond = parts['time'] in ('24:00', '24:00:00', '23:59:60')  # the last: a leap second
+        remedy = 'write 00:00:00 of the next day' if beyond else 'correct it'
+        raise InputError(f"{where}: '{match[0]}' is no date ({error}); {remedy}") from None
+    if not zone:
+        return moment.replace(tzinfo=UTC)
+    return _in_zone(moment, zone, where)
+
+
+def _in_zone(moment: datetime, zone: str, where: str) -> datetime:
+    """Return a local time as UTC.
+
+    Raises:
+        InputError: the zone is not known, or its clocks show the time never or twice.
+    """
+    try:
+        local = moment.replace(tzinfo=ZoneInfo(zone))
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        raise InputError(
+            f"--time-zone '{zone}' is not known; write one such as Europe/Oslo"
+        ) from None
+    first, second = (local.replace(fold=fold).astimezone(UTC) for fold in (0, 1))
+    if first == second:
+        return first
+    if first > second:  # the clocks jumped over it
+        raise InputError(
+            f"{where}: '{moment}' does not exist in {zone}: the clocks were set forward; correct "
+            'the time, or leave --time-zone out if nobody set this clock'
+        )
+    raise InputError(
+        f"{where}: '{moment}' occurs twice in {zone}: the clocks were set back; write its zone, "
+        f'such as {local.isoformat(" ")}, or leave --time-zone out if nobody set this clock'
+    )
+
+
+def _clock(text: str | None, half: str | None) -> tuple[int, int, float]:
+    """Return hour, minute and second; midnight without a text.
+
+    Raises:
+        ValueError: the hour contradicts its am.
+    """
+    hour, minute, *rest = (text or '0:00').replace(',', '.').split(':')
+    whole = int(hour)
+    if half and whole > HALF_DAY_H and half[0] in 'Aa':
+        raise ValueError(f'hour {whole} is not in the morning')
+    if half and whole <= HALF_DAY_H:  # others write 14:30 PM
+        whole = whole % HALF_DAY_H + HALF_DAY_H * (half[0] in 'Pp')
+    return whole, int(minute), float(rest[0]) if rest else 0.0

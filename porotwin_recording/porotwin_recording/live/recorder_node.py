@@ -1,0 +1,276 @@
+"""Records the running graph into an MCAP bag, every message byte for byte."""
+
+import math
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.node import Diagnostics, declare, run
+from porotwin_recording.live.recorder import Recorder
+from porotwin_recording.mcap.bag_records import TopicQos
+from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
+from porotwin_recording.mcap.interfaces import message_class
+from porotwin_recording.mcap.serialization import SECOND
+
+DISCOVERY_PERIOD = 0.2
+"""Period of the search for new topics [s]."""
+
+SEARCHES_PER_LOOK = 5
+"""At every fifth search the qualities of all publishers are read, in case one took the place of
+another. Between, they are read of topics whose number of publishers has changed."""
+
+DIAGNOSTICS_PERIOD = 10.0
+"""Period of this node's reports on /diagnostics [s]."""
+
+MOST_BEFORE_CLOCK = 2000
+"""Messages that wait for the first simulated time: the start of a graph takes seconds."""
+
+MEGABYTE = 1e6
+"""Bytes."""
+
+QUEUE_DEPTH = 5000
+"""Number of messages of one topic in the queue of this process, the largest of Fast DDS."""
+
+
+class _Message(NamedTuple):
+    topic: str
+    data: bytes
+    publish_time: int
+    sequence: int
+
+
+class RecorderNode(Node):
+    """Subscribes to all topics, or to those in the parameter `topics`, and records them.
+
+    Log times come from this node's clock, which is simulated with `use_sim_time`. Publish times
+    come from the publisher's computer. Hidden topics, such as topics of actions, are left out.
+
+    Args:
+        kwargs: passed on to `Node`.
+
+    Raises:
+        InputError: a parameter is wrong, or the bag exists or cannot be created.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__('recorder', enable_rosout=False, **kwargs)
+        output = declare(self, 'output', '', 'bag to write: a new folder, or a file .mcap')
+        if not output:
+            raise InputError("parameter 'output' of recorder: name the bag to write")
+        continues = declare(
+            self,
+            'continues',
+            False,
+            'if output exists, add a file to the folder; a file .mcap gets a number',
+        )
+        bag = Path(output)
+        if continues and bag.suffix == '.mcap':
+            bag = next_free_path(bag)
+        names = declare(self, 'topics', '', 'topics to record, separated by spaces; empty: all')
+        self._selected = {self.resolve_topic_name(name) for name in names.split()}
+        self._recorder = Recorder(
+            bag,
+            compress=declare(self, 'compress', True, 'compress the bag with zstd'),
+            extend=continues,
+            split=self._split_rule(),
+            say=self.get_logger().info,
+            warn=self.get_logger().warning,
+        )
+        try:
+            self._begin()
+        except BaseException:  # its thread would keep the process from ending, after Ctrl-C too
+            self._recorder.stop()
+            raise
+
+    def _begin(self) -> None:
+        """Subscribe to the topics that are there, and look for others from now on."""
+        self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
+        self._single_publisher: dict[str, bool] = {}
+        self._refused: set[str] = set()
+        self._publisher_counts: dict[str, int] = {}
+        self._searches = 0
+        self._before_clock: deque[_Message] = deque(maxlen=MOST_BEFORE_CLOCK)
+        self._is_simulated = bool(self.get_parameter('use_sim_time').value)
+        self._simulated_time: int | None = None
+        if self._is_simulated:
+            self.create_subscription(
+                ClockMessage, '/clock', self._on_clock, qos_profile_sensor_data
+            )
+        self._diagnostics = Diagnostics(self)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
+        self._discover()
+        self.get_logger().info(f'recording into {self._recorder.path}')
+
+    def _split_rule(self) -> SplitRule:
+        """Return when the bag goes on in another file.
+
+        Raises:
+            InputError: a parameter is negative or infinite.
+        """
+        size = declare(self, 'split_mb', 0.0, 'size of a file of the bag [MB]; 0: one file')
+        duration = declare(self, 'split_s', 0.0, 'duration of a file of the bag [s]; 0: one file')
+        for name, value in (('split_mb', size), ('split_s', duration)):
+            if not 0.0 <= value < math.inf:
+                raise InputError(
+                    f"parameter '{name}' of recorder is {value:g}; give a number, 0 or more"
+                )
+        return SplitRule(round(size * MEGABYTE), duration)
+
+    def _discover(self) -> None:
+        self._searches += 1
+        all_again = self._searches % SEARCHES_PER_LOOK == 0
+        for name, types in self.get_topic_names_and_types():
+            hidden = any(part.startswith('_') for part in name.split('/'))
+            if hidden or name in self._refused or (self._selected and name not in self._selected):
+                continue
+            count = self.count_publishers(name)
+            if self._publisher_counts.get(name, 0) == count and not all_again:
+                continue
+            self._publisher_counts[name] = count
+            publishers = self.get_publishers_info_by_topic(name)
+            if not publishers:
+                continue
+            self._single_publisher[name] = len(publishers) == 1
+            try:
+                self._subscribe(name, types, offered_qos(publishers))
+            except InputError as error:
+                self._refused.add(name)
+                self.get_logger().warning(f'{name} is not recorded: {error}')
+
+    def _subscribe(self, name: str, types: list[str], offered: TopicQos) -> None:
+        """Subscribe to a topic, or subscribe again if a new publisher offers a weaker quality.
+
+        Raises:
+            InputError: the topic has several types, or its type is not installed.
+        """
+        if name in self._recorded:
+            subscription, known = self._recorded[name]
+            if known == offered:
+                return
+            self.destroy_subscription(subscription)
+        if len(types) > 1:
+            raise InputError(f'it carries {" and ".join(types)}; give the topic one type')
+        kind = message_class(types[0])
+        self._recorder.add_topic(name, types[0], offered)
+        subscription = self.create_subscription(
+            kind, name, self._callback(name), _subscription_qos(offered), raw=True
+        )
+        self._recorded[name] = (subscription, offered)
+
+    def _callback(self, name: str) -> Callable[..., None]:
+        def receive(data: bytes, info: dict[str, Any]) -> None:
+            self._record(name, data, info)
+            # All other messages in the queue are recorded at once. A call through the executor
+            # costs more than the rest, and a queue that overflows meanwhile loses messages.
+            subscription, _ = self._recorded[name]
+            handle = subscription.handle
+            with handle:
+                while (more := handle.take_message(subscription.msg_type, True)) is not None:
+                    self._record(name, *more)
+
+        return receive
+
+    def _record(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        sequence = info['publication_sequence_number'] or 0
+        message = _Message(name, data, info['source_timestamp'], sequence)
+        now = self._simulated_time if self._is_simulated else self.get_clock().now().nanoseconds
+        if now is None:
+            # messages from before the first simulated time are logged at that time
+            if len(self._before_clock) == MOST_BEFORE_CLOCK:
+                self.get_logger().warning(
+                    f'no node publishes /clock: only the newest {MOST_BEFORE_CLOCK} messages are '
+                    'kept until one does; end the recording, or leave out use_sim_time',
+                    once=True,
+                )
+            self._before_clock.append(message)
+            return
+        earlier = [*self._before_clock]
+        self._before_clock.clear()
+        for each in (*earlier, message):
+            self._recorder.record(
+                each.topic,
+                each.data,
+                log_time=now,
+                publish_time=each.publish_time,
+                sequence=each.sequence,
+                single_publisher=self._single_publisher[each.topic],
+            )
+
+    def _on_clock(self, message: ClockMessage) -> None:
+        self._simulated_time = message.clock.sec * SECOND + message.clock.nanosec
+
+    def _report(self) -> None:
+        lost = self._recorder.lost_count
+        level = DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
+        summary = f'{self._recorder.message_count} messages recorded, {lost} lost'
+        if self._recorder.disk_refuses:
+            level, summary = DiagnosticStatus.ERROR, f'the disk refuses data; {summary}'
+        self._diagnostics.report(level, summary, lost=lost)
+
+    @property
+    def failed(self) -> bool:
+        """Whether received messages are missing in the bag."""
+        return self._recorder.failed
+
+    def destroy_node(self) -> None:
+        """Complete the bag, then destroy the node."""
+        self._recorder.stop()
+        super().destroy_node()
+
+
+def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> TopicQos:
+    """Return the quality of service that all `publishers` of a topic offer: the weakest of each.
+
+    The depth of a publisher cannot be discovered and has its default value.
+    """
+    profiles = [publisher.qos_profile for publisher in publishers]
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return TopicQos(
+        reliability='reliable' if reliable else 'best_effort',
+        durability='transient_local' if latched else 'volatile',
+    )
+
+
+def _subscription_qos(offered: TopicQos) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=QUEUE_DEPTH,
+        reliability=ReliabilityPolicy[offered.reliability.upper()],
+        durability=DurabilityPolicy[offered.durability.upper()],
+    )
+
+
+def main() -> None:
+    """Run the node; the exit status is 1 if received messages are missing in the bag."""
+    nodes: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    run(make, threads=1)
+    sys.exit(int(any(node.failed for node in nodes)))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,1 @@
+"""Bags: MCAP files that are written safely and read after damage."""

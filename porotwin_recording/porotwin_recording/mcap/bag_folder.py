@@ -1,0 +1,242 @@
+"""The files of a bag: named by metadata.yaml, present in the folder, or not readable here."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+import zstandard
+
+from porotwin_core.basis.errors import InputError
+
+METADATA = 'metadata.yaml'
+"""Description of a rosbag2 folder."""
+
+COMPRESSED = '.zstd'
+"""Suffix of a file that `ros2 bag record --compression-mode file` has compressed."""
+
+_OTHERS = ('.db3', f'.db3{COMPRESSED}', '.bag')
+"""Suffixes of bags in other formats: SQLite, and ROS 1."""
+
+LARGEST_METADATA = 16 << 20
+"""Largest size of metadata.yaml that is read [bytes]: 1000 topics in 1000 files need 1 MB."""
+
+LARGEST_MESSAGE = 1 << 30
+"""Largest size of an uncompressed message [bytes]; the compressed one claims it."""
+
+_PIECE = 1 << 20
+"""Bytes that are unpacked at once."""
+
+
+@dataclass(frozen=True)
+class BagFolder:
+    """The readable files of a bag.
+
+    Attributes:
+        files: MCAP files, in the order of recording; compressed ones end in `COMPRESSED`.
+        messages_compressed: whether every message is compressed by zstd.
+        remarks: one line for each difference between metadata.yaml and the folder.
+    """
+
+    files: list[Path]
+    messages_compressed: bool = False
+    remarks: tuple[str, ...] = ()
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether `path` is a file or folder of a bag, readable here or not."""
+    if path.is_dir():
+        own = (path / METADATA).is_file() or bool(mcap_files(path) or _others(path))
+        return own or bool(bags_in(path))
+    return path.name.endswith(('.mcap', f'.mcap{COMPRESSED}', *_OTHERS))
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """Return the bag folders directly in `folder`, by name."""
+    return sorted(
+        path for path in folder.iterdir() if path.is_dir() and (path / METADATA).is_file()
+    )
+
+
+def bag_folder(path: Path) -> BagFolder:
+    """Return the files of the bag at `path`, or of all bags in the folder `path`.
+
+    All MCAP files of a folder count, whether metadata.yaml names them or not: a killed recorder
+    writes none, and a recorder that continues has not written it yet.
+
+    Raises:
+        InputError: there is no bag, or one in another format.
+    """
+    if not path.exists():
+        raise InputError(f'{path}: no such bag')
+    if not path.is_dir():
+        if path.name.endswith(_OTHERS):
+            raise InputError(_other_format(path, path.suffix.lstrip('.')))
+        return BagFolder([path])
+    found = mcap_files(path)
+    if not (path / METADATA).is_file():
+        if others := _others(path):
+            raise InputError(_other_format(path, others[0].suffix.lstrip('.')))
+        if found:
+            return BagFolder(found)
+        if bags := bags_in(path):
+            return _together(path, bags)
+        raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
+    try:
+        information = metadata_of(path / METADATA)
+    except InputError as error:
+        if not found:
+            raise
+        return BagFolder(found, remarks=(f'{error}; all {len(found)} .mcap files are read',))
+    return _described(path, information, found)
+
+
+def _together(path: Path, bags: list[Path]) -> BagFolder:
+    """Return the files of several bags, which are read as one.
+
+    Raises:
+        InputError: one of them cannot be read, or has its messages compressed.
+    """
+    parts = [bag_folder(bag) for bag in bags]
+    packed = [bag for bag, part in zip(bags, parts, strict=True) if part.messages_compressed]
+    if packed:
+        raise InputError(f'{packed[0]}: its messages are compressed; {_conversion(packed[0])}')
+    remarks = [f'{path}: {len(bags)} bags joined: {", ".join(bag.name for bag in bags)}']
+    remarks = remarks if len(bags) > 1 else []
+    return BagFolder(
+        [file for part in parts for file in part.files],
+        remarks=(*remarks, *(remark for part in parts for remark in part.remarks)),
+    )
+
+
+def _described(path: Path, information: dict[str, Any], found: list[Path]) -> BagFolder:
+    """Return the files in the folder `path`, compared with its metadata."""
+    storage = information.get('storage_identifier')
+    if storage != 'mcap':
+        raise InputError(_other_format(path, str(storage)))
+    mode = str(information.get('compression_mode') or 'none').lower()
+    method = str(information.get('compression_format') or 'none').lower()
+    if mode != 'none' and method != 'zstd':
+        raise InputError(f'{path}: is compressed by {method}; {_conversion(path)}')
+    named = [path / Path(str(name)).name for name in information['relative_file_paths']]
+    remarks = [
+        f"{path}: {METADATA} names '{file.name}', which is not there{_count_in(information, file)}"
+        for file in named
+        if not file.is_file()
+    ]
+    there = [file for file in named if file.is_file()]
+    more = [file for file in found if file not in there and not _is_twin(file, there)]
+    if more:
+        names = ', '.join(file.name for file in more)
+        remarks.append(f'{path}: {names} joined, although {METADATA} does not name it')
+    if not there and not more:
+        raise InputError(f'{remarks[0] if remarks else path}; there is no .mcap file to read')
+    return BagFolder(sorted(there + more, key=_number), mode == 'message', tuple(remarks))
+
+
+def _is_twin(file: Path, others: list[Path]) -> bool:
+    """Return whether `file` is the compressed or unpacked form of one of `others`."""
+    return any(
+        file.name.removesuffix(COMPRESSED) == o.name.removesuffix(COMPRESSED) for o in others
+    )
+
+
+def _number(file: Path) -> tuple[int, str]:
+    """Return the key of the order of recording: bag_9.mcap comes before bag_10.mcap."""
+    digits = _stem(file).rpartition('_')[2]
+    return int(digits) if digits.isdecimal() else -1, file.name
+
+
+def bag_of(file: Path) -> Path:
+    """Return the folder and name of the bag of a `file`: bag_0.mcap and bag_1.mcap are of one."""
+    name, _, digits = _stem(file).rpartition('_')
+    return file.with_name(name) if name and digits.isdecimal() else file.with_name(_stem(file))
+
+
+def _stem(file: Path) -> str:
+    return file.name.removesuffix(COMPRESSED).removesuffix('.mcap')
+
+
+def mcap_files(folder: Path) -> list[Path]:
+    """Return the MCAP files in `folder` in the order of recording, compressed ones included."""
+    files = [*folder.glob('*.mcap'), *folder.glob(f'*.mcap{COMPRESSED}')]
+    plain = {file.name for file in files}
+    return sorted(
+        (file for file in files if file.name.removesuffix(COMPRESSED) not in plain - {file.name}),
+        key=_number,
+    )
+
+
+def _others(folder: Path) -> list[Path]:
+    return sorted(file for suffix in _OTHERS for file in folder.glob(f'*{suffix}'))
+
+
+def _conversion(path: Path) -> str:
+    return f"convert it with 'rosbags-convert --src {path} --dst NEW --dst-storage mcap'"
+
+
+def _other_format(path: Path, storage: str) -> str:
+    return f'{path}: is a {storage} bag; {_conversion(path)}'
+
+
+def _count_in(information: dict[str, Any], file: Path) -> str:
+    """Return how many messages a missing file held, as far as the metadata say so."""
+    for entry in information.get('files') or []:
+        if isinstance(entry, dict) and entry.get('path') == file.name:
+            return f'; its {entry.get("message_count")} messages are missing'
+    return '; its messages are missing'
+
+
+def metadata_of(path: Path) -> dict[str, Any]:
+    """Return the description of a bag in the metadata at `path`.
+
+    Raises:
+        InputError: it is not readable.
+    """
+    try:
+        if path.stat().st_size > LARGEST_METADATA:
+            raise ValueError
+        text = path.read_text(encoding='utf-8')
+        information = yaml.safe_load(text)['rosbag2_bagfile_information']
+        if not isinstance(information['relative_file_paths'], list):
+            raise TypeError
+    except (OSError, ValueError, yaml.YAMLError, LookupError, TypeError, RecursionError):
+        raise InputError(f'{path}: not the metadata of a bag; remove or replace it') from None
+    assert isinstance(information, dict)
+    return information
+
+
+def unpacked(path: Path, target: Path) -> Path:
+    """Unpack the zstd file `path` into `target` and return it, as far as it is intact.
+
+    Raises:
+        InputError: nothing can be unpacked.
+    """
+    done, fault = 0, 'it ends early'
+    try:
+        with path.open('rb') as source, target.open('wb') as copy:
+            reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+            while piece := reader.read(_PIECE):
+                done += copy.write(piece)
+    except zstandard.ZstdError as error:
+        fault = str(error)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be unpacked ({error.strerror})') from None
+    if not done:
+        raise InputError(f'{path}: cannot be unpacked by zstd ({fault})')
+    return target
+
+
+def plain_data(path: Path, data: bytes) -> bytes:
+    """Return a message (CDR) that is compressed by zstd.
+
+    Raises:
+        InputError: it is damaged.
+    """
+    try:
+        size = zstandard.get_frame_parameters(data).content_size
+        if LARGEST_MESSAGE < size != zstandard.CONTENTSIZE_UNKNOWN:
+            raise zstandard.ZstdError(f'it claims {size} bytes')
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise InputError(f'{path}: a compressed message is damaged: {error}') from None

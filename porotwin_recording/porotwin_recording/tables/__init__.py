@@ -1,0 +1,1 @@
+"""Files of an experiment folder: rates, photographs, maps."""

@@ -1,0 +1,144 @@
+"""Photographs of an experiment folder, with the times and roles in its `imaging.csv`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Literal, get_args
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_core.basis.whole_file import whole_file
+from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
+
+IMAGING_FILE = 'imaging.csv'
+HEADER = ('time_s', 'path', 'role')
+DILUTION_HEADER = (*HEADER, 'concentration')
+"""Header of a table with known dilutions."""
+Role = Literal['baseline', 'state', 'dilution']
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photograph on disk, in a file of its own or in a bag.
+
+    Attributes:
+        time: exposure, in seconds since the start of the experiment.
+        role: `baseline` (sand and water only), `state` (with tracer) or `dilution` (tracer of a
+            known concentration, for a calibration).
+        name: path relative to the experiment folder.
+        read: returns the bytes of the camera's file.
+        path: the file; None for a photograph in a bag.
+        concentration: concentration of a dilution [-], 1 = tracer stock; None for other roles.
+    """
+
+    time: float
+    role: Role
+    name: str
+    read: Callable[[], bytes]
+    path: Path | None = None
+    concentration: float | None = None
+
+
+def read_photos(folder: Path) -> tuple[Photo, ...]:
+    """Return the photographs that are listed in `imaging.csv` of `folder`, ordered by time.
+
+    Raises:
+        InputError: one line that names file, line, value and remedy.
+    """
+    path = folder / IMAGING_FILE
+    lines = read_table(path, _header(path), 'the time of each photograph')
+    photos = [_photo(words, where, folder) for where, words in lines]
+    return tuple(sorted(photos, key=lambda photo: photo.time))
+
+
+def _header(path: Path) -> tuple[str, ...]:
+    """Return the header that the table should have: with concentrations if it names them."""
+    try:
+        with path.open(encoding='utf-8-sig', errors='replace') as file:
+            named = file.readline().rstrip().endswith(DILUTION_HEADER[-1])
+    except OSError:  # read_table tells what is wrong
+        named = False
+    return DILUTION_HEADER if named else HEADER
+
+
+def _photo(words: list[str], where: str, folder: Path) -> Photo:
+    time_s, name, role, *rest = words
+    time = parse_number(time_s, f'{where}: time_s')
+    if abs(time) > LONGEST_EXPERIMENT_S:
+        raise InputError(
+            f'{where}: time_s {time:g} is more than a year from the start; '
+            'write seconds since the start of the experiment'
+        )
+    if role not in get_args(Role):
+        raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
+    concentration = _concentration(role, rest[0] if rest else '', where)
+    if not _stays_inside(name):
+        raise InputError(f"{where}: path '{name}' leaves the folder; name a file inside it")
+    path = folder / name
+    if not path.is_file():
+        raise InputError(
+            f"{where}: photograph '{name}' is not there; add it or remove the line"
+            + _likely_name(path, name)
+        )
+    return Photo(time, role, name, path.read_bytes, path, concentration)  # type: ignore[arg-type]
+
+
+def _likely_name(path: Path, name: str) -> str:
+    """Return what was probably meant by the `name` of a photograph that is not at `path`."""
+    if '\\' in name:
+        return ', with / between folders'
+    beside = path.parent.iterdir() if path.parent.is_dir() else ()
+    alike = [file.name for file in beside if file.name.lower() == path.name.lower()]
+    return f"; did you mean '{alike[0]}'?" if alike else ''
+
+
+def _concentration(role: str, text: str, where: str) -> float | None:
+    """Return the concentration of a dilution, None for other roles."""
+    if role != 'dilution':
+        if text:
+            raise InputError(f'{where}: concentration belongs to role dilution; leave it empty')
+        return None
+    value = parse_number(text, f'{where}: concentration')
+    if not 0 < value <= 1:
+        raise InputError(f'{where}: concentration is {text}; write a share of stock, 0 to 1')
+    return value
+
+
+def _stays_inside(name: str) -> bool:
+    path = PurePosixPath(name)
+    return not path.is_absolute() and '..' not in path.parts and path.name != ''
+
+
+def write_photos(
+    folder: Path, photos: Sequence[Photo], *, progress: Callable[[int], None] = lambda _: None
+) -> None:
+    """Write `photos` byte for byte below `folder`, and their times and roles as `imaging.csv`.
+
+    Every photograph keeps its name. Missing folders are created. A file that is there already is
+    kept: an interrupted call has written it. `progress` gets the number of written photographs.
+
+    Raises:
+        InputError: two photographs have the same name, or a name leads out of `folder`.
+    """
+    names = set[str]()
+    for number, photo in enumerate(photos, start=1):
+        if photo.name in names:
+            raise InputError(f"{folder}: two photographs are named '{photo.name}'; rename one")
+        if not _stays_inside(photo.name):
+            raise InputError(
+                f"{folder}: photograph '{photo.name}' would leave the folder; rename it"
+            )
+        names.add(photo.name)
+        path = folder / photo.name
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(path) as unfinished:
+                unfinished.write_bytes(photo.read())
+        progress(number)
+    rows = [(number_text(photo.time), photo.name, photo.role) for photo in photos]
+    if all(photo.concentration is None for photo in photos):
+        write_table(folder / IMAGING_FILE, HEADER, iter(rows))
+        return
+    known = ['' if p.concentration is None else number_text(p.concentration) for p in photos]
+    with_known = ((*row, text) for row, text in zip(rows, known, strict=True))
+    write_table(folder / IMAGING_FILE, DILUTION_HEADER, with_known)

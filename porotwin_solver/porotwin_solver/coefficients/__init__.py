@@ -1,0 +1,1 @@
+"""Coefficients of the equations on the grid, and helpers of compiled kernels."""

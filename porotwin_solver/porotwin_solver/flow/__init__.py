@@ -1,0 +1,1 @@
+"""Darcy flow: pressure, fluxes, multigrid."""

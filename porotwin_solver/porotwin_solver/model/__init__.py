@@ -1,0 +1,1 @@
+"""The model of one rig: coupling of flow and transport, presets, simulations."""

@@ -1,0 +1,1 @@
+"""Transport of the tracer: advection, dispersion, sources and sinks."""

@@ -1,0 +1,288 @@
+"""Compiled kernels of `diffusion`: pairs of cells, and the tracer that they exchange.
+
+Arguments that recur: `tensor` a DispersionTensor per squared cell size [1/s], (nz, nx) each;
+`water` the volume of mobile water (nz, nx) [m^3]; `level` the local time step levels, flat
+(nz * nx,). Cells are numbered by their flat index.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+
+import numpy as np
+
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.transport.local_time_steps import assign_levels, lowest_starting_level
+
+MAX_SUPERBASE_STEPS = 100
+"""Bound on the reductions of a superbase; it suffices for anisotropies beyond 1e20."""
+
+OBTUSE_TOLERANCE = 1e-14
+"""Scalar product, relative to the trace of the tensor, that counts as zero."""
+
+
+@compiled
+def superbase(xx, xz, zz, offset, weight):
+    """Fill three offsets (column, row) and weights >= 0 with sum of weight offset offset^T = D.
+
+    `offset` (3, 2), `weight` (3,). Selling's formula: a superbase e0 + e1 + e2 = 0 is reduced until
+    all products e_i D e_j are <= 0; these are the negative weights, and the offsets are the vectors
+    perpendicular to the superbase.
+    """
+    ax, az, bx, bz = 1, 0, 0, 1
+    cx, cz = -1, -1
+    for _ in range(MAX_SUPERBASE_STEPS):
+        ab = ax * (xx * bx + xz * bz) + az * (xz * bx + zz * bz)
+        bc = bx * (xx * cx + xz * cz) + bz * (xz * cx + zz * cz)
+        ca = cx * (xx * ax + xz * az) + cz * (xz * ax + zz * az)
+        tiny = OBTUSE_TOLERANCE * (xx + zz)
+        if ab > tiny:
+            ax, az, cx, cz = -ax, -az, ax - bx, az - bz
+        elif bc > tiny:
+            bx, bz, ax, az = -bx, -bz, bx - cx, bz - cz
+        elif ca > tiny:
+            cx, cz, bx, bz = -cx, -cz, cx - ax, cz - az
+        else:
+            break
+    offset[0, 0], offset[0, 1] = -cz, cx
+    offset[1, 0], offset[1, 1] = -az, ax
+    offset[2, 0], offset[2, 1] = -bz, bx
+    weight[0] = max(-(ax * (xx * bx + xz * bz) + az * (xz * bx + zz * bz)), 0.0)
+    weight[1] = max(-(bx * (xx * cx + xz * cz) + bz * (xz * cx + zz * cz)), 0.0)
+    weight[2] = max(-(cx * (xx * ax + xz * az) + cz * (xz * ax + zz * az)), 0.0)
+
+
+@compiled
+def pair_cells(tensor, water, storage, duration, limit):
+    """Return level, order, count_at_least, start, other and weight of `diffusion.Exchanges`.
+
+    `tensor`: DispersionTensor per squared cell size [1/s]; `water` and `storage` (nz, nx) [m^3].
+    """
+    nz, nx = water.shape
+    first, second, volume, total = named_pairs(tensor, water)
+    level = np.empty((nz, nx), np.int8)
+    flat = level.ravel()
+    order, count_at_least = assign_levels(total / storage.ravel(), duration, limit, flat)
+    start, other, weight = sort_pairs(first, second, volume, flat)
+    return level, order, count_at_least, start, other, weight
+
+
+@compiled
+def named_pairs(tensor, water):
+    """Return the pairs that the cells name: `first`, `second`, `volume` and `total`.
+
+    `first` and `second` (pairs,) are the cells of each pair, `volume` (pairs,) [m^3/s] is what they
+    exchange, `total` (nz * nx,) [m^3/s] the sum over the pairs of each cell.
+
+    Every cell gives half of its own weights to the pairs on both sides of it. Most pairs are named
+    twice, once by each cell.
+    """
+    nz, nx = water.shape
+    xx, xz, zz = tensor
+    size = nz * nx
+    offset = np.empty((3, 2), np.int64)
+    weight = np.empty(3)
+    first = np.empty(6 * size, np.int32)
+    second = np.empty(6 * size, np.int32)
+    volume = np.empty(6 * size)
+    total = np.zeros(size)
+    count = 0
+    for i in range(nz):
+        for j in range(nx):
+            superbase(xx[i, j], xz[i, j], zz[i, j], offset, weight)
+            for k in range(3):
+                if weight[k] <= 0.0:
+                    continue
+                for side in (-1, 1):
+                    m, n = i + side * offset[k, 1], j + side * offset[k, 0]
+                    if 0 <= m < nz and 0 <= n < nx:
+                        first[count] = i * nx + j
+                        second[count] = m * nx + n
+                        volume[count] = 0.5 * weight[k] * water[i, j]
+                        total[first[count]] += volume[count]
+                        total[second[count]] += volume[count]
+                        count += 1
+    return first[:count], second[:count], volume[:count], total
+
+
+@compiled
+def sort_pairs(first, second, volume, level):
+    """Return `start`, `other`, `weight` of Exchanges: each pair once, listed by its faster cell."""
+    size, count = len(level), len(first)
+    room = np.zeros(size + 1, np.int32)
+    for k in range(count):
+        room[faster(first[k], second[k], level) + 1] += 1
+    for k in range(size):
+        room[k + 1] += room[k]
+    stop = room[:-1].copy()
+    other = np.empty(count, np.int32)
+    weight = np.empty(count)
+    for k in range(count):
+        owner = faster(first[k], second[k], level)
+        partner = first[k] + second[k] - owner
+        place = find(other, room[owner], stop[owner], partner)
+        if place == stop[owner]:
+            other[place] = partner
+            weight[place] = 0.0
+            stop[owner] += 1
+        weight[place] += volume[k]
+    start = np.zeros(size + 1, np.int32)
+    for k in range(size):
+        start[k + 1] = start[k] + stop[k] - room[k]
+        for place in range(stop[k] - room[k]):
+            other[start[k] + place] = other[room[k] + place]
+            weight[start[k] + place] = weight[room[k] + place]
+    pairs = start[size]
+    return start, other[:pairs].copy(), weight[:pairs].copy()
+
+
+@compiled
+def faster(one, another, level):
+    """Return the cell with the higher level; at equal levels the one with the lower index."""
+    if level[one] != level[another]:
+        return one if level[one] > level[another] else another
+    return min(one, another)
+
+
+@compiled
+def find(other, begin, end, partner):
+    """Return the index of `partner` in `other[begin:end]`, or `end` where it is absent."""
+    for place in range(begin, end):
+        if other[place] == partner:
+            return place
+    return end
+
+
+@compiled
+def exchange(c, storage, exchanges, tape):
+    """Advance the flat `c` in place by `exchanges.levels.duration`.
+
+    `storage` is flat too. `tape` receives the concentration of every cell before each of its
+    substeps, unless it has no room at all.
+    """
+    gain = np.zeros(len(c))
+    levels, start, other, weight, _ = exchanges
+    duration, level_2d, order, count_at_least = levels
+    level = level_2d.ravel()
+    highest = len(count_at_least) - 1
+    taped = 0
+    for substep in range(1 << highest):
+        for place in range(count_at_least[lowest_starting_level(substep, highest)]):
+            k = order[place]
+            here = c[k]
+            length = duration / (1 << level[k])
+            for pair in range(start[k], start[k + 1]):
+                partner = other[pair]
+                difference = c[partner] - here
+                if abs(difference) > NEGLIGIBLE:
+                    moved = length * weight[pair] * difference
+                    gain[k] += moved
+                    gain[partner] -= moved
+        for place in range(count_at_least[lowest_starting_level(substep + 1, highest)]):
+            k = order[place]
+            if len(tape) > 0:
+                tape[taped] = c[k]
+                taped += 1
+            if gain[k] != 0.0:
+                c[k] += gain[k] / storage[k]
+                gain[k] = 0.0
+
+
+@compiled
+def neighbour_pairs(across, upward, water):
+    """Return `start`, `other`, `weight` of Exchanges, and `total` as of `named_pairs`.
+
+    They are those of `pair_cells` for a tensor without cross terms: `across` and `upward` [1/s] are
+    its two entries per squared cell size, the same in all cells. All cells take one step.
+    """
+    nz, nx = water.shape
+    start = np.zeros(nz * nx + 1, np.int32)
+    other = np.empty(2 * nz * nx - nz - nx, np.int32)
+    weight = np.empty(2 * nz * nx - nz - nx)
+    total = np.zeros((nz, nx))
+    place = 0
+    for i in range(nz):
+        for j in range(nx):
+            k = i * nx + j
+            if i < nz - 1:
+                other[place] = k + nx
+                weight[place] = 0.5 * upward * water[i, j] + 0.5 * upward * water[i + 1, j]
+                total[i, j] += weight[place]
+                total[i + 1, j] += weight[place]
+                place += 1
+            if j < nx - 1:
+                other[place] = k + 1
+                weight[place] = 0.5 * across * water[i, j] + 0.5 * across * water[i, j + 1]
+                total[i, j] += weight[place]
+                total[i, j + 1] += weight[place]
+                place += 1
+            start[k + 1] = place
+    return start, other, weight, total
+
+
+@compiled
+def ends_of_tracer(c, ends, first, last):
+    """Fill `ends` (nz, 2) of the rows with the first column with tracer, and one after the last."""
+    nx = c.shape[1]
+    for i in range(first, last):
+        low, high = 0, nx
+        while low < nx and c[i, low] == 0.0:
+            low += 1
+        while high > low and c[i, high - 1] == 0.0:
+            high -= 1
+        ends[i, 0], ends[i, 1] = low, high
+
+
+@compiled
+def reach(ends, i, nx):
+    """Return the columns of row `i` with tracer in or beside them: the first, one after the last.
+
+    A row that has none, and none in the rows beside it, has no such columns.
+    """
+    low, high = nx, 0
+    for row in range(max(i - 1, 0), min(i + 2, len(ends))):
+        if ends[row, 0] < ends[row, 1]:
+            low, high = min(low, ends[row, 0] - 1), max(high, ends[row, 1] + 1)
+    return max(low, 0), min(high, nx)
+
+
+@compiled
+def moved(difference, factor):
+    """Return the tracer moved by a difference in concentration; none below round-off."""
+    return factor * difference if abs(difference) > NEGLIGIBLE else 0.0
+
+
+@compiled
+def gains_from_neighbours(c, exchanges, ends, gain, first, last):
+    """Fill the rows of `gain` (nz, nx) [m^3] with what the cells get from their neighbours.
+
+    `ends` as of `ends_of_tracer`. The sums have the order of `exchange`, so the result is the same.
+    """
+    nz, nx = c.shape
+    levels, start, _, weight, _ = exchanges
+    duration = levels.duration
+    for i in range(first, last):
+        low, high = reach(ends, i, nx)
+        to_right = 1 if i < nz - 1 else 0
+        for j in range(low, high):
+            k = i * nx + j
+            here = c[i, j]
+            total = 0.0
+            if i > 0:
+                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]])
+            if j > 0:
+                total -= moved(here - c[i, j - 1], duration * weight[start[k - 1] + to_right])
+            if i < nz - 1:
+                total += moved(c[i + 1, j] - here, duration * weight[start[k]])
+            if j < nx - 1:
+                total += moved(c[i, j + 1] - here, duration * weight[start[k] + to_right])
+            gain[i, j] = total
+
+
+@compiled
+def add_gains(c, gain, storage, ends, first, last):
+    """Add `gain` to the rows of `c`, in the columns that `gains_from_neighbours` filled."""
+    nx = c.shape[1]
+    for i in range(first, last):
+        low, high = reach(ends, i, nx)
+        for j in range(low, high):
+            if gain[i, j] != 0.0:
+                c[i, j] += gain[i, j] / storage[i, j]
