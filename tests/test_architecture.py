@@ -63,7 +63,7 @@ ROOMS = {
     'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'checks', 'ros'),
     'porotwin_recording': ('tables', 'mcap', 'experiment', 'importers', 'live'),
     'porotwin_imaging': (
-        'settings', 'numerics', 'photograph', 'sources', 'camera', 'geometry', 'tracer',
+        'numerics', 'photograph', 'sources', 'camera', 'geometry', 'tracer',
         'smoothing', 'light', 'baseline', 'photo_to_map', 'calibrating', 'live', 'measures',
         'phases', 'imaging_bench', 'laser_grid_check',
     ),

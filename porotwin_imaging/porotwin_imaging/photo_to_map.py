@@ -32,16 +32,16 @@ from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.baseline.photo_cells import log_ratio_below, photo_cells
 from porotwin_imaging.baseline.validity import unclipped_cells, visible_cells
-from porotwin_imaging.geometry.alignment import Alignment, alignment_remarks
+from porotwin_imaging.geometry.alignment import ALIGNMENT, Alignment, alignment_remarks
 from porotwin_imaging.light.colour_correction import light_at_chart
 from porotwin_imaging.light.light_correction import corrected_light
 from porotwin_imaging.light.light_drift import LightDrift
 from porotwin_imaging.numerics.row_bands import by_bands
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.smoothing.denoising import denoised
-from porotwin_imaging.smoothing.front_sharpening import blur_in_cells, sharpened
+from porotwin_imaging.smoothing.front_sharpening import SHARPENING, blur_in_cells, sharpened
 from porotwin_imaging.smoothing.level_smoothing import smooth_along_levels
-from porotwin_imaging.smoothing.map_deviation import map_deviation
+from porotwin_imaging.smoothing.map_deviation import NOISE, map_deviation
 from porotwin_imaging.tracer.front_curvature import without_curvature
 from porotwin_imaging.tracer.light_error import SeenTracer, light_error
 
@@ -120,10 +120,8 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
     with watch.stage('signal'):
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
-        values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
-        smoothed = smooth_along_levels(
-            concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
-        )
+        values = denoised(concentration, noise, compared.visible, baseline.grid)
+        smoothed = smooth_along_levels(concentration, noise, values, baseline.grid.dx)
         sharp = sharpened(smoothed, _blur(baseline))
         straight = without_curvature(
             sharp.values, baseline.calibration, baseline.sampling.samples_across
@@ -132,10 +130,8 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         seen = SeenTracer(
             compared.log_ratio, compared.light_variance, baseline.sand_factors, sharp.values
         )
-        wrong_light = light_error(seen, baseline.calibration, baseline.settings.light_error)
-        deviation = map_deviation(
-            sharp, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
-        )
+        wrong_light = light_error(seen, baseline.calibration)
+        deviation = map_deviation(sharp, wrong_light, baseline.calibration, baseline.grid)
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
         values=sharp.values.astype(np.float32),
@@ -160,21 +156,17 @@ def compare_with_baseline(
         InputError: the photograph cannot be used; one line gives the reason.
     """
     watch = watch or Stopwatch()
-    settings, sampling = baseline.settings, baseline.sampling
+    sampling = baseline.sampling
     cells = photo_cells(data, baseline, watch)
     pixels, alignment, sums = cells.pixels, cells.alignment, cells.sums
     with watch.stage('average'):
         ratio = sums.log_ratio
-        variance = log_ratio_variance(
-            sums, baseline.chart.matrix, sampling.samples_across, settings.noise
-        )
-        unclipped, clipped_remarks = unclipped_cells(sums, cells.share, settings.validity)
-        visible, hidden_remarks = visible_cells(sums, settings.validity)
+        variance = log_ratio_variance(sums, baseline.chart.matrix, sampling.samples_across)
+        unclipped, clipped_remarks = unclipped_cells(sums, cells.share)
+        visible, hidden_remarks = visible_cells(sums)
         visible &= unclipped
     with watch.stage('light'):
-        chart_light, chart_remarks = light_at_chart(
-            pixels, alignment.homography, baseline.chart, settings.colour_checker
-        )
+        chart_light, chart_remarks = light_at_chart(pixels, alignment.homography, baseline.chart)
         light = corrected_light(
             ratio,
             visible,
@@ -182,12 +174,11 @@ def compare_with_baseline(
             sums.blocks,
             chart_light,
             baseline.calibration.signal.tracer_colour,
-            settings,
             partial(log_ratio_below, cells=cells, baseline=baseline),
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
-    deformed = alignment.residual > settings.alignment.suspicious_residual_px
-    moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
+    deformed = alignment.residual > ALIGNMENT.suspicious_residual_px
+    moved_remarks = alignment_remarks(alignment, baseline.reduction)
     return LogRatioMap(
         log_ratio=light.log_ratio,
         variance=variance + baseline.fluctuation,
@@ -202,15 +193,15 @@ def compare_with_baseline(
 
 def _blur(baseline: Baseline) -> tuple[float, float]:
     """Return the blur of a photograph, up and across [cells]."""
-    measured, settings = baseline.calibration.blur_px, baseline.settings.sharpening
-    blur_px = settings.blur_px if measured is None else measured
+    measured = baseline.calibration.blur_px
+    blur_px = SHARPENING.blur_px if measured is None else measured
     return blur_in_cells(baseline.sampling.pixels_per_cell, baseline.reduction, blur_px)
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:
     """Return the raw concentration (nz, nx), NaN where it is hidden, and its standard deviation."""
     calibration = baseline.calibration
-    lowest, highest = baseline.settings.noise.credible
+    lowest, highest = NOISE.credible
 
     def band(
         log_ratio: Array, variance: Array, visible: Array, factors: Array

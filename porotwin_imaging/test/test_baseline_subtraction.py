@@ -9,7 +9,7 @@ from porotwin_imaging.baseline.baseline_subtraction import (
     log_ratio_variance,
 )
 from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
-from porotwin_imaging.settings import DEFAULTS
+from porotwin_imaging.smoothing.map_deviation import NOISE
 
 SAMPLES_ACROSS = 8
 
@@ -34,10 +34,10 @@ def test_the_variance_is_the_spread_of_the_ratio_for_correlated_samples() -> Non
     noisy = 0.7 * grains + generator.normal(0, 0.02, grains.shape)
     sums = sums_of(noisy, grains)
     variance = log_ratio_variance(sums, np.eye(3), SAMPLES_ACROSS)
-    correlated = DEFAULTS.noise.correlated_samples
+    correlated = NOISE.correlated_samples
     assert variance.mean() == pytest.approx(correlated * sums.log_ratio.var(), rel=0.05)
 
 
 def test_small_cells_are_pooled() -> None:
     assert cells_per_block(SAMPLES_ACROSS) == 1
-    assert cells_per_block(1) == DEFAULTS.noise.fewest_samples_across
+    assert cells_per_block(1) == NOISE.fewest_samples_across

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.settings import DEFAULTS
 from porotwin_imaging.tracer.calibration import Calibration, Response
-from porotwin_imaging.tracer.light_error import SeenTracer, light_error
+from porotwin_imaging.tracer.light_error import LIGHT_ERROR, SeenTracer, light_error
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 STOCK = np.log([0.3, 0.62, 0.42])
@@ -32,7 +31,7 @@ def test_in_good_light_the_error_is_small_and_larger_below_the_plume() -> None:
     found = error()
     assert found.max() < 0.006
     slope = 1.0 / 0.7
-    assert found[20, 55] == pytest.approx(DEFAULTS.light_error.measured * slope, rel=0.2)
+    assert found[20, 55] == pytest.approx(LIGHT_ERROR.measured * slope, rel=0.2)
     assert found[20, 26] > 2 * found[20, 55]
 
 
@@ -51,7 +50,7 @@ def test_without_stock_in_the_picture_the_colour_is_not_known() -> None:
     ratio = np.zeros((*SHAPE, 3))
     seen = SeenTracer(ratio, np.zeros(SHAPE), np.ones(SHAPE), np.zeros(SHAPE))
     np.testing.assert_allclose(
-        light_error(seen, CALIBRATION), DEFAULTS.light_error.measured / 0.7, rtol=0.05
+        light_error(seen, CALIBRATION), LIGHT_ERROR.measured / 0.7, rtol=0.05
     )
 
 
@@ -60,4 +59,4 @@ def test_a_fine_map_has_the_error_of_a_coarse_one() -> None:
     seen = SeenTracer(ratio, np.zeros((40, 1000)), np.ones((40, 1000)), np.zeros((40, 1000)))
     found = light_error(seen, CALIBRATION)
     assert found.shape == (40, 1000)
-    np.testing.assert_allclose(found, DEFAULTS.light_error.measured / 0.7, rtol=0.05)
+    np.testing.assert_allclose(found, LIGHT_ERROR.measured / 0.7, rtol=0.05)

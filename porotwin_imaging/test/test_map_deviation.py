@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_imaging.settings import DEFAULTS
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
-from porotwin_imaging.smoothing.map_deviation import map_deviation
+from porotwin_imaging.smoothing.map_deviation import NOISE, map_deviation
 from porotwin_imaging.tracer.calibration import Calibration, Response
 
 GRID = Grid(30, 20, 0.3, 0.2)
 EXACT = Calibration(scale_error=0.0)
-LEFT = DEFAULTS.noise.remaining_noise
+LEFT = NOISE.remaining_noise
 """Noise of a map relative to the propagated one."""
 
 
@@ -46,7 +45,7 @@ def test_wrong_light_is_random() -> None:
 def test_the_place_of_a_front_is_systematic() -> None:
     ramp = np.broadcast_to(GRID.x / GRID.width, GRID.shape)
     found = map_deviation(SmoothedMap(ramp, np.zeros(GRID.shape)), 0.0, EXACT, GRID)
-    expected = DEFAULTS.noise.place_error  # the slope is 1 / width
+    expected = NOISE.place_error  # the slope is 1 / width
     assert found.systematic[10, 15] == pytest.approx(expected, rel=0.01)
 
 

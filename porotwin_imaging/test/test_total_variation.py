@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from porotwin_imaging.settings import TotalVariationSettings
 from porotwin_imaging.smoothing.total_variation import (
     DenoisedMap,
+    TotalVariationSettings,
     bound_row,
     dual_row,
     primal_row,

@@ -19,11 +19,17 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.geometry.orientation import UPRIGHT, orientation
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.baseline.baseline_agreement import common_light, refuse_other_sand
-from porotwin_imaging.baseline.baseline_mask import BaselineMask, baseline_mask, texture
+from porotwin_imaging.baseline.baseline_mask import (
+    BASELINE_MASK,
+    BaselineMask,
+    baseline_mask,
+    texture,
+)
 from porotwin_imaging.baseline.baseline_subtraction import log_ratio
 from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
 from porotwin_imaging.geometry.alignment import ReferenceFeatures, align, reference_features
 from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.geometry.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.geometry.sampling import Sampling, choose_reduction
 from porotwin_imaging.light.colour_correction import ColourReference, colour_reference
@@ -37,7 +43,6 @@ from porotwin_imaging.photograph.photo_file import (
     photo_size,
 )
 from porotwin_imaging.photograph.photo_names import baseline_names, named
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.tracer.calibration import Calibration
 
 Array = NDArray[Any]
@@ -70,7 +75,6 @@ class Baseline:
         calibration: conversion of signal to concentration.
         calibrated: False if `calibration` is only the default.
         sand_factors: factor on the signal of each cell, shape (nz, nx).
-        settings: settings of all steps.
         remarks: lines for the operator.
     """
 
@@ -89,7 +93,6 @@ class Baseline:
     calibration: Calibration
     calibrated: bool
     sand_factors: Array
-    settings: ImagingSettings
     remarks: tuple[str, ...]
 
     def decode(self, data: bytes) -> DecodedPhoto:
@@ -104,7 +107,7 @@ class Baseline:
                 f'photograph has the colour profile {profile}, the baseline {self.profile}; '
                 'set the camera to one of them, sRGB at best'
             )
-        return _decode(data, self.photo_size, self.reduction, self.settings)
+        return _decode(data, self.photo_size, self.reduction)
 
     def sand_appearance(self) -> tuple[Array, Array]:
         """Return linear colours (nz, nx, 3) and texture (nz, nx) of the cells, to segment sands."""
@@ -124,7 +127,6 @@ def make_baseline(
     photographs: Sequence[bytes],
     *,
     calibration: Calibration | None = None,
-    settings: ImagingSettings = DEFAULTS,
     names: Sequence[str] = (),
 ) -> Baseline:
     """Return the baseline of a rig.
@@ -135,7 +137,6 @@ def make_baseline(
         photographs: photographs without tracer (bytes of the files). The first one defines the
             position of the camera and the light.
         calibration: conversion of signal to concentration; without one a default scale is used.
-        settings: settings of all steps.
         names: names of the files, which begin the messages about them; empty: numbers do.
 
     Raises:
@@ -160,35 +161,32 @@ def make_baseline(
     with named(called[0]):
         size = photo_size(photographs[0])
         _refuse_corners_outside(camera, size)
-    refuse_costly(map_cost(rig, grid, size, settings), grid)
-    reduction = choose_reduction(geometry, grid, size[0], settings.sampling)
+    refuse_costly(map_cost(rig, grid, size), grid)
+    reduction = choose_reduction(geometry, grid, size[0])
     pictures = []
     for name, data in zip(called, photographs, strict=True):
         with named(name):
-            pictures.append(_decode(data, size, reduction, settings).pixels)
+            pictures.append(_decode(data, size, reduction).pixels)
     first = pictures[0]
     sampling = Sampling.of(geometry, grid, reduction)
     with named(called[0]):
         refuse_grey_baseline(first, used_calibration.signal)
         odd_corners = _remarks_on_corners(rig, first, size, reduction)
-        features = reference_features(
-            first, _inside_rig(camera, first.shape, reduction), settings.alignment
-        )
+        features = reference_features(first, _inside_rig(camera, first.shape, reduction))
         first_colours = linear_light(sampling.sample(first))
         mask = baseline_mask(
             first_colours,
             width_m=grid.width,
             checker=_checker_on_sampling(camera, geometry, sampling),
-            settings=settings.baseline_mask,
         )
         usable = mask.usable & used_calibration.shown(mask.usable.shape)
         share = sampling.cell_means(usable.astype(np.float32))
-        if not (share > settings.validity.least_visible_share).any():
+        if not (share > VALIDITY.least_visible_share).any():
             raise InputError(_no_sand(odd_corners))
-        over_exposed = _remarks_on_exposure(first_colours, settings)
-    chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
-    sampled = [first_colours, *_sampled(pictures[1:], called[1:], sampling, features, settings)]
-    colours, fluctuation = _average(sampled, called, sampling, usable, share, settings)
+        over_exposed = _remarks_on_exposure(first_colours)
+    chart, remarks = colour_reference(first, camera, reduction)
+    sampled = [first_colours, *_sampled(pictures[1:], called[1:], sampling, features)]
+    colours, fluctuation = _average(sampled, called, sampling, usable, share)
     return Baseline(
         grid=grid,
         photo_size=size,
@@ -205,7 +203,6 @@ def make_baseline(
         calibration=used_calibration,
         calibrated=calibration is not None,
         sand_factors=used_calibration.factor_map(grid),
-        settings=settings,
         remarks=(
             *([doubt] if doubt else []),
             *odd_corners,
@@ -216,9 +213,7 @@ def make_baseline(
     )
 
 
-def _decode(
-    data: bytes, size: tuple[int, int], reduction: int, settings: ImagingSettings
-) -> DecodedPhoto:
+def _decode(data: bytes, size: tuple[int, int], reduction: int) -> DecodedPhoto:
     """Return the decoded photograph; raise InputError if its size is not `size`."""
     found = photo_size(data)
     if found == size[::-1]:
@@ -231,7 +226,7 @@ def _decode(
             f'photograph is {found[0]} x {found[1]} px, the baseline {size[0]} x {size[1]} px; '
             'keep the camera as it is or take a new baseline'
         )
-    return decode(data, reduction, settings.decoding)
+    return decode(data, reduction)
 
 
 def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
@@ -303,7 +298,6 @@ def _sampled(
     names: Sequence[str],
     sampling: Sampling,
     features: ReferenceFeatures,
-    settings: ImagingSettings,
 ) -> list[Array]:
     """Return the linear colours of further pictures on the sampling grid, aligned to the first.
 
@@ -313,7 +307,7 @@ def _sampled(
     sampled = []
     for name, pixels in zip(names, pictures, strict=True):
         with named(name):
-            alignment = align(pixels, features, settings.alignment)
+            alignment = align(pixels, features)
         sampled.append(linear_light(sampling.sample(pixels, alignment.homography)))
     return sampled
 
@@ -324,7 +318,6 @@ def _average(
     sampling: Sampling,
     usable: NDArray[np.bool_],
     share: Array,
-    settings: ImagingSettings,
 ) -> tuple[Array, Array]:
     """Return the mean of sampled baselines in the light of the first, and their fluctuation.
 
@@ -335,12 +328,12 @@ def _average(
     """
     if len(sampled) == 1:
         return sampled[0], np.zeros((*sampling.grid.shape, 3), np.float32)
-    visible = share > settings.validity.least_visible_share
+    visible = share > VALIDITY.least_visible_share
     means = [sampling.cell_means(one * usable[..., None]) for one in sampled]
     ratios, same_light = [np.zeros_like(means[0])], [sampled[0]]
     for name, mean, one in zip(names[1:], means[1:], sampled[1:], strict=True):
         ratio = log_ratio(mean, means[0])
-        drift = light_drift(ratio, share, common_light(ratio, visible), settings.light)
+        drift = light_drift(ratio, share, common_light(ratio, visible))
         ratios.append(drift.removed_from(ratio))
         with named(name):
             refuse_other_sand(ratios[-1], visible, names[0])
@@ -348,19 +341,19 @@ def _average(
     return np.mean(same_light, axis=0).astype(np.float32), np.var(ratios, axis=0, ddof=1)
 
 
-def _remarks_on_exposure(colours: Array, settings: ImagingSettings) -> list[str]:
+def _remarks_on_exposure(colours: Array) -> list[str]:
     """Return a remark if the baseline is over-exposed in part; `colours` are those sampled.
 
     Raises:
         InputError: too much of the rig is over-exposed.
     """
-    clipped = colours.max(axis=2) >= settings.baseline_mask.over_exposed
+    clipped = colours.max(axis=2) >= BASELINE_MASK.over_exposed
     share = float(clipped.mean())
-    if share > settings.validity.most_over_exposed:
+    if share > VALIDITY.most_over_exposed:
         raise InputError(
             f'baseline is over-exposed on {100 * share:.0f} % of the rig; shorten the exposure'
         )
-    if share < settings.baseline_mask.reported_over_exposed:
+    if share < BASELINE_MASK.reported_over_exposed:
         return []
     return [f'{100 * share:.1f} % of the rig is over-exposed: tracer is not seen there']
 

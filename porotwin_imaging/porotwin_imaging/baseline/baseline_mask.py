@@ -14,7 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
-from porotwin_imaging.settings import DEFAULTS, BaselineMaskSettings
+
+
+@dataclass(frozen=True)
+class BaselineMaskSettings:
+    """Where the baseline shows sand (`baseline_mask.py`)."""
+
+    least_light: float = 0.012
+    """Linear brightness below which a sample is frame or deep shadow [-]."""
+    over_exposed: float = 0.955
+    """Lowest linear value of over-exposed channels, grey level 250 [-]."""
+    reported_over_exposed: float = 0.005
+    """Share of over-exposed samples from which it is reported [-]; bolts and glass reflect less."""
+    smooth_texture: float = 0.25
+    """Texture relative to the median of the rig below which there is water instead of sand [-]."""
+    detection_columns: int = 900
+    """Width of the picture for the search of objects [px]; shows tubes of 1/400 of the rig."""
+    object_core: float = 6.0
+    """Colour deviation of the core of an object [local spreads]."""
+    object_edge: float = 3.0
+    """Colour deviation of the edge of an object [local spreads]."""
+    smallest_object_m: float = 0.03
+    """Shorter objects are grains [m]."""
+
+
+BASELINE_MASK = BaselineMaskSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -71,7 +96,6 @@ def baseline_mask(
     *,
     width_m: float,
     checker: Array | None,
-    settings: BaselineMaskSettings = DEFAULTS.baseline_mask,
 ) -> BaselineMask:
     """Return the masks of a baseline.
 
@@ -79,25 +103,24 @@ def baseline_mask(
         colours: linear light on the sampling grid, shape (rows, columns, 3), row 0 at the top.
         width_m: width of the rig [m].
         checker: corners of the chart as (column, row) on the sampling grid, shape (4, 2), or None.
-        settings: thresholds.
     """
-    unlit = ~_lit(colours, settings)
-    scale = min(1.0, settings.detection_columns / colours.shape[1])
+    unlit = ~_lit(colours)
+    scale = min(1.0, BASELINE_MASK.detection_columns / colours.shape[1])
     small = cv2.resize(colours, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     shape = colours.shape[:2]
-    water = _enlarged(_water(small, settings), shape)
+    water = _enlarged(_water(small), shape)
     hidden = cv2.resize(
         (unlit | water).astype(np.uint8), small.shape[1::-1], interpolation=cv2.INTER_NEAREST
     )
-    objects = _enlarged(_objects(small, hidden.astype(bool), width_m, settings), shape)
+    objects = _enlarged(_objects(small, hidden.astype(bool), width_m), shape)
     return BaselineMask(unlit, _chart(checker, shape), water, objects)
 
 
-def _lit(colours: Array, settings: BaselineMaskSettings) -> Mask:
+def _lit(colours: Array) -> Mask:
     """Return where the linear `colours` (rows, columns, 3) are neither dark nor over-exposed."""
     smooth = cv2.blur(colours, _LIGHT_WINDOW)
-    bright_enough = smooth.mean(axis=2) > settings.least_light
-    return bright_enough & (colours.max(axis=2) < settings.over_exposed)
+    bright_enough = smooth.mean(axis=2) > BASELINE_MASK.least_light
+    return bright_enough & (colours.max(axis=2) < BASELINE_MASK.over_exposed)
 
 
 def _chart(corners: Array | None, shape: tuple[int, int]) -> Mask:
@@ -121,7 +144,7 @@ def texture(colours: Array) -> Array:
     return np.sqrt(variance) / (cv2.blur(grey, _TEXTURE_WINDOW) + _LEAST_VALUE)
 
 
-def _water(colours: Array, settings: BaselineMaskSettings) -> Mask:
+def _water(colours: Array) -> Mask:
     """Return the band of water between the top of the rig and the surface of the sand.
 
     Water is smooth, sand has grains. The surface is the strongest unbroken edge of colour below the
@@ -129,7 +152,7 @@ def _water(colours: Array, settings: BaselineMaskSettings) -> Mask:
     """
     rough = texture(colours)
     rows, columns = rough.shape
-    smooth = (rough < settings.smooth_texture * np.median(rough)).astype(np.uint8)
+    smooth = (rough < BASELINE_MASK.smooth_texture * np.median(rough)).astype(np.uint8)
     smooth = cv2.morphologyEx(smooth, cv2.MORPH_OPEN, np.ones(_WATER_OPENING, np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth)
     band = np.zeros_like(smooth)
@@ -190,17 +213,19 @@ def _surface(colours: Array, depth: Array) -> Array:
     return np.asarray(covered)[0] + 2 * lag
 
 
-def _objects(colours: Array, hidden: Mask, width_m: float, settings: BaselineMaskSettings) -> Mask:
+def _objects(colours: Array, hidden: Mask, width_m: float) -> Mask:
     """Return tubes and similar objects: connected places whose colour differs from the sand."""
     logs = np.log(cv2.blur(colours, (3, 3)) + _LEAST_VALUE)
     hue = np.stack([logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]], axis=-1)
     deviation = _deviation(hue)
     deviation[hidden] = 0.0
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
-        (deviation > settings.object_edge).astype(np.uint8), connectivity=8
+        (deviation > BASELINE_MASK.object_edge).astype(np.uint8), connectivity=8
     )
-    least_length = max(settings.smallest_object_m / width_m * colours.shape[1], _LEAST_LENGTH_PX)
-    seeds = np.bincount(labels[deviation > settings.object_core], minlength=count)
+    least_length = max(
+        BASELINE_MASK.smallest_object_m / width_m * colours.shape[1], _LEAST_LENGTH_PX
+    )
+    seeds = np.bincount(labels[deviation > BASELINE_MASK.object_core], minlength=count)
     length = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
     chosen = (length >= least_length) & (seeds >= _LEAST_SEEDS)
     chosen &= seeds >= _SEED_SHARE * stats[:, cv2.CC_STAT_AREA]

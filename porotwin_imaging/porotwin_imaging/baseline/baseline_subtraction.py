@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums, CellSums
 from porotwin_imaging.numerics.row_bands import row_bands
-from porotwin_imaging.settings import DEFAULTS, NoiseSettings
+from porotwin_imaging.smoothing.map_deviation import NOISE
 
 Array = NDArray[Any]
 
@@ -29,16 +29,15 @@ def log_ratio(state: Array, baseline: Array) -> Array:
     return np.log(np.maximum(state, LEAST_LIGHT) / np.maximum(baseline, LEAST_LIGHT))
 
 
-def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.noise) -> int:
+def cells_per_block(samples_across: int) -> int:
     """Return how many cells in each direction hold enough samples to estimate their scatter."""
-    return math.ceil(settings.fewest_samples_across / samples_across)
+    return math.ceil(NOISE.fewest_samples_across / samples_across)
 
 
 def log_ratio_variance(
     sums: CellSums,
     matrix: Array,
     samples_across: int,
-    settings: NoiseSettings = DEFAULTS.noise,
 ) -> Array:
     """Return the variance of the log ratio to the baseline, shape (nz, nx, 3 = red, green, blue).
 
@@ -48,12 +47,11 @@ def log_ratio_variance(
         sums: sums over the samples of each cell.
         matrix: from colours of the camera to colours of the chart, shape (3, 3).
         samples_across: samples of a cell in each direction.
-        settings: correlation and pooling of samples.
     """
     relative = _scatter(sums.blocks, matrix.astype(np.float32))
     nz, nx = sums.share.shape
     variance: Array = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
-    per_sample = np.float32(settings.correlated_samples / samples_across**2)
+    per_sample = np.float32(NOISE.correlated_samples / samples_across**2)
     for band in row_bands((nz, nx)):
         variance[band] *= (per_sample / np.maximum(sums.share[band], _LEAST_SHARE))[..., None]
     return variance

@@ -18,11 +18,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.photo_cells import PhotoCells, photo_cells
 from porotwin_imaging.baseline.validity import hidden_sand
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_names import named
-from porotwin_imaging.settings import ValiditySettings
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -89,8 +89,7 @@ def uncovered(
     Raises:
         InputError: too much of the sand is covered; the message names the baseline.
     """
-    settings = baseline.settings.validity
-    hole, count = _hole(baseline, photographs, settings)
+    hole, count = _hole(baseline, photographs)
     if hole is None:
         return baseline, None
     rows, columns = baseline.usable.shape
@@ -99,17 +98,17 @@ def uncovered(
     )
     usable = (baseline.usable * shown).astype(np.uint8)
     share = baseline.sampling.cell_means(usable.astype(np.float32))
-    sand = baseline.share > settings.least_visible_share
-    lost = float((sand & (share <= settings.least_visible_share)).sum() / max(1, sand.sum()))
+    sand = baseline.share > VALIDITY.least_visible_share
+    lost = float((sand & (share <= VALIDITY.least_visible_share)).sum() / max(1, sand.sum()))
     cover = Cover(lost, count, tuple(names))
-    if lost > settings.most_hidden:
+    if lost > VALIDITY.most_hidden:
         with named(names[0] if names else ''):
             raise InputError(f'{Cover(lost, count, ()).finding}: {REASONS}; {REMEDY}')
     return replace(baseline, usable=usable, share=share), cover
 
 
 def _hole(
-    baseline: Baseline, photographs: Sequence[Callable[[], bytes]], settings: ValiditySettings
+    baseline: Baseline, photographs: Sequence[Callable[[], bytes]]
 ) -> tuple[Mask | None, int]:
     """Return the blocks (rows, columns) that only the baseline hides, None without, and a count.
 
@@ -125,16 +124,16 @@ def _hole(
             continue
         count += 1
         seen, before = _contrasts(cells.sums.blocks)
-        sand = cells.sums.blocks.share > settings.least_visible_share
-        smooth = (before < settings.least_texture) & (seen > _CLEARER * before)
-        differs = differs & sand & (hidden_sand(cells.sums.blocks, settings) | smooth)
+        sand = cells.sums.blocks.share > VALIDITY.least_visible_share
+        smooth = (before < VALIDITY.least_texture) & (seen > _CLEARER * before)
+        differs = differs & sand & (hidden_sand(cells.sums.blocks) | smooth)
         clearer = clearer & (seen > _CLEARER * before)
         blurred = blurred & (before > _CLEARER * seen)
         if reference is None:
-            agree = seen > settings.least_texture  # grains that others can agree with
+            agree = seen > VALIDITY.least_texture  # grains that others can agree with
             reference = replace(baseline, colours=_colours(cells, baseline))
         else:
-            agree = agree & _agreeing(photographs[place], reference, settings)
+            agree = agree & _agreeing(photographs[place], reference)
         if (differs & agree).sum() < _LEAST_SHARE * sand.sum():
             return None, count
     if count < _FEWEST:
@@ -156,10 +155,10 @@ def _colours(cells: PhotoCells, baseline: Baseline) -> Array:
     return linear_light(baseline.sampling.sample(cells.pixels, cells.alignment.homography))
 
 
-def _agreeing(read: Callable[[], bytes], reference: Baseline, settings: ValiditySettings) -> Mask:
+def _agreeing(read: Callable[[], bytes], reference: Baseline) -> Mask:
     """Return the blocks with the grains of the `reference` in a photograph."""
     cells = _cells(read, reference)
-    return ~hidden_sand(cells.sums.blocks, settings) if cells else np.zeros(1, bool)
+    return ~hidden_sand(cells.sums.blocks) if cells else np.zeros(1, bool)
 
 
 def _contrasts(sums: BlockSums) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from porotwin_imaging.light.light_check import refuse_grey
 from porotwin_imaging.numerics.cell_sums import CellSums, cell_sums
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
+from porotwin_imaging.photograph.photo_file import DECODING
 
 Array = NDArray[Any]
 
@@ -51,17 +52,17 @@ def photo_cells(data: bytes, baseline: Baseline, watch: Stopwatch) -> PhotoCells
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
-    settings, sampling = baseline.settings, baseline.sampling
+    sampling = baseline.sampling
     with watch.stage('decode'):
         pixels = baseline.decode(data).pixels
     with watch.stage('align'):
-        alignment = align(pixels, baseline.features, settings.alignment)
+        alignment = align(pixels, baseline.features)
     with watch.stage('remap'):
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
         framed = in_frame(sampling, alignment.homography, pixels.shape)
         usable, share = _in_view(framed, baseline)
-        remarks = frame_remarks(baseline.share, share, settings.validity)
+        remarks = frame_remarks(baseline.share, share)
         sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.blocks.state, sums.blocks.baseline)
     return PhotoCells(pixels, alignment, sums, share, remarks)
@@ -104,8 +105,8 @@ def _cell_sums(
         usable,
         light=LINEAR_LIGHT,
         matrix=baseline.chart.matrix,
-        glare_level=baseline.settings.decoding.bright_level,
+        glare_level=DECODING.bright_level,
         samples_across=samples,
-        cells_across=cells_per_block(samples, baseline.settings.noise),
+        cells_across=cells_per_block(samples),
         veil=veil,
     )

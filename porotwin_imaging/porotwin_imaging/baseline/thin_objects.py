@@ -7,6 +7,7 @@ the step between the blocks on its two sides explains: a step of size D inside a
 the variance D^2 / 4. Objects are long and thin, noise is not.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -14,7 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.numerics.cell_sums import BlockSums
-from porotwin_imaging.settings import DEFAULTS, ThinObjectSettings
+
+
+@dataclass(frozen=True)
+class ThinObjectSettings:
+    """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
+
+    core: float = 6.0
+    """Scatter in a block relative to its surroundings that shows an object [-]."""
+    edge: float = 4.0
+    """The same for the blocks between [-]."""
+    least_length: float = 14.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 11."""
+    least_seeds: float = 0.5
+    """Blocks above `core` per block of its length [-]."""
+
+
+THIN_OBJECTS = ThinObjectSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -32,7 +50,7 @@ _TOP_PERCENTILE = 99.5
 """Percentile of the scatter that is the top of the 8-bit scale of the median."""
 
 
-def thin_objects(blocks: BlockSums, settings: ThinObjectSettings = DEFAULTS.thin_objects) -> Mask:
+def thin_objects(blocks: BlockSums) -> Mask:
     """Return the blocks (rows, columns) that a thin object crosses, with their surroundings."""
     judged = blocks.share > _LEAST_SHARE
     nothing = np.zeros(judged.shape, bool)
@@ -43,13 +61,13 @@ def thin_objects(blocks: BlockSums, settings: ThinObjectSettings = DEFAULTS.thin
     unexplained = scatter / np.maximum(step**2 / 4.0, _SMALLEST_DIVISOR)
     edge, core = (
         judged & (unusual > limit) & (unexplained > limit / 2)
-        for limit in (settings.edge, settings.core)
+        for limit in (THIN_OBJECTS.edge, THIN_OBJECTS.core)
     )
     joined = cv2.morphologyEx(edge.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
     length = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
     seeds = np.bincount(labels[core], minlength=count)
-    chosen = (length >= settings.least_length) & (seeds >= settings.least_seeds * length)
+    chosen = (length >= THIN_OBJECTS.least_length) & (seeds >= THIN_OBJECTS.least_seeds * length)
     chosen[0] = False
     if not chosen.any():
         return nothing

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.thin_objects import thin_objects
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
-from porotwin_imaging.settings import DEFAULTS, ValiditySettings
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -27,20 +27,18 @@ _SMALLEST_WINDOW = 5
 """Blocks across the smallest window: 25 values give a correlation."""
 
 
-def visible_cells(
-    sums: CellSums, settings: ValiditySettings = DEFAULTS.validity
-) -> tuple[Mask, list[str]]:
+def visible_cells(sums: CellSums) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx), and a remark if sand is covered or damaged.
 
     Raises:
         InputError: most of the sand is covered, or the file is damaged.
     """
-    expected = sums.share > settings.least_visible_share
-    blocks = (hidden_sand(sums.blocks, settings) | thin_objects(sums.blocks)).astype(np.uint8)
+    expected = sums.share > VALIDITY.least_visible_share
+    blocks = (hidden_sand(sums.blocks) | thin_objects(sums.blocks)).astype(np.uint8)
     nz, nx = sums.share.shape
     hidden = cv2.resize(blocks, (nx, nz), interpolation=cv2.INTER_NEAREST).astype(bool) & expected
     share = float(hidden.sum() / max(1, expected.sum()))
-    if share > settings.most_hidden:
+    if share > VALIDITY.most_hidden:
         raise InputError(
             f'photograph does not show the grains of the baseline on {100 * share:.0f} % of '
             'the sand: a damaged file, or something before the camera'
@@ -51,9 +49,7 @@ def visible_cells(
     return expected & ~hidden, [remark]
 
 
-def unclipped_cells(
-    sums: CellSums, share: Array, settings: ValiditySettings = DEFAULTS.validity
-) -> tuple[Mask, list[str]]:
+def unclipped_cells(sums: CellSums, share: Array) -> tuple[Mask, list[str]]:
     """Return the cells (nz, nx) that are not over-exposed, and a remark if some are.
 
     Over-exposed samples are left out of `sums`. `share` (nz, nx) is the share of each cell that the
@@ -62,10 +58,10 @@ def unclipped_cells(
     Raises:
         InputError: too much of the sand is over-exposed.
     """
-    sand = share > settings.least_visible_share
-    clipped = sand & (share - sums.share > settings.most_clipped_samples * share)
+    sand = share > VALIDITY.least_visible_share
+    clipped = sand & (share - sums.share > VALIDITY.most_clipped_samples * share)
     part = float(clipped.sum() / max(1, sand.sum()))
-    if part > settings.most_over_exposed:
+    if part > VALIDITY.most_over_exposed:
         raise InputError(
             f'photograph is over-exposed on {100 * part:.0f} % of the sand; shorten the exposure'
         )
@@ -74,13 +70,13 @@ def unclipped_cells(
     return ~clipped, [f'{100 * part:.1f} % of the sand is over-exposed: left out']
 
 
-def hidden_sand(sums: BlockSums, settings: ValiditySettings = DEFAULTS.validity) -> Mask:
+def hidden_sand(sums: BlockSums) -> Mask:
     """Return the blocks (rows, columns) whose pattern of grains is not that of the baseline."""
     parts = [sums.state_square, sums.product, sums.baseline_square, sums.state, sums.baseline]
     judged = sums.share > _LEAST_BLOCK_SHARE
     share = np.maximum(sums.share, _LEAST_BLOCK_SHARE)[..., None]
     state_square, product, baseline_square, state, baseline = (part / share for part in parts)
-    size = max(_SMALLEST_WINDOW, sums.share.shape[1] // settings.windows_across) | 1
+    size = max(_SMALLEST_WINDOW, sums.share.shape[1] // VALIDITY.windows_across) | 1
     covariance = _pooled(product - state * baseline, judged, size)
     state_variance = _pooled(state_square - state**2, judged, size)
     baseline_variance = _pooled(baseline_square - baseline**2, judged, size)
@@ -88,8 +84,8 @@ def hidden_sand(sums: BlockSums, settings: ValiditySettings = DEFAULTS.validity)
     correlation = covariance / np.sqrt(
         np.maximum(state_variance * baseline_variance, _SMALLEST_VARIANCE)
     )
-    textured = baseline_variance > settings.least_texture**2 * brightness
-    differs = (judged & textured & (correlation < settings.least_correlation)).astype(np.uint8)
+    textured = baseline_variance > VALIDITY.least_texture**2 * brightness
+    differs = (judged & textured & (correlation < VALIDITY.least_correlation)).astype(np.uint8)
     # a thin front of tracer in smooth sand also hides the pattern: only wide places count
     differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     reach = (size + 2, size + 2)

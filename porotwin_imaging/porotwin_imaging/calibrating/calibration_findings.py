@@ -6,10 +6,10 @@ import numpy as np
 
 from porotwin_imaging.calibrating.calibration_evidence import PhotographEvidence, SandEvidence
 from porotwin_imaging.calibrating.mass_balance_fit import MassLine
+from porotwin_imaging.calibrating.plume_core import CORE
 from porotwin_imaging.calibrating.response_fit import Dilution, ResponseFit
 from porotwin_imaging.calibrating.sands import SandFactors
 from porotwin_imaging.calibrating.stock_level import StockLevels
-from porotwin_imaging.settings import ImagingSettings
 
 
 def photograph_evidence(
@@ -18,7 +18,6 @@ def photograph_evidence(
     imaged: Sequence[float],
     cores: Sequence[tuple[float, int]],
     line: MassLine | None,
-    settings: ImagingSettings,
 ) -> tuple[PhotographEvidence, ...]:
     """Return the evidence of each photograph.
 
@@ -27,7 +26,7 @@ def photograph_evidence(
     found = []
     for index, (level, cells) in enumerate(cores):
         reasons = []
-        if abs(level - 1.0) > settings.core.outlier:
+        if abs(level - 1.0) > CORE.outlier:
             reasons.append(f'its core is {level:.2f} times the others')
         if line is not None and not line.agree[index]:
             reasons.append(

@@ -54,22 +54,22 @@ from porotwin_imaging.calibrating.described_sands import (
     sand_names,
 )
 from porotwin_imaging.calibrating.front_response import (
+    FRONTS,
     FrontFit,
     FrontPhotographs,
     PlumeModel,
     fit_fronts,
 )
-from porotwin_imaging.calibrating.mass_balance_fit import MassLine, fit_line
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE, MassLine, fit_line
 from porotwin_imaging.calibrating.plume_evidence import plume_evidence
 from porotwin_imaging.calibrating.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.calibrating.sands import SandFactors
-from porotwin_imaging.calibrating.signal_choice import SignalChoice, choose_signal
+from porotwin_imaging.calibrating.signal_choice import SIGNAL, SignalChoice, choose_signal
 from porotwin_imaging.calibrating.stock_level import StockLevels, diluted_signals, stock_levels
 from porotwin_imaging.calibrating.stock_signal import StockSignal, find_stock_signal
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.photograph.photo_names import named
-from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, FrontSettings, ImagingSettings
 from porotwin_imaging.tracer.calibration import Calibration, Labels
 from porotwin_imaging.tracer.tracer_signal import Contrast, TracerSignal
 
@@ -146,7 +146,6 @@ def fit_calibration(
     source: str = '',
     rates_file: str = RATES_FILE,
     progress: Callable[[str], None] = lambda _: None,
-    settings: ImagingSettings = DEFAULTS,
     baseline_names: Sequence[str] = (),
     samples: Sequence[Callable[[], bytes]] = (),
 ) -> CalibrationFit:
@@ -167,7 +166,6 @@ def fit_calibration(
         source: name of the experiment, for the file.
         rates_file: name of the file with the injected rates, for messages.
         progress: called with a line for each photograph.
-        settings: settings of all steps.
         baseline_names: names of the files of the baselines, for messages.
         samples: functions that read photographs of the injection; a few of them are called, to find
             a baseline that something covers.
@@ -177,7 +175,7 @@ def fit_calibration(
             cannot be found. It holds the remarks about the photographs until then.
         InputError: the rig has no camera, or the baseline cannot be used.
     """
-    grid = calibration_grid(rig, settings.calibration)
+    grid = calibration_grid(rig)
     seen = compare_injection(
         rig,
         grid,
@@ -186,10 +184,9 @@ def fit_calibration(
         samples=samples,
         baseline_names=baseline_names,
         progress=progress,
-        settings=settings,
     )
     lines = [*seen.lines]
-    injection = _Injection(rig, grid, seen, schedule, rates_file, settings)
+    injection = _Injection(rig, grid, seen, schedule, rates_file)
     with refusal_with(lines):
         plumes_seen = _photographed_plumes(injection, contrast)
     lines.append(plumes_seen.choice.line)
@@ -202,7 +199,6 @@ def fit_calibration(
             plumes_seen.signals,
             injection.integrals(plumes_seen.tracer),
             injection.injected,
-            settings,
             rates_file,
         )
     known = [Dilution(signal / stock.level, concentration) for concentration, signal in diluted]
@@ -218,7 +214,7 @@ def fit_calibration(
     evidence = _evidence(injection, plumes_seen, stock, response, fronts, known, dilutions)
     plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
     edges = sand_edges(seen.baseline.mask.unlit)
-    trust = judged(evidence, plume, edges, settings.trust, seen.cover)
+    trust = judged(evidence, plume, edges, seen.cover)
     lines += [*evidence_lines(evidence), *trust.remarks]
     labels, factors = plumes_seen.labels, plumes_seen.factors
     calibration = Calibration(
@@ -257,7 +253,6 @@ class _Injection:
         seen: the photographs.
         schedule: the pump log, None without one.
         rates_file: its name, for messages.
-        settings: settings of all steps.
     """
 
     rig: Rig
@@ -265,7 +260,6 @@ class _Injection:
     seen: ComparedInjection
     schedule: Schedule | None
     rates_file: str
-    settings: ImagingSettings
 
     @cached_property
     def volume(self) -> Array:
@@ -294,7 +288,7 @@ class _Injection:
         """Return the line of `imaged` over injected volumes, None without a log."""
         if not self.injected:
             return None
-        return fit_line(imaged, self.injected, self.settings.mass_balance)
+        return fit_line(imaged, self.injected)
 
 
 @dataclass(frozen=True)
@@ -327,28 +321,32 @@ def _photographed_plumes(injection: _Injection, contrast: Contrast | None) -> _P
         CalibrationRefused: no photograph shows tracer.
         InputError: the pump log injects nothing before the photographs.
     """
-    seen, settings = injection.seen, injection.settings
+    seen = injection.seen
     visible = seen.compared[0].visible
     colours, texture = seen.baseline.sand_appearance()
-    looks = sands.segment(colours, texture, visible, settings.sands)
-    kinds = described_kinds(injection.rig, injection.grid, settings.sands)
-    parts = described_parts(looks, kinds, settings.sands)
+    looks = sands.segment(colours, texture, visible)
+    kinds = described_kinds(injection.rig, injection.grid)
+    parts = described_parts(looks, kinds)
     lights = sands.sand_lights(colours, parts.labels, visible)
     choice = choose_signal(
         [one.log_ratio for one in seen.compared],
         [one.visible for one in seen.compared],
         parts.labels,
         contrast,
-        settings.calibration,
     )
     raw = [_signal(choice.signal, one) for one in seen.compared]
-    stock = stock_levels(raw, parts.labels, injection.concentrations, settings.core)
+    stock = stock_levels(raw, parts.labels, injection.concentrations)
     factors = sands.fit_factors(
-        raw, parts.labels, stock.levels, stock.strong, lights, parts.same, settings.sands
+        raw,
+        parts.labels,
+        stock.levels,
+        stock.strong,
+        lights,
+        parts.same,
     )
     factor_map = np.array(factors.values)[parts.labels]
     signals = [plane * factor_map for plane in raw]
-    tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
+    tracer = [_only_tracer(plane) for plane in signals]
     return _Plumes(choice, parts.labels, stock, factors, factor_map, signals, tracer)
 
 
@@ -365,25 +363,22 @@ def _diluted(
         with named(f'dilution {one.concentration:g} at {one.time:g} s'):
             compared = compare_with_baseline(one.read(), injection.seen.baseline)
         seen.append((one.concentration, _signal(plumes.choice.signal, compared)))
-    return diluted_signals(seen, plumes.labels, plumes.factor_map, injection.settings.core)
+    return diluted_signals(seen, plumes.labels, plumes.factor_map)
 
 
 def _response_fit(
     injection: _Injection, plumes: _Plumes, stock: StockSignal, known: Sequence[Dilution]
 ) -> Callable[[FrontFit | None], ResponseFit]:
     """Return the fit of the response as a function of the evidence of fronts."""
-    settings = injection.settings
     relative, masses = [], []
     if stock.anchor != 'mass':
         held = injection.integrals(plumes.tracer)
-        agreeing = _agreeing(held, injection.injected, settings)
+        agreeing = _agreeing(held, injection.injected)
         relative = [plumes.tracer[number] / stock.level for number in agreeing]
         masses = [injection.injected[number] for number in agreeing if injection.injected]
 
     def fitted(fronts: FrontFit | None) -> ResponseFit:
-        return fit_response(
-            relative, injection.volume, masses, known, fronts, settings.mass_balance
-        )
+        return fit_response(relative, injection.volume, masses, known, fronts)
 
     return fitted
 
@@ -402,23 +397,23 @@ def _front_fit(
     Raises:
         InputError: the model cannot run the pump log.
     """
-    baseline, settings = injection.seen.baseline, injection.settings.fronts
+    baseline = injection.seen.baseline
     line = injection.mass_line(
         injection.integrals([rough.concentration_of(one / stock.level) for one in plumes.tracer])
     )
     assert line is not None  # fronts are compared with a log only
-    sure = _surely_scaled(plumes.factors, plumes.labels, settings)
+    sure = _surely_scaled(plumes.factors, plumes.labels)
     photographed = FrontPhotographs(
         [plane / stock.level for plane in plumes.signals],
         np.where(sure, injection.volume, 0.0),
-        _compared_fronts(line, injection.injected, settings),
+        _compared_fronts(line, injection.injected),
         plumes.choice.signal.contrast,
         stock.level,
         baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
         baseline.sampling.samples_across,
     )
     cells = math.prod(baseline.photo_size) // _PIXELS_OF_A_MODEL_CELL
-    return fit_fronts(photographed, models(injection.seen.times, cells), line.factor, settings)
+    return fit_fronts(photographed, models(injection.seen.times, cells), line.factor)
 
 
 def _evidence(
@@ -440,7 +435,7 @@ def _evidence(
     return CalibrationEvidence(
         anchor=stock.anchor,
         photographs=photograph_evidence(
-            injection.seen.times, injection.injected, imaged, cores, line, injection.settings
+            injection.seen.times, injection.injected, imaged, cores, line
         ),
         sands=sand_evidence(plumes.stock, plumes.factors, names),
         family=response.family,
@@ -459,9 +454,9 @@ def _evidence(
     )
 
 
-def calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
+def calibration_grid(rig: Rig) -> Grid:
     """Return a grid of nearly square cells."""
-    columns = settings.columns
+    columns = SIGNAL.columns
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))
 
 
@@ -508,9 +503,7 @@ def _core_concentrations(schedule: Schedule | None, times: Sequence[float]) -> l
     ]
 
 
-def _agreeing(
-    integrals: Sequence[float], injected: Sequence[float], settings: ImagingSettings
-) -> list[int]:
+def _agreeing(integrals: Sequence[float], injected: Sequence[float]) -> list[int]:
     """Return the numbers of the photographs whose signals grow with the injection.
 
     One hand in a photograph would bend the response. With too few of them, or without a pump log,
@@ -521,27 +514,25 @@ def _agreeing(
         return everyone
     # in units of the injection, because the errors of the line are relative to it
     scale = max(injected) / max(*integrals, 1e-12)
-    line = fit_line([scale * value for value in integrals], injected, settings.mass_balance)
+    line = fit_line([scale * value for value in integrals], injected)
     found = [number for number in everyone if line.agree[number]]
-    return found if len(found) >= settings.mass_balance.fewest_photographs else everyone
+    return found if len(found) >= MASS_BALANCE.fewest_photographs else everyone
 
 
-def _surely_scaled(factors: SandFactors, labels: Labels, settings: FrontSettings) -> Array:
+def _surely_scaled(factors: SandFactors, labels: Labels) -> Array:
     """Return the cells (nz, nx) in sands with a known factor, away from other sands."""
-    sure = np.array(factors.deviations) < settings.surest_factor
+    sure = np.array(factors.deviations) < FRONTS.surest_factor
     return cv2.erode(sure[labels].astype(np.uint8), _OWN_SAND) > 0
 
 
-def _compared_fronts(
-    line: MassLine, injected: Sequence[float], settings: FrontSettings
-) -> list[int]:
+def _compared_fronts(line: MassLine, injected: Sequence[float]) -> list[int]:
     """Return the numbers of photographs whose fronts are compared: agreeing and spread evenly."""
     useful = [
         number
         for number, volume in enumerate(injected)
-        if line.agree[number] and volume > settings.least_share * max(injected)
+        if line.agree[number] and volume > FRONTS.least_share * max(injected)
     ]
-    places = np.linspace(0, len(useful) - 1, min(len(useful), settings.most_photographs))
+    places = np.linspace(0, len(useful) - 1, min(len(useful), FRONTS.most_photographs))
     return [useful[place] for place in np.round(places).astype(int)]
 
 
@@ -567,7 +558,7 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
     return made
 
 
-def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
+def _only_tracer(signal: Array) -> Array:
     """Return the signal (nz, nx), 0 away from plumes and where nothing is visible.
 
     The many cells without tracer would add the small error of the light to the mass. Lamps drift,
@@ -576,7 +567,7 @@ def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
     filled = np.nan_to_num(signal).astype(np.float32)
     smooth = cv2.GaussianBlur(filled, (0, 0), _TRACER_SIGMA)
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
-    tracer = (smooth > _TRACER_SPREADS * spread + settings.least_signal).astype(np.uint8)
+    tracer = (smooth > _TRACER_SPREADS * spread + SIGNAL.least_signal).astype(np.uint8)
     around = cv2.dilate(tracer, np.ones(_TRACER_MARGIN, np.uint8)) > 0
     _, parts = cv2.connectedComponents(around.astype(np.uint8))
     plumes = np.unique(parts[smooth > _PLUME_SHARE * float(smooth.max())])

@@ -20,9 +20,8 @@ from porotwin_imaging.calibrating.calibration_evidence import (
     PhotographEvidence,
     SandEvidence,
 )
-from porotwin_imaging.calibrating.core_trend import CoreTrend, core_trend
+from porotwin_imaging.calibrating.core_trend import TRUST, CoreTrend, core_trend
 from porotwin_imaging.calibrating.plume_evidence import PlumeEvidence
-from porotwin_imaging.settings import DEFAULTS, TrustSettings
 
 _NAMED_PHOTOGRAPHS = 3
 """Photographs named in a line; more would hide the reason."""
@@ -89,7 +88,6 @@ def judged(
     evidence: CalibrationEvidence,
     plume: PlumeEvidence,
     edges: Sequence[EdgeEvidence] = (),
-    settings: TrustSettings = DEFAULTS.trust,
     cover: Cover | None = None,
 ) -> Trust:
     """Return the judgement of a calibration.
@@ -98,37 +96,35 @@ def judged(
         evidence: the findings of the fit.
         plume: place and volume of the plume.
         edges: edges of the sand against the description of the camera.
-        settings: limits.
         cover: sand that the baseline does not show; it explains every other objection.
     """
-    objections = _objections(evidence, plume, edges, settings)
+    objections = _objections(evidence, plume, edges)
     if objections and cover:
         objections = (Objection(cover.finding, REASONS, REMEDY), *objections)
-    return Trust(objections, tuple(_remarks(evidence, plume, settings)))
+    return Trust(objections, tuple(_remarks(evidence, plume)))
 
 
 def _objections(
     evidence: CalibrationEvidence,
     plume: PlumeEvidence,
     edges: Sequence[EdgeEvidence],
-    settings: TrustSettings,
 ) -> tuple[Objection, ...]:
     """Return the objections to a calibration, the most telling first."""
-    hollow = tuple(_hollow(plume, settings))
-    amount = tuple(_amount(evidence, plume, settings))
+    hollow = tuple(_hollow(plume))
+    amount = tuple(_amount(evidence, plume))
     # tracer in the baseline also makes masses wrong, a wrong well also makes its place pale
     hollow_and_amount = (*amount, *hollow) if _elsewhere(plume) else (*hollow, *amount)
     return tuple(
         itertools.chain(
             _absence(evidence, plume),
-            _place(evidence, plume, settings),
-            _changing_cores(evidence, settings),
+            _place(evidence, plume),
+            _changing_cores(evidence),
             hollow_and_amount,
-            () if hollow else _early_or_late(evidence, settings),
-            _followers(evidence, settings),
-            _sands(evidence.sands, settings),
-            _level(evidence, plume, settings),
-            _geometry(edges, settings),
+            () if hollow else _early_or_late(evidence),
+            _followers(evidence),
+            _sands(evidence.sands),
+            _level(evidence, plume),
+            _geometry(edges),
         )
     )
 
@@ -144,11 +140,9 @@ def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Ob
         )
 
 
-def _place(
-    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
-) -> Iterator[Objection]:
+def _place(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
     """Yield an objection if the plume lies away from every well that injects tracer."""
-    if plume.apart > settings.most_apart:
+    if plume.apart > TRUST.most_apart:
         yield Objection(
             f'the plume lies {100 * plume.apart:.0f} % of the width of the rig away from well '
             f'{" and ".join(plume.told_wells)}, which injects in the pump log'
@@ -159,13 +153,11 @@ def _place(
         )
 
 
-def _amount(
-    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
-) -> Iterator[Objection]:
+def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
     """Yield an objection if plume and pump log do not hold the same amount of tracer."""
     measured = evidence.anchor in ('core', 'dilutions')
     factor = evidence.mass_factor if measured else plume.filled
-    allowed = settings.most_mass_factor if measured else settings.most_filled_factor
+    allowed = TRUST.most_mass_factor if measured else TRUST.most_filled_factor
     if not factor > 0 or abs(math.log(factor)) <= math.log(allowed):
         return
     more = factor < 1
@@ -200,9 +192,9 @@ def _elsewhere(plume: PlumeEvidence) -> str:
     )
 
 
-def _hollow(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection]:
+def _hollow(plume: PlumeEvidence) -> Iterator[Objection]:
     """Yield an objection if the plume is pale where its tracer came from."""
-    if plume.hollow < settings.least_hollow:
+    if plume.hollow < TRUST.least_hollow:
         yield Objection(
             f'the plume is pale at its own well ({100 * plume.hollow:.0f} % of its level)',
             'the baseline shows tracer already, or water followed the tracer',
@@ -210,9 +202,9 @@ def _hollow(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection
         )
 
 
-def _early_or_late(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+def _early_or_late(evidence: CalibrationEvidence) -> Iterator[Objection]:
     """Yield an objection if there was tracer before the injection, or less than none."""
-    if abs(evidence.mass_offset) > settings.most_offset:
+    if abs(evidence.mass_offset) > TRUST.most_offset:
         early = evidence.mass_offset > 0
         yield Objection(
             f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
@@ -223,19 +215,19 @@ def _early_or_late(evidence: CalibrationEvidence, settings: TrustSettings) -> It
         )
 
 
-def _too_few_agree(evidence: CalibrationEvidence, settings: TrustSettings) -> bool:
+def _too_few_agree(evidence: CalibrationEvidence) -> bool:
     """Return whether too few photographs agree with each other."""
     total, apart = len(evidence.photographs), len(evidence.disagreeing)
-    return total > 0 and (total - apart) / total < settings.least_followers
+    return total > 0 and (total - apart) / total < TRUST.least_followers
 
 
-def _changing_cores(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+def _changing_cores(evidence: CalibrationEvidence) -> Iterator[Objection]:
     """Yield an objection if photographs disagree because the cores change steadily in time.
 
     It comes before the masses: without one level of stock, they have no scale.
     """
-    trend = core_trend(evidence.photographs, settings)
-    if trend is not None and _too_few_agree(evidence, settings):
+    trend = core_trend(evidence.photographs)
+    if trend is not None and _too_few_agree(evidence):
         yield _rising(trend, evidence.rates_file) if trend.rises else _falling(trend)
 
 
@@ -270,17 +262,17 @@ def _course(trend: CoreTrend) -> str:
     )
 
 
-def _followers(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+def _followers(evidence: CalibrationEvidence) -> Iterator[Objection]:
     """Yield objections if too few photographs agree, or agree too loosely."""
     total, apart = len(evidence.photographs), evidence.disagreeing
-    if _too_few_agree(evidence, settings):
-        if core_trend(evidence.photographs, settings) is None:
+    if _too_few_agree(evidence):
+        if core_trend(evidence.photographs) is None:
             yield Objection(
                 f'{total - len(apart)} of {total} photographs agree ({_named(apart)})',
                 'hands, shadows or reflections, a moved camera, or times in imaging.csv',
                 'photograph the injection again with steady light and camera',
             )
-    elif evidence.mass_misfit > settings.most_mass_misfit:
+    elif evidence.mass_misfit > TRUST.most_mass_misfit:
         yield Objection(
             f'the tracer in the photographs scatters by {100 * evidence.mass_misfit:.0f} % about '
             'the pump log',
@@ -296,54 +288,52 @@ def _named(photographs: Sequence[PhotographEvidence]) -> str:
     return '; '.join(named) + (f'; and {more} more' if more > 0 else '')
 
 
-def _sands(sands: Sequence[SandEvidence], settings: TrustSettings) -> Iterator[Objection]:
+def _sands(sands: Sequence[SandEvidence]) -> Iterator[Objection]:
     """Yield an objection if a sand needs a factor that no sand has."""
     wrong = [
         f'sand {number} x {one.factor:.2f}'
         for number, one in enumerate(sands)
-        if one.source != 'prior' and (one.at_bound or not _plausible(one.factor, settings))
+        if one.source != 'prior' and (one.at_bound or not _plausible(one.factor))
     ]
     if wrong:
         yield Objection(
-            f'the same tracer would look {settings.most_factor:g} times stronger in one sand than '
+            f'the same tracer would look {TRUST.most_factor:g} times stronger in one sand than '
             f'in another ({", ".join(wrong)})',
             'sands.png takes lamps or tubes for sand, or the corners of the camera are wrong',
             'correct sands.png or camera.corners_px, or photograph a plume that fills these sands',
         )
 
 
-def _plausible(factor: float, settings: TrustSettings) -> bool:
+def _plausible(factor: float) -> bool:
     """Return whether a sand may have this factor."""
-    return 1 / settings.most_factor <= factor <= settings.most_factor
+    return 1 / TRUST.most_factor <= factor <= TRUST.most_factor
 
 
-def _level(
-    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
-) -> Iterator[Objection]:
+def _level(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
     """Yield objections if the level of stock is not known."""
-    if plume.strongest < settings.least_strongest:
+    if plume.strongest < TRUST.least_strongest:
         yield Objection(
             f'the injected fluid is {plume.strongest:g} of stock',
             'a dilution, which leaves the response above it unknown',
             'photograph an injection of stock',
         )
-    if abs(evidence.bend) - evidence.bend_deviation > settings.most_bend:
+    if abs(evidence.bend) - evidence.bend_deviation > TRUST.most_bend:
         yield Objection(
             f'half of stock would look like {0.5 + evidence.bend:.2f} of stock',
             'light that changes during the injection, the clock of the camera, or tracer in the '
             'baseline',
             'photograph the injection again with steady light, or a dilution of one half',
         )
-    elif evidence.bend_conflict > settings.most_bend_conflict:
-        yield _fronts(evidence, settings)
-    if evidence.core_flatness > settings.most_core_slope:
+    elif evidence.bend_conflict > TRUST.most_bend_conflict:
+        yield _fronts(evidence)
+    if evidence.core_flatness > TRUST.most_core_slope:
         yield Objection(
             f'the core of the plume is not even: {100 * evidence.core_flatness:.0f} % from its '
             'inner to its outer half',
             'an injection too short to fill the pores, a reflection, or a dye that fades',
             'inject stock until the plume is some 10 cm wide, and photograph it with even light',
         )
-    if evidence.dilution_misfit > settings.most_dilution_misfit:
+    if evidence.dilution_misfit > TRUST.most_dilution_misfit:
         yield Objection(
             f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
             f'{_of_dilution(evidence)}',
@@ -352,7 +342,7 @@ def _level(
         )
 
 
-def _fronts(evidence: CalibrationEvidence, settings: TrustSettings) -> Objection:
+def _fronts(evidence: CalibrationEvidence) -> Objection:
     """Return the objection that the fronts ask for another response than all evidence."""
     by_fronts = f'{0.5 + evidence.bend_by_fronts:.2f}'
     if math.isinf(evidence.bend_conflict):
@@ -364,7 +354,7 @@ def _fronts(evidence: CalibrationEvidence, settings: TrustSettings) -> Objection
         finding = (
             f'fronts and masses read the response differently: half of stock would look like '
             f'{by_fronts} and {0.5 + evidence.bend:.2f} of stock, {evidence.bend_conflict:.3f} '
-            f'apart (limit {settings.most_bend_conflict:g})'
+            f'apart (limit {TRUST.most_bend_conflict:g})'
         )
     return Objection(
         finding,
@@ -391,9 +381,9 @@ def _of_dilution(evidence: CalibrationEvidence) -> str:
     return f' ({evidence.worst_dilution})' if evidence.worst_dilution else ''
 
 
-def _geometry(edges: Sequence[EdgeEvidence], settings: TrustSettings) -> Iterator[Objection]:
+def _geometry(edges: Sequence[EdgeEvidence]) -> Iterator[Objection]:
     """Yield an objection if the sand does not end at the described edges."""
-    bent = [one for one in edges if one.bow > settings.most_bow]
+    bent = [one for one in edges if one.bow > TRUST.most_bow]
     if bent:
         words = ', '.join(f'{one.side} edge {100 * one.bow:.1f} %' for one in bent)
         yield Objection(
@@ -404,19 +394,17 @@ def _geometry(edges: Sequence[EdgeEvidence], settings: TrustSettings) -> Iterato
         )
 
 
-def _remarks(
-    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
-) -> Iterator[str]:
+def _remarks(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[str]:
     """Yield the lines of a calibration that can be trusted."""
     apart = evidence.mass_factor - 1
-    sure = settings.sure_deviations * evidence.mass_factor_deviation
-    if evidence.anchor != 'mass' and abs(apart) > max(settings.told_mass_error, sure):
+    sure = TRUST.sure_deviations * evidence.mass_factor_deviation
+    if evidence.anchor != 'mass' and abs(apart) > max(TRUST.told_mass_error, sure):
         yield (
             f'the maps hold {100 * abs(apart):.0f} % {"more" if apart > 0 else "less"} tracer than '
             f'the pump log: check {evidence.rates_file}, porosity and depth; sorbed tracer is not '
             'seen'
         )
-    if abs(evidence.mass_offset) > settings.told_offset:
+    if abs(evidence.mass_offset) > TRUST.told_offset:
         yield (
             f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
             f'{"seen before" if evidence.mass_offset > 0 else "missing from"} the start of the '
@@ -429,7 +417,7 @@ def _remarks(
             'one photograph cannot show that the tracer in the maps grows as the pump log says: '
             'photograph more of the injection'
         )
-    if settings.told_dilution_misfit < evidence.dilution_misfit <= settings.most_dilution_misfit:
+    if TRUST.told_dilution_misfit < evidence.dilution_misfit <= TRUST.most_dilution_misfit:
         yield (
             f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
             f'{_of_dilution(evidence)}: check its concentration in imaging.csv'
@@ -438,7 +426,7 @@ def _remarks(
         yield 'no photograph shows a core of stock: the scale follows the pump log alone'
     if wells := _elsewhere(plume):
         yield wells.removeprefix('; ') + f': check the well in {evidence.rates_file}'
-    if evidence.bend_deviation > settings.told_bend_deviation:
+    if evidence.bend_deviation > TRUST.told_bend_deviation:
         yield (
             f'concentrations between water and stock are uncertain by {evidence.bend_deviation:.2f}'
             ': photograph a dilution of one half'

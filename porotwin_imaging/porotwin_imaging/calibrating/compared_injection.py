@@ -12,7 +12,6 @@ from porotwin_imaging.baseline.covered_baseline import Cover, uncovered
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.numerics.repeated_remarks import lines_of_remarks
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
-from porotwin_imaging.settings import ImagingSettings
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,6 @@ def compare_injection(
     samples: Sequence[Callable[[], bytes]],
     baseline_names: Sequence[str],
     progress: Callable[[str], None],
-    settings: ImagingSettings,
 ) -> ComparedInjection:
     """Return the photographs of an injection relative to the baseline.
 
@@ -53,7 +51,7 @@ def compare_injection(
         CalibrationRefused: no photograph can be used.
         InputError: the rig has no camera, or the baseline cannot be used.
     """
-    baseline = make_baseline(rig, grid, baselines, settings=settings, names=baseline_names)
+    baseline = make_baseline(rig, grid, baselines, names=baseline_names)
     baseline, cover = uncovered(baseline, samples, baseline_names)
     lines = [*baseline.remarks, *((str(cover),) if cover else ())]
     compared, times = _compare_all(baseline, states, lines, progress)

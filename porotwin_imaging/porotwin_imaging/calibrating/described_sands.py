@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_imaging.settings import DEFAULTS, SandSettings
+from porotwin_imaging.calibrating.sands import SANDS
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -37,14 +37,14 @@ class SandParts:
     same: tuple[tuple[int, int], ...] = ()
 
 
-def described_kinds(rig: Rig, grid: Grid, settings: SandSettings = DEFAULTS.sands) -> Labels | None:
+def described_kinds(rig: Rig, grid: Grid) -> Labels | None:
     """Return the number of the described sand of each cell, shape (nz, nx).
 
     None: the description has one permeability, or a field that varies everywhere.
     """
     logs = _log_permeability(rig.nominal_map('permeability_m2'))
     levels, index = np.unique(logs, return_inverse=True)
-    if not 1 < len(levels) <= settings.most_described:
+    if not 1 < len(levels) <= SANDS.most_described:
         return None
     kinds = index.reshape(logs.shape).astype(np.uint8)
     return np.asarray(
@@ -80,15 +80,12 @@ def _log_permeability(permeability: float | Array) -> Array:
     return np.asarray(np.log10(positive).round(_DECIMALS))
 
 
-def described_parts(
-    looks: Labels, kinds: Labels | None, settings: SandSettings = DEFAULTS.sands
-) -> SandParts:
+def described_parts(looks: Labels, kinds: Labels | None) -> SandParts:
     """Return the sands of the picture, each divided where the description knows several sands.
 
     Args:
         looks: index of the sand in each cell by its look (`sands.segment`), shape (nz, nx).
         kinds: index of the described sand in each cell, same shape; None: nothing is known.
-        settings: smallest part and thickness.
     """
     if kinds is None:
         return SandParts(looks)
@@ -96,7 +93,7 @@ def described_parts(
     known: list[int] = []
     for look in range(int(looks.max()) + 1):
         inside = looks == look
-        thick = _thick_parts(inside, kinds, settings)
+        thick = _thick_parts(inside, kinds)
         names = [int(kind) for kind in np.unique(kinds[thick])]
         if not names:  # the description does not fit the picture
             thick, names = (
@@ -113,14 +110,14 @@ def described_parts(
     return SandParts(labels, tuple((a, b) for a, b in pairs if known[a] == known[b]))
 
 
-def _thick_parts(inside: NDArray[np.bool_], kinds: Labels, settings: SandSettings) -> Array:
+def _thick_parts(inside: NDArray[np.bool_], kinds: Labels) -> Array:
     """Return the cells of a look in large and thick parts of one described sand, (nz, nx)."""
-    kernel = np.ones((2 * settings.described_reach_cells + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * SANDS.described_reach_cells + 1,) * 2, np.uint8)
     thick = np.zeros(inside.shape, bool)
     for kind in np.unique(kinds[inside]):
         part = (inside & (kinds == kind)).astype(np.uint8)
         core = cv2.morphologyEx(part, cv2.MORPH_OPEN, kernel) > 0
-        if core.sum() >= settings.described_share * inside.size:
+        if core.sum() >= SANDS.described_share * inside.size:
             thick |= core
     return thick
 

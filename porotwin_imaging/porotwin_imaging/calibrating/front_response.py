@@ -23,9 +23,45 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from porotwin_imaging.numerics.cell_sums import tile_of
-from porotwin_imaging.settings import DEFAULTS, FrontSettings
 from porotwin_imaging.tracer.response_family import concentration_of
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO, Contrast
+
+
+@dataclass(frozen=True)
+class FrontSettings:
+    """The bend of the response and the blur of the camera from fronts (`front_response.py`)."""
+
+    dispersivities_m: tuple[float, ...] = (0.0, 1e-4, 5e-4, 1.6e-3, 4e-3)
+    """Dispersivities along the flow that are modelled [m], from none to that of coarse gravel."""
+    level_error: float = 0.012
+    """Standard deviation of the volume above a level, relative to the width of a front [-]: grains
+    and cells. On composed photographs it is 0.007 to 0.013."""
+    offset_error: float = 3e-4
+    """Standard deviation of the volume at zero injection, relative to the largest [-]: dead volume
+    and clocks. An offset of 0.002 that nobody tells bends the response by 0.025."""
+    faulty_offset: float = 0.06
+    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
+    photograph_error: float = 2e-4
+    """Standard deviation of the volume of one photograph, relative [-]: light."""
+    factor_error: float = 0.1
+    """Standard deviation of the common factor of all volumes [-]: porosity, sorption, pumps."""
+    model_error: float = 0.015
+    """Standard deviation of the bend from a model that is not the rig [-], if it fits to
+    `level_error`: 0.01 on composed photographs. It grows with the misfit."""
+    most_misfit: float = 0.06
+    """Larger distances from the model are no evidence, relative to the width of a front [-]."""
+    least_share: float = 0.1
+    """Photographs with less of the largest injected volume are not compared [-]."""
+    most_photographs: int = 5
+    """Photographs that are compared, small and large plumes; more cost time."""
+    fewest_photographs: int = 3
+    """Photographs that tell the bend from the factor of all volumes."""
+    surest_factor: float = 0.05
+    """Sands with a larger relative deviation of their factor do not count [-]."""
+
+
+FRONTS = FrontSettings()
+
 
 Array = NDArray[Any]
 
@@ -107,7 +143,6 @@ def fit_fronts(
     seen: FrontPhotographs,
     model: PlumeModel,
     mass_factor: float,
-    settings: FrontSettings = DEFAULTS.fronts,
 ) -> FrontFit | None:
     """Return the evidence of the fronts; None if they are too few or unlike the model.
 
@@ -115,29 +150,25 @@ def fit_fronts(
         seen: the photographs.
         model: the modelled injection.
         mass_factor: imaged over injected volume, roughly [-].
-        settings: dispersivities and expected errors.
 
     Raises:
         InputError: the model cannot run.
     """
-    if (
-        len(seen.chosen) < settings.fewest_photographs
-        or not _FACTORS[0] < mass_factor < _FACTORS[1]
-    ):
+    if len(seen.chosen) < FRONTS.fewest_photographs or not _FACTORS[0] < mass_factor < _FACTORS[1]:
         return None
     hidden = np.any([~np.isfinite(seen.signals[number]) for number in seen.chosen], axis=0)
     volume = np.where(hidden, 0.0, seen.pore_volume)
     measured = np.array([_volumes(np.nan_to_num(seen.signals[n]), volume) for n in seen.chosen])
-    modelled = [model(mass_factor, dispersivity) for dispersivity in settings.dispersivities_m]
+    modelled = [model(mass_factor, dispersivity) for dispersivity in FRONTS.dispersivities_m]
     table = np.array([_photographed(maps, seen, volume) for maps in modelled])
     widths = measured[:, _LOW] - measured[:, _HIGH]
     if not (widths > 0).all() or not measured.all():
         return None
-    bends, blurs, roots, fine = _interpolated(table, settings)
-    squares, count = _over_offsets(measured, fine, widths, settings)
+    bends, blurs, roots, fine = _interpolated(table)
+    squares, count = _over_offsets(measured, fine, widths)
     best = np.unravel_index(int(squares.argmin()), squares.shape)
-    misfit = settings.level_error * float(np.sqrt(squares[best] / count))
-    if misfit > settings.most_misfit:
+    misfit = FRONTS.level_error * float(np.sqrt(squares[best] / count))
+    if misfit > FRONTS.most_misfit:
         return None
     worse = max(1.0, float(squares[best]) / count)
     likely = np.exp(-0.5 * (squares - squares[best]) / worse)
@@ -147,7 +178,7 @@ def fit_fronts(
     blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
     return FrontFit(
         bend=bend,
-        deviation=float(np.hypot(spread, _model_error(misfit, settings))),
+        deviation=float(np.hypot(spread, _model_error(misfit))),
         blur_px=float(np.hypot(blur, _interpolation_px(modelled[0][0], seen))),
         dispersivity_m=float(np.average(roots**2, weights=likely.sum(axis=(1, 2)))),
         misfit=misfit,
@@ -155,9 +186,9 @@ def fit_fronts(
     )
 
 
-def _model_error(misfit: float, settings: FrontSettings) -> float:
+def _model_error(misfit: float) -> float:
     """Return the deviation of the bend from a model that is not the rig, by how ill it fits."""
-    return settings.model_error * max(1.0, misfit / settings.level_error)
+    return FRONTS.model_error * max(1.0, misfit / FRONTS.level_error)
 
 
 def _interpolation_px(concentration: Array, seen: FrontPhotographs) -> float:
@@ -244,13 +275,13 @@ def _light(signal: Array, seen: FrontPhotographs) -> Array:
     return np.asarray(np.maximum(1.0 - seen.stock * signal, LEAST_RATIO), np.float32)
 
 
-def _interpolated(table: Array, settings: FrontSettings) -> tuple[Array, Array, Array, Array]:
+def _interpolated(table: Array) -> tuple[Array, Array, Array, Array]:
     """Return bends, blurs, roots of dispersivities, and the table at them.
 
     The first three axes of the result are dispersivity, bend and blur. The width of a front grows
     with the root of the dispersivity.
     """
-    nodes = np.sqrt(settings.dispersivities_m)
+    nodes = np.sqrt(FRONTS.dispersivities_m)
     bends = np.linspace(_BENDS[0], _BENDS[-1], _FINE[0])
     blurs = np.linspace(_BLURS_PX[0], _BLURS_PX[-1], _FINE[1])
     roots = np.linspace(nodes[0], nodes[-1], _FINE[2])
@@ -259,24 +290,20 @@ def _interpolated(table: Array, settings: FrontSettings) -> tuple[Array, Array, 
     return bends, blurs, roots, PchipInterpolator(nodes, fine, axis=0)(roots)
 
 
-def _over_offsets(
-    measured: Array, fine: Array, widths: Array, settings: FrontSettings
-) -> tuple[Array, int]:
+def _over_offsets(measured: Array, fine: Array, widths: Array) -> tuple[Array, int]:
     """Return the sum of squares for every dispersivity, bend and blur, and the number of data.
 
     Volumes before the injection are nearly 0. They are not if only then a model fits: a clock is
     minutes off, for example.
     """
     count = measured.size
-    usual = _misfits(measured, fine, widths, settings.offset_error, settings)
-    if settings.level_error * math.sqrt(float(usual.min()) / count) <= settings.most_misfit:
+    usual = _misfits(measured, fine, widths, FRONTS.offset_error)
+    if FRONTS.level_error * math.sqrt(float(usual.min()) / count) <= FRONTS.most_misfit:
         return usual, count
-    return _misfits(measured, fine, widths, settings.faulty_offset, settings), count
+    return _misfits(measured, fine, widths, FRONTS.faulty_offset), count
 
 
-def _misfits(
-    measured: Array, fine: Array, widths: Array, offset_error: float, settings: FrontSettings
-) -> Array:
+def _misfits(measured: Array, fine: Array, widths: Array, offset_error: float) -> Array:
     """Return the sum of squares for every dispersivity, bend and blur.
 
     The factor of all volumes is free. `offset_error` is the standard deviation of the volume before
@@ -284,12 +311,12 @@ def _misfits(
     """
     data, models = measured.ravel(), fine.reshape(*fine.shape[:3], -1)
     levels = len(_LEVELS)
-    covariance = np.diag(np.repeat((settings.level_error * widths) ** 2, levels))
+    covariance = np.diag(np.repeat((FRONTS.level_error * widths) ** 2, levels))
     covariance += (offset_error * measured.max()) ** 2
     for row, volume in enumerate(measured[:, 0]):
         block = slice(row * levels, (row + 1) * levels)
-        covariance[block, block] += (settings.photograph_error * volume) ** 2
-    covariance += settings.factor_error**2 * np.outer(data, data)
+        covariance[block, block] += (FRONTS.photograph_error * volume) ** 2
+    covariance += FRONTS.factor_error**2 * np.outer(data, data)
     apart = np.linalg.solve(
         np.linalg.cholesky(covariance), (data - models).reshape(-1, data.size).T
     )

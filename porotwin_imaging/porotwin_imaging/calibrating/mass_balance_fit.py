@@ -15,7 +15,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.settings import DEFAULTS, MassBalanceSettings
+
+@dataclass(frozen=True)
+class MassBalanceSettings:
+    """Comparing the imaged with the injected mass (`mass_balance_fit.py`)."""
+
+    fewest_photographs: int = 3
+    """Photographs that give the level of stock by their mass and reveal an outlier."""
+    log_error: float = 0.012
+    """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
+    careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""
+    most_factor: float = 5.0
+    """Largest ratio of imaged to injected mass that is considered, and its inverse smallest."""
+    photograph_error: float = 0.005
+    """Relative deviation of the mass in one photograph [-], from light and noise."""
+    common_error: float = 0.003
+    """The same relative to the largest injected mass."""
+    independent_photographs: int = 12
+    """More photographs tell the bend no better than this number: neighbours share the error of
+    their light."""
+    offset_error: float = 0.01
+    """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
+    volume of the tubes, remaining light."""
+    faulty_offset: float = 0.06
+    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
+    fault_share: float = 0.05
+    """Share of the experiments that have such a fault [-]."""
+    outlier_distance: float = 0.03
+    """Photographs that are farther from the common line disagree with it, relative to the largest
+    injected mass [-]."""
+    expected_bend: float = -0.02
+    """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
+    fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
+    bend_deviation: float = 0.07
+    """Standard deviation of the bend before any evidence [-]: dyes differ. A narrow one would pull
+    strong bends, which fronts or dilutions tell, towards the straight line."""
+    dilution_error: float = 0.01
+    """Standard deviation of the concentration in a photograph of a known dilution [-]."""
+
+
+MASS_BALANCE = MassBalanceSettings()
+
 
 Array = NDArray[Any]
 
@@ -47,7 +87,6 @@ class MassLine:
 def fit_line(
     imaged: Sequence[float],
     injected: Sequence[float],
-    settings: MassBalanceSettings = DEFAULTS.mass_balance,
 ) -> MassLine:
     """Return the line that most photographs follow.
 
@@ -56,23 +95,22 @@ def fit_line(
     Args:
         imaged: volume of stock in each map [m^3], shape (n,).
         injected: injected volume at each photograph [m^3], shape (n,).
-        settings: expected errors.
     """
     seen, volume = np.asarray(imaged, float), np.asarray(injected, float)
     largest = float(volume.max())
-    error = np.hypot(settings.photograph_error * volume, settings.common_error * largest)
-    limit = settings.outlier_distance * largest
+    error = np.hypot(MASS_BALANCE.photograph_error * volume, MASS_BALANCE.common_error * largest)
+    limit = MASS_BALANCE.outlier_distance * largest
     agree = np.ones(len(seen), bool)
-    factor, offset, spread = _line(seen, volume, error, settings.offset_error * largest)
+    factor, offset, spread = _line(seen, volume, error, MASS_BALANCE.offset_error * largest)
     for _ in range(_ROBUST_ROUNDS):
         distance = np.abs(seen - factor * volume - offset)
         weight = error * np.sqrt(np.maximum(distance, limit / 3) / (limit / 3))
-        factor, offset, spread = _line(seen, volume, weight, settings.offset_error * largest)
+        factor, offset, spread = _line(seen, volume, weight, MASS_BALANCE.offset_error * largest)
     distance = seen - factor * volume - offset
     agree = np.abs(distance) <= limit
     if agree.sum() >= 2:
         factor, offset, spread = _line(
-            seen[agree], volume[agree], error[agree], settings.offset_error * largest
+            seen[agree], volume[agree], error[agree], MASS_BALANCE.offset_error * largest
         )
         distance = seen - factor * volume - offset
     misfit = float(np.sqrt(np.mean((distance[agree] / largest) ** 2))) if agree.any() else np.inf

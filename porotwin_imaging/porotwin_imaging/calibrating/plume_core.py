@@ -13,7 +13,35 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.settings import DEFAULTS, CoreSettings
+
+@dataclass(frozen=True)
+class CoreSettings:
+    """Finding the core of a plume (`plume_core.py`)."""
+
+    edge_share: float = 0.4
+    """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
+    about half the signal of stock in coarse sand."""
+    fewest_cells: int = 40
+    """Cells of a core: their median is known to 1 % although grains scatter by 5 %."""
+    plateau_share: float = 0.88
+    """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
+    least_share: float = 0.3
+    """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
+    reached: float = 0.99
+    """The plateau begins at this share of the highest level [-]."""
+    flattest: float = 0.025
+    """Largest rise inside a core [-]; a plume that rises further has no plateau."""
+    level_error: float = 0.007
+    """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
+    reached."""
+    outlier: float = 0.04
+    """Photographs whose core differs from the others by more disagree with them [-]."""
+    interface_cells: int = 2
+    """Cells this near to another sand belong to no core: pixels and labels mix there."""
+
+
+CORE = CoreSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -59,43 +87,42 @@ def strong_signal(signals: Sequence[Array]) -> float:
     return float(np.percentile(strong, _STRONG_PERCENTILE))
 
 
-def plume_depth(signal: Array, strong: float, settings: CoreSettings = DEFAULTS.core) -> Array:
+def plume_depth(signal: Array, strong: float) -> Array:
     """Return the depth [cells] inside the plumes of `signal`, shape (nz, nx), 0 outside.
 
     Hidden cells are outside. `strong`: the strong signal of the photographs.
     """
-    plume = np.nan_to_num(signal) > settings.edge_share * strong
+    plume = np.nan_to_num(signal) > CORE.edge_share * strong
     opened = cv2.morphologyEx(plume.astype(np.uint8), cv2.MORPH_OPEN, _OPENING)
     return np.asarray(cv2.distanceTransform(opened, cv2.DIST_L2, 5))
 
 
-def find_core(signal: Array, depth: Array, settings: CoreSettings = DEFAULTS.core) -> Core | None:
+def find_core(signal: Array, depth: Array) -> Core | None:
     """Return the core of the strongest plume, or None without one.
 
     Args:
         signal: signal times sand factor [-], shape (nz, nx), NaN where it is hidden.
         depth: depth in the plume [cells], same shape, 0 where cells do not count.
-        settings: thresholds.
     """
     filled = np.nan_to_num(signal).astype(np.float32)
     smooth = cv2.blur(filled, _SMOOTH)
     levels: list[tuple[int, Mask, float]] = []
     for least in range(1, int(depth.max()) + 1):
         deep = (depth >= least) & np.isfinite(signal)
-        if deep.sum() < settings.fewest_cells:
+        if deep.sum() < CORE.fewest_cells:
             break
         top = float(np.percentile(smooth[deep], _TOP_PERCENTILE))
-        cells = deep & (smooth > settings.plateau_share * top)
-        if cells.sum() < settings.fewest_cells:
+        cells = deep & (smooth > CORE.plateau_share * top)
+        if cells.sum() < CORE.fewest_cells:
             break
         levels.append((least, cells, float(np.median(filled[cells]))))
     if not levels:
         return None
     most = levels[0][1].sum()
-    broad = [one for one in levels if one[1].sum() >= settings.least_share * most]
+    broad = [one for one in levels if one[1].sum() >= CORE.least_share * most]
     highest = max(level for _, _, level in broad)
     # one cell deeper than the first depth on the plateau, if there are enough cells
-    first = next(n for n, (_, _, level) in enumerate(broad) if level > settings.reached * highest)
+    first = next(n for n, (_, _, level) in enumerate(broad) if level > CORE.reached * highest)
     least, cells, level = broad[min(first + 1, len(broad) - 1)]
     return Core(cells, level, _flatness(filled, depth, cells, level), least)
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from porotwin_imaging.calibrating.front_response import FrontFit
-from porotwin_imaging.settings import DEFAULTS, MassBalanceSettings
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.tracer.calibration import Response
 from porotwin_imaging.tracer.response_family import FAMILIES, MOST_BEND, concentration_of
 
@@ -106,7 +106,6 @@ def fit_response(
     injected: Sequence[float],
     dilutions: Sequence[Dilution] = (),
     fronts: FrontFit | None = None,
-    settings: MassBalanceSettings = DEFAULTS.mass_balance,
 ) -> ResponseFit:
     """Return the response that masses, fronts and dilutions prefer.
 
@@ -116,19 +115,18 @@ def fit_response(
         injected: injected volume at each photograph [m^3]; empty without a pump log.
         dilutions: photographs of known dilutions.
         fronts: the bend that the fronts show; None if they were not compared.
-        settings: priors and expected errors.
     """
     evidence: dict[str, Array] = {}
     first = next(iter(FAMILIES))
     # masses alone do not tell families apart, and noise about water bends a power law
     for family in FAMILIES if dilutions else (first,):
-        logs = -0.5 * ((_BENDS - settings.expected_bend) / settings.bend_deviation) ** 2
-        logs = logs + _dilution_evidence(family, dilutions, settings)
+        logs = -0.5 * ((_BENDS - MASS_BALANCE.expected_bend) / MASS_BALANCE.bend_deviation) ** 2
+        logs = logs + _dilution_evidence(family, dilutions)
         if fronts is not None:
             logs = logs - 0.5 * ((_BENDS - fronts.bend) / fronts.deviation) ** 2
         if len(injected):
             counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]
-            logs = logs + _mass_evidence(family, np.array(counts), np.asarray(injected), settings)
+            logs = logs + _mass_evidence(family, np.array(counts), np.asarray(injected))
         evidence[family] = logs
     highest = max(float(logs.max()) for logs in evidence.values())
     likely = {family: np.exp(logs - highest) for family, logs in evidence.items()}
@@ -168,9 +166,7 @@ def _pore_volume_by_signal(signal: Array, pore_volume: Array) -> Array:
     return np.histogram(inside, _SIGNAL_EDGES, weights=pore_volume * (signal != 0))[0]
 
 
-def _dilution_evidence(
-    family: str, dilutions: Sequence[Dilution], settings: MassBalanceSettings
-) -> Array:
+def _dilution_evidence(family: str, dilutions: Sequence[Dilution]) -> Array:
     """Return the log likelihood of each bend by the dilutions."""
     logs = np.zeros(len(_BENDS))
     if not dilutions:
@@ -178,14 +174,14 @@ def _dilution_evidence(
     signal = np.array([one.signal for one in dilutions])
     known = np.array([one.concentration for one in dilutions])
     for index, bend in enumerate(_BENDS):
-        misfit = (concentration_of(family, signal, float(bend)) - known) / settings.dilution_error
+        misfit = (
+            concentration_of(family, signal, float(bend)) - known
+        ) / MASS_BALANCE.dilution_error
         logs[index] = -0.5 * float(misfit @ misfit)
     return logs
 
 
-def _mass_evidence(
-    family: str, counts: Array, injected: Array, settings: MassBalanceSettings
-) -> Array:
+def _mass_evidence(family: str, counts: Array, injected: Array) -> Array:
     """Return the log likelihood of each bend by the masses, over all mass factors and offsets.
 
     The offset is normal and small, or in a few experiments with a fault normal and large.
@@ -195,17 +191,17 @@ def _mass_evidence(
     largest = injected.max()
     masses = curves @ counts.T / largest  # (bends, photographs)
     volume = injected / largest
-    weight = 1.0 / ((settings.photograph_error * volume) ** 2 + settings.common_error**2)
-    weight *= min(1.0, settings.independent_photographs / len(injected))
-    widest = np.log(settings.most_factor)
+    weight = 1.0 / ((MASS_BALANCE.photograph_error * volume) ** 2 + MASS_BALANCE.common_error**2)
+    weight *= min(1.0, MASS_BALANCE.independent_photographs / len(injected))
+    widest = np.log(MASS_BALANCE.most_factor)
     logs_of_factor = np.linspace(-widest, widest, _FACTORS)
     apart = masses[:, None, :] - np.exp(logs_of_factor)[None, :, None] * volume
-    usual = _over_offsets(apart, weight, settings.offset_error)
-    faulty = _over_offsets(apart, weight, settings.faulty_offset)
+    usual = _over_offsets(apart, weight, MASS_BALANCE.offset_error)
+    faulty = _over_offsets(apart, weight, MASS_BALANCE.faulty_offset)
     logs = np.logaddexp(
-        usual + np.log1p(-settings.fault_share), faulty + np.log(settings.fault_share)
+        usual + np.log1p(-MASS_BALANCE.fault_share), faulty + np.log(MASS_BALANCE.fault_share)
     )
-    prior = -np.log1p((logs_of_factor / settings.log_error) ** 2)
+    prior = -np.log1p((logs_of_factor / MASS_BALANCE.log_error) ** 2)
     return np.asarray(np.logaddexp.reduce(prior + logs, axis=1))
 
 

@@ -20,10 +20,11 @@ from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.calibrating.calibration_fit import calibration_grid
+from porotwin_imaging.calibrating.front_response import FRONTS
+from porotwin_imaging.calibrating.plume_core import CORE
 from porotwin_imaging.calibrating.sands import SandLevel
 from porotwin_imaging.calibrating.stock_level import StockLevels, stock_levels
 from porotwin_imaging.photo_to_map import compare_with_baseline
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.tracer.calibration import Calibration
 
 Array = NDArray[Any]
@@ -60,7 +61,6 @@ def refined(
     baselines: Sequence[bytes],
     photographs: Sequence[Photograph],
     schedule: Schedule | None,
-    settings: ImagingSettings = DEFAULTS,
     source: str = 'experiment',
     baseline_names: Sequence[str] = (),
 ) -> RefinedCalibration:
@@ -73,7 +73,6 @@ def refined(
         photographs: photographs of the experiment; a few of them are read.
         schedule: injected rates in the time of the photographs; None: nothing is refined, because
             the injected fluid may be a dilution.
-        settings: settings of all steps.
         source: name of the experiment, for the record of where a factor is from.
         baseline_names: names of the files of the baselines, for messages.
 
@@ -81,21 +80,19 @@ def refined(
         InputError: the baseline cannot be used, or the calibration is of another rig.
     """
     calibration.check_rig(rig)
-    guessed = np.array(calibration.factor_deviations) > settings.fronts.surest_factor
+    guessed = np.array(calibration.factor_deviations) > FRONTS.surest_factor
     chosen = _with_stock(photographs, schedule)
     if calibration.sands is None or not guessed.any() or not chosen:
         return RefinedCalibration(calibration)
-    grid = calibration_grid(rig, settings.calibration)
-    baseline = make_baseline(
-        rig, grid, baselines, calibration=calibration, settings=settings, names=baseline_names
-    )
+    grid = calibration_grid(rig)
+    baseline = make_baseline(rig, grid, baselines, calibration=calibration, names=baseline_names)
     baseline, _ = uncovered(baseline, [read for _, read in photographs], baseline_names)
     signals = [signal for _, read in chosen if (signal := _signal(read, baseline)) is not None]
     if not signals:
         return RefinedCalibration(calibration)
     labels = cv2.resize(calibration.sands, grid.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    found = _levels(signals, np.ascontiguousarray(labels[::-1]), calibration, settings)
-    return _with_levels(calibration, found, settings, source)
+    found = _levels(signals, np.ascontiguousarray(labels[::-1]), calibration)
+    return _with_levels(calibration, found, source)
 
 
 def _with_stock(photographs: Sequence[Photograph], schedule: Schedule | None) -> list[Photograph]:
@@ -124,31 +121,29 @@ def _signal(read: Callable[[], bytes], baseline: Baseline) -> Array | None:
 
 
 def _levels(
-    signals: Sequence[Array], labels: Array, calibration: Calibration, settings: ImagingSettings
+    signals: Sequence[Array], labels: Array, calibration: Calibration
 ) -> dict[int, SandLevel]:
     """Return the signal of stock by sand, from photographs whose known sands are as calibrated."""
-    stock = stock_levels(signals, labels, [1.0] * len(signals), settings.core)
+    stock = stock_levels(signals, labels, [1.0] * len(signals))
     good = [
         signal
         for number, signal in enumerate(signals)
-        if _as_calibrated(stock, number, calibration, settings)
+        if _as_calibrated(stock, number, calibration)
     ]
     if len(good) == len(signals):
         return stock.levels
-    return stock_levels(good, labels, [1.0] * len(good), settings.core).levels if good else {}
+    return stock_levels(good, labels, [1.0] * len(good)).levels if good else {}
 
 
-def _as_calibrated(
-    stock: StockLevels, number: int, calibration: Calibration, settings: ImagingSettings
-) -> bool:
+def _as_calibrated(stock: StockLevels, number: int, calibration: Calibration) -> bool:
     """Return whether a photograph has cores in known sands, and all have the signal of stock."""
     level = _level_of_stock(calibration)
     apart = [
         core.level * calibration.factors[sand] / level - 1.0
         for sand, core in stock.cores[number].items()
-        if calibration.factor_deviations[sand] < settings.fronts.surest_factor
+        if calibration.factor_deviations[sand] < FRONTS.surest_factor
     ]
-    return bool(apart) and max(abs(value) for value in apart) < settings.core.outlier
+    return bool(apart) and max(abs(value) for value in apart) < CORE.outlier
 
 
 def _level_of_stock(calibration: Calibration) -> float:
@@ -168,7 +163,6 @@ def _origins(calibration: Calibration) -> list[str]:
 def _with_levels(
     calibration: Calibration,
     levels: dict[int, SandLevel],
-    settings: ImagingSettings,
     source: str,
 ) -> RefinedCalibration:
     """Return the calibration with the mean of guess and core, weighted by their variances."""
@@ -178,7 +172,7 @@ def _with_levels(
     for sand, one in sorted(levels.items()):
         before, guess_error = factors[sand], deviations[sand]
         apart = math.log(_level_of_stock(calibration) / (one.level * before))
-        known = guess_error < settings.fronts.surest_factor
+        known = guess_error < FRONTS.surest_factor
         if known or abs(apart) > _MOST_DEVIATIONS * guess_error:
             continue
         core_error = math.hypot(one.deviation, _CORE_ERROR)

@@ -15,8 +15,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_evidence import FactorSource
+from porotwin_imaging.light.tone_change import FEWEST_SAND_CELLS
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
-from porotwin_imaging.settings import DEFAULTS, SandSettings
+
+
+@dataclass(frozen=True)
+class SandSettings:
+    """Telling sands apart and scaling them (`sands.py`)."""
+
+    most_sands: int = 6
+    """Classes of the k-means clustering, more than the sands of a rig."""
+    separation: float = 3.0
+    """Distance of two classes below which they are one sand [spreads of their features]."""
+    least_spread: float = 0.05
+    """Smallest spread of a feature [log]: light and lens alone cause this much."""
+    smallest_share: float = 0.004
+    """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
+    interface_reach_cells: int = 3
+    """Texture shows an interface to within this many cells; the edge is searched there."""
+    lamp_jump: float = 0.05
+    """Jump of a colour channel at an interface below which it is no edge of a sand [log]."""
+    lamp_texture: float = 0.25
+    """Difference of texture across an interface below which it is no edge of a sand [log]."""
+    least_signal: float = 0.3
+    """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
+    tracer at an interface has often not entered the finer sand."""
+    fewest_pairs: int = 12
+    """Pairs of cells across interfaces that determine a factor."""
+    pairs_together: float = 12.0
+    """Neighbouring pairs that share one error: grains, fronts and labels extend over cells."""
+    jump_error: float = 0.1
+    """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
+    it on one side only. On composed photographs it is up to 0.17."""
+    bright_slope: float = 0.6
+    """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
+    law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
+    times as much as sand."""
+    dark_slope: float = 0.1
+    """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
+    edge is no property of the sand."""
+    prior_deviation: float = 0.15
+    """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
+    large FluidFlower differ by up to 0.3 from the law, those of composed photographs by 0.09."""
+    same_sand_error: float = 0.08
+    """Standard deviation of the log factors of two parts that the rig describes as one sand:
+    packing, and light that the picture does not tell from sand. An estimate."""
+    place_error: float = 0.02
+    """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
+    core tells only its own place. An estimate."""
+    described_reach_cells: int = 4
+    """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
+    described_share: float = 0.008
+    """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
+    most_described: int = 12
+    """More permeabilities than this are no sands but a field."""
+    widest_factor: float = 2.5
+    """Largest factor of a sand, and the inverse of the smallest."""
+
+
+SANDS = SandSettings()
+
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -81,41 +139,37 @@ def segment(
     colours: Array,
     texture: Array,
     visible: NDArray[np.bool_],
-    settings: SandSettings = DEFAULTS.sands,
 ) -> Labels:
     """Return the index of the sand in each cell, uint8, shape (nz, nx), the largest sand first.
 
     The features are the logarithms of texture, of brightness without the variation of the lamps,
     and of the share of blue. K-means finds more classes than there are sands; then classes closer
-    than `settings.separation` are merged. Hidden cells take the nearest sand.
+    than `SANDS.separation` are merged. Hidden cells take the nearest sand.
 
     Args:
         colours: linear colours of the baseline, shape (nz, nx, 3).
         texture: texture of the baseline, shape (nz, nx).
         visible: cells that show sand, shape (nz, nx).
-        settings: thresholds.
     """
-    if visible.sum() < settings.fewest_cells:
+    if visible.sum() < FEWEST_SAND_CELLS:
         return np.zeros(visible.shape, np.uint8)
     mean = np.maximum(colours.mean(axis=2), _LEAST_LIGHT)
     brightness, rough = np.log(mean), np.log(np.maximum(texture, _LEAST_TEXTURE))
     blue = np.log(np.maximum(colours[..., 2], _LEAST_LIGHT) / mean)
     # texture and hue hardly depend on the lamps, so that these classes separate sand from light
     first = np.zeros(visible.shape, int)
-    first[visible] = _clustered([rough, blue], visible, settings)[1]
-    even = brightness - _lamps(brightness, first, visible, settings.most_sands)
-    values, classes = _clustered([rough, _BRIGHTNESS_WEIGHT * even, blue], visible, settings)
+    first[visible] = _clustered([rough, blue], visible)[1]
+    even = brightness - _lamps(brightness, first, visible, SANDS.most_sands)
+    values, classes = _clustered([rough, _BRIGHTNESS_WEIGHT * even, blue], visible)
     labels = np.zeros(visible.shape, np.uint8)
-    labels[visible] = _merged(values, classes, settings)
-    tidy = _tidy(labels, visible, settings)
-    sharp = _tidy(_sharpened(tidy, colours, visible, settings), visible, settings)
+    labels[visible] = _merged(values, classes)
+    tidy = _tidy(labels, visible)
+    sharp = _tidy(_sharpened(tidy, colours, visible), visible)
     logs = np.log(np.maximum(colours, _LEAST_LIGHT))
-    return _tidy(_without_lamps(sharp, logs, rough, visible, settings), visible, settings)
+    return _tidy(_without_lamps(sharp, logs, rough, visible), visible)
 
 
-def _clustered(
-    planes: list[Array], visible: NDArray[np.bool_], settings: SandSettings
-) -> tuple[Array, Array]:
+def _clustered(planes: list[Array], visible: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return the features (n, k) of the visible cells and their classes (n,) by k-means."""
     blurred = [_masked_median(plane.astype(np.float32), visible) for plane in planes]
     values = np.stack(blurred, axis=-1)[visible].astype(np.float32)
@@ -123,7 +177,7 @@ def _clustered(
     cv2.setRNGSeed(_CLUSTERING_SEED)
     cv2.kmeans(
         values,
-        settings.most_sands,
+        SANDS.most_sands,
         classes,
         _CLUSTERING_CRITERIA,
         _CLUSTERING_TRIALS,
@@ -152,9 +206,9 @@ def _masked_median(plane: Array, visible: NDArray[np.bool_]) -> Array:
     return filled
 
 
-def _merged(values: Array, classes: Array, settings: SandSettings) -> Array:
+def _merged(values: Array, classes: Array) -> Array:
     """Return the classes (n,) with overlapping ones merged, numbered by decreasing size."""
-    parent = list(range(settings.most_sands))
+    parent = list(range(SANDS.most_sands))
     while True:
         ids = sorted(set(parent))
         spread = {i: values[np.isin(classes, _members(parent, i))].std(axis=0) for i in ids}
@@ -163,7 +217,7 @@ def _merged(values: Array, classes: Array, settings: SandSettings) -> Array:
             (a, b): float(
                 np.linalg.norm(
                     (middle[a] - middle[b])
-                    / np.maximum(0.5 * (spread[a] + spread[b]), settings.least_spread)
+                    / np.maximum(0.5 * (spread[a] + spread[b]), SANDS.least_spread)
                 )
             )
             for a, b in combinations(ids, 2)
@@ -171,7 +225,7 @@ def _merged(values: Array, classes: Array, settings: SandSettings) -> Array:
         if not distance:
             break
         (a, b), nearest = min(distance.items(), key=lambda item: item[1])
-        if nearest >= settings.separation:
+        if nearest >= SANDS.separation:
             break
         parent = [a if p == b else p for p in parent]
     sizes = {i: np.isin(classes, _members(parent, i)).sum() for i in set(parent)}
@@ -184,10 +238,10 @@ def _members(parent: list[int], root: int) -> list[int]:
     return [i for i, p in enumerate(parent) if p == root]
 
 
-def _tidy(labels: Labels, visible: NDArray[np.bool_], settings: SandSettings) -> Labels:
+def _tidy(labels: Labels, visible: NDArray[np.bool_]) -> Labels:
     """Return the labels with small patches and hidden cells merged into the surrounding sand."""
     keep = np.zeros(labels.shape, bool)
-    least = max(4, int(settings.smallest_share * labels.size))
+    least = max(4, int(SANDS.smallest_share * labels.size))
     for label in np.unique(labels[visible]):
         _, parts, stats, _ = cv2.connectedComponentsWithStats(
             ((labels == label) & visible).astype(np.uint8), connectivity=4
@@ -207,9 +261,7 @@ def _tidy(labels: Labels, visible: NDArray[np.bool_], settings: SandSettings) ->
     return tidy.reshape(labels.shape).astype(np.uint8)
 
 
-def _sharpened(
-    labels: Labels, colours: Array, visible: NDArray[np.bool_], settings: SandSettings
-) -> Labels:
+def _sharpened(labels: Labels, colours: Array, visible: NDArray[np.bool_]) -> Labels:
     """Return the labels with interfaces moved to the edges of brightness.
 
     Texture locates an interface only to within its window. A watershed grows the sands from their
@@ -217,7 +269,7 @@ def _sharpened(
     """
     if labels.max() == 0:
         return labels
-    kernel = np.ones((2 * settings.interface_reach_cells + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * SANDS.interface_reach_cells + 1,) * 2, np.uint8)
     near = (cv2.dilate(labels, kernel) != cv2.erode(labels, kernel)) & visible
     markers = np.where(near, 0, labels.astype(np.int32) + 1)
     logs = cv2.medianBlur(np.log(np.maximum(colours, _LEAST_LIGHT)).astype(np.float32), 3)
@@ -229,9 +281,7 @@ def _sharpened(
     return np.asarray(cv2.medianBlur(grown.astype(np.uint8), 3), np.uint8)
 
 
-def _without_lamps(
-    labels: Labels, logs: Array, rough: Array, visible: NDArray[np.bool_], settings: SandSettings
-) -> Labels:
+def _without_lamps(labels: Labels, logs: Array, rough: Array, visible: NDArray[np.bool_]) -> Labels:
     """Return the labels with sands merged that only the light of the lamps tells apart.
 
     Light fades smoothly. Where two sands meet, colours extrapolated from both sides jump, or the
@@ -242,7 +292,6 @@ def _without_lamps(
         logs: log colours of the baseline, shape (nz, nx, 3).
         rough: log texture of the baseline, shape (nz, nx).
         visible: cells that show sand, shape (nz, nx).
-        settings: thresholds.
     """
     planes = [
         _masked_median(np.asarray(p, np.float32), visible)
@@ -259,10 +308,10 @@ def _without_lamps(
     merged = labels.copy()
     for (first, second), found in sorted(jumps.items()):
         jump = np.concatenate(found)
-        if len(jump) < settings.fewest_pairs:
+        if len(jump) < SANDS.fewest_pairs:
             continue
         middle = np.abs(np.median(jump, axis=0))
-        if middle[:-1].max() < settings.lamp_jump and middle[-1] < settings.lamp_texture:
+        if middle[:-1].max() < SANDS.lamp_jump and middle[-1] < SANDS.lamp_texture:
             merged[merged == merged[labels == second][0]] = merged[labels == first][0]
     return merged
 
@@ -308,7 +357,6 @@ def fit_factors(
     strong: float,
     lights: Array,
     same: Sequence[tuple[int, int]] = (),
-    settings: SandSettings = DEFAULTS.sands,
 ) -> SandFactors:
     """Return the factors that make the signal of the same tracer the same in all sands.
 
@@ -325,19 +373,16 @@ def fit_factors(
         strong: strong signal of all photographs [-]; far paler pairs are not used.
         lights: log of the light of each sand (`sand_lights`), shape (sands,).
         same: pairs that are one sand by the description of the rig (`described_sands`).
-        settings: thresholds and prior.
     """
     count = int(labels.max()) + 1
-    first, second, jump = _jumps(signals, labels, settings.least_signal * strong)
+    first, second, jump = _jumps(signals, labels, SANDS.least_signal * strong)
     pairs = np.bincount(np.concatenate([first, second]), minlength=count)
     reference = _reference(levels, pairs)
-    expected = expected_logs(lights, reference, settings)
-    logs, deviations = _joint_fit(
-        expected, reference, levels, (first, second, jump), same, settings
-    )
-    bound = np.log(settings.widest_factor)
+    expected = expected_logs(lights, reference)
+    logs, deviations = _joint_fit(expected, reference, levels, (first, second, jump), same)
+    bound = np.log(SANDS.widest_factor)
     inside = np.clip(logs, -bound, bound)
-    sources = [_source(n, levels, pairs, same, settings) for n in range(count)]
+    sources = [_source(n, levels, pairs, same) for n in range(count)]
     after = jump - inside[first] + inside[second]
     return SandFactors(
         tuple(float(value) for value in np.exp(-inside)),
@@ -369,7 +414,7 @@ def sand_lights(colours: Array, labels: Labels, visible: NDArray[np.bool_]) -> A
     )
 
 
-def expected_logs(lights: Array, reference: int, settings: SandSettings = DEFAULTS.sands) -> Array:
+def expected_logs(lights: Array, reference: int) -> Array:
     """Return the log signals of stock that the light of the sands tells, relative to the reference.
 
     The law of Kubelka and Munk gives the reflection R of a layer with absorption K and scattering S
@@ -379,10 +424,9 @@ def expected_logs(lights: Array, reference: int, settings: SandSettings = DEFAUL
     Args:
         lights: log of the light of each sand, shape (sands,).
         reference: index of the reference sand.
-        settings: slopes of the law.
     """
     brighter = lights - lights[reference]
-    return -settings.bright_slope * np.maximum(brighter, 0.0) - settings.dark_slope * np.minimum(
+    return -SANDS.bright_slope * np.maximum(brighter, 0.0) - SANDS.dark_slope * np.minimum(
         brighter, 0.0
     )
 
@@ -392,14 +436,13 @@ def _source(
     levels: Mapping[int, SandLevel],
     pairs: Array,
     same: Sequence[tuple[int, int]],
-    settings: SandSettings,
 ) -> FactorSource:
     """Return the strongest evidence of the factor of a sand."""
     if sand in levels:
         return 'core'
     if any(a in levels or b in levels for a, b in same if sand in (a, b)):
         return 'same sand'
-    return 'interface' if pairs[sand] >= settings.fewest_pairs else 'prior'
+    return 'interface' if pairs[sand] >= SANDS.fewest_pairs else 'prior'
 
 
 def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
@@ -415,7 +458,6 @@ def _joint_fit(
     levels: Mapping[int, SandLevel],
     found: tuple[Array, Array, Array],
     same: Sequence[tuple[int, int]],
-    settings: SandSettings,
 ) -> tuple[Array, Array]:
     """Return the log signals of stock relative to the reference and their deviations.
 
@@ -434,26 +476,26 @@ def _joint_fit(
     unit = levels[reference].level if levels else 1.0
     for sand in range(count):
         relative_to = reference if sand != reference else None
-        add(sand, relative_to, float(expected[sand]), settings.prior_deviation)
+        add(sand, relative_to, float(expected[sand]), SANDS.prior_deviation)
     for sand, one in levels.items():
-        elsewhere = 0.0 if sand == reference else settings.place_error
+        elsewhere = 0.0 if sand == reference else SANDS.place_error
         deviation = float(np.hypot(one.deviation, elsewhere))
         add(sand, None, float(np.log(one.level / unit)), deviation)
     if not levels:
         add(reference, None, 0.0, _FIXED)
     for a, b in same:
         if a in levels or b in levels:  # two guesses do not confirm each other
-            add(a, b, 0.0, settings.same_sand_error)
+            add(a, b, 0.0, SANDS.same_sand_error)
     first, second, jump = found
     for a, b in combinations(range(count), 2):
         one_way, other_way = (first == a) & (second == b), (first == b) & (second == a)
         jumps = np.concatenate([jump[one_way], -jump[other_way]])
-        if len(jumps) < settings.fewest_pairs:
+        if len(jumps) < SANDS.fewest_pairs:
             continue
         middle = float(np.median(jumps))
         spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(jumps - middle)))
-        independent = len(jumps) / settings.pairs_together
-        add(a, b, middle, float(np.hypot(settings.jump_error, spread / np.sqrt(independent))))
+        independent = len(jumps) / SANDS.pairs_together
+        add(a, b, middle, float(np.hypot(SANDS.jump_error, spread / np.sqrt(independent))))
     design = np.array(rows)
     normal = design.T @ design
     logs = np.linalg.solve(normal, design.T @ np.array(values))

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
-from porotwin_imaging.settings import DEFAULTS, CalibrationSettings
 from porotwin_imaging.tracer.tracer_signal import (
     CHANNELS,
     Contrast,
@@ -21,6 +20,32 @@ from porotwin_imaging.tracer.tracer_signal import (
     learned_weights,
     mean_absorbance,
 )
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """The calibration from photographs of an injection (`calibration_fit.py`)."""
+
+    columns: int = 400
+    """Cells across the rig during calibration, and width of the picture of sands [px]."""
+    tracer_share: float = 0.3
+    """Cells above this share of the strongest signal count as tracer for the weights [-]."""
+    fewest_tracer_cells: int = 30
+    """Cells with tracer that determine the weights of the channels."""
+    least_log_ratio: float = 0.05
+    """A strongest signal below this is no tracer [log ratio]."""
+    least_signal: float = 0.002
+    """Smoothed signal below which there is no tracer, however even the background is [-]."""
+    scale_error: float = 0.025
+    """Relative standard deviation of a scale from the pump log [-]: an estimate."""
+    scale_error_without_log: float = 0.1
+    """The same if the strongest signal is taken for tracer stock [-]."""
+    stock_percentile: float = 95.0
+    """Percentile of the strong signals that is taken for tracer stock without a pump log."""
+
+
+SIGNAL = CalibrationSettings()
+
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -63,7 +88,6 @@ def choose_signal(
     visible: Sequence[Mask],
     labels: Labels,
     contrast: Contrast | None = None,
-    settings: CalibrationSettings = DEFAULTS.calibration,
 ) -> SignalChoice:
     """Return the signal that describes the tracer of these photographs best.
 
@@ -72,7 +96,6 @@ def choose_signal(
         visible: cells that show their sand, shape (nz, nx).
         labels: index of the sand in each cell, shape (nz, nx). Colours are compared in one sand.
         contrast: the contrast, None to choose it by the colours.
-        settings: thresholds.
 
     Raises:
         CalibrationRefused: no photograph shows tracer.
@@ -80,10 +103,10 @@ def choose_signal(
     ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
     strength = -ratios.mean(axis=1)
     strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
-    tracer = strength > settings.tracer_share * strongest
+    tracer = strength > SIGNAL.tracer_share * strongest
     deviation = float(np.median(np.abs(strength - np.median(strength))))
     quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
-    if tracer.sum() < settings.fewest_tracer_cells or strongest < settings.least_log_ratio:
+    if tracer.sum() < SIGNAL.fewest_tracer_cells or strongest < SIGNAL.least_log_ratio:
         raise CalibrationRefused(
             'calibration: no photograph shows tracer; use ones of an injection with a dye that '
             'darkens the sand'

@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_imaging.calibrating.plume_core import Core, find_core, plume_depth, strong_signal
+from porotwin_imaging.calibrating.plume_core import (
+    CORE,
+    Core,
+    find_core,
+    plume_depth,
+    strong_signal,
+)
 from porotwin_imaging.calibrating.sands import SandLevel
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
-from porotwin_imaging.settings import DEFAULTS, CoreSettings
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -42,7 +47,6 @@ def stock_levels(
     signals: Sequence[Array],
     labels: Labels,
     concentrations: Sequence[float],
-    settings: CoreSettings = DEFAULTS.core,
 ) -> StockLevels:
     """Return the signal of stock in each sand.
 
@@ -53,13 +57,12 @@ def stock_levels(
         signals: signal of each photograph [-], shape (nz, nx), NaN where it is hidden.
         labels: index of the sand in each cell, same shape.
         concentrations: concentration of the core in each photograph [-], 1 = stock.
-        settings: thresholds.
     """
     strong = strong_signal(signals)
-    depths = [plume_depth(plane, strong, settings) for plane in signals]
-    inner = _away_from_interfaces(labels, settings)
+    depths = [plume_depth(plane, strong) for plane in signals]
+    inner = _away_from_interfaces(labels)
     found = [
-        _cores_by_sand(plane, np.where(inner, depth, 0.0), labels, settings)
+        _cores_by_sand(plane, np.where(inner, depth, 0.0), labels)
         for plane, depth in zip(signals, depths, strict=True)
     ]
     levels = {}
@@ -70,24 +73,22 @@ def stock_levels(
             if sand in cores
         ]
         if cores:
-            levels[sand] = _level(cores, settings)
+            levels[sand] = _level(cores)
     return StockLevels(levels, tuple(found), strong, tuple(depths))
 
 
-def _away_from_interfaces(labels: Labels, settings: CoreSettings) -> NDArray[np.bool_]:
+def _away_from_interfaces(labels: Labels) -> NDArray[np.bool_]:
     """Return the cells (nz, nx) that are not near another sand."""
-    kernel = np.ones((2 * settings.interface_cells + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * CORE.interface_cells + 1,) * 2, np.uint8)
     return np.asarray(cv2.dilate(labels, kernel) == cv2.erode(labels, kernel))
 
 
-def _cores_by_sand(
-    signal: Array, depth: Array, labels: Labels, settings: CoreSettings
-) -> dict[int, Core]:
+def _cores_by_sand(signal: Array, depth: Array, labels: Labels) -> dict[int, Core]:
     """Return the core in each sand of one photograph; `depth` is 0 where cells do not count."""
     found = {}
     for sand in range(int(labels.max()) + 1):
-        core = find_core(signal, np.where(labels == sand, depth, 0.0), settings)
-        if core is not None and abs(core.flatness) < settings.flattest:
+        core = find_core(signal, np.where(labels == sand, depth, 0.0))
+        if core is not None and abs(core.flatness) < CORE.flattest:
             found[sand] = core
     if not found:
         return {}
@@ -95,13 +96,13 @@ def _cores_by_sand(
     return {sand: core for sand, core in found.items() if core.depth >= main.depth}
 
 
-def _level(cores: Sequence[tuple[Core, float]], settings: CoreSettings) -> SandLevel:
+def _level(cores: Sequence[tuple[Core, float]]) -> SandLevel:
     """Return the signal of stock by the cores of one sand and their concentrations."""
     levels = np.array([core.level / concentration for core, concentration in cores])
     cells = np.array([core.cells.sum() for core, _ in cores])
     middle = float(np.median(np.repeat(levels, np.minimum(cells, _MOST_WEIGHT))))
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(levels - middle))) / middle
-    deviation = float(np.hypot(settings.level_error, spread / np.sqrt(len(levels))))
+    deviation = float(np.hypot(CORE.level_error, spread / np.sqrt(len(levels))))
     return SandLevel(middle, deviation, int(cells.sum()))
 
 
@@ -109,7 +110,6 @@ def diluted_signals(
     photographs: Sequence[tuple[float, Array]],
     labels: Labels,
     factors: Array,
-    settings: CoreSettings = DEFAULTS.core,
 ) -> list[tuple[float, float]]:
     """Return (concentration, signal) of known dilutions, the signal times the factor of its sand.
 
@@ -119,18 +119,17 @@ def diluted_signals(
         photographs: concentration of the core, and signal (nz, nx), of each photograph.
         labels: index of the sand in each cell, same shape.
         factors: factor on the signal of each cell, same shape.
-        settings: thresholds.
 
     Raises:
         InputError: a photograph has no core.
     """
     pairs = []
-    inner = _away_from_interfaces(labels, settings)
+    inner = _away_from_interfaces(labels)
     for concentration, signal in photographs:
         strong = strong_signal([signal])
-        depth = plume_depth(signal, strong, settings)
+        depth = plume_depth(signal, strong)
         depth = np.where(inner & (strong > 0), depth, 0.0)  # no plume: no depth
-        cores = _cores_by_sand(signal * factors, depth, labels, settings)
+        cores = _cores_by_sand(signal * factors, depth, labels)
         if not cores:
             raise InputError(
                 f'calibration: the dilution {concentration:g} shows no even plume; fill a region '

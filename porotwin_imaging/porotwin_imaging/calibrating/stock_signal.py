@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_evidence import Anchor
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
-from porotwin_imaging.calibrating.mass_balance_fit import fit_line
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE, fit_line
+from porotwin_imaging.calibrating.plume_core import CORE
 from porotwin_imaging.calibrating.sands import SandFactors
+from porotwin_imaging.calibrating.signal_choice import SIGNAL
 from porotwin_imaging.calibrating.stock_level import StockLevels
-from porotwin_imaging.settings import ImagingSettings
 
 Array = NDArray[Any]
 
@@ -49,7 +50,6 @@ def find_stock_signal(
     signals: Sequence[Array],
     integrals: Sequence[float],
     injected: Sequence[float],
-    settings: ImagingSettings,
     rates_file: str,
 ) -> StockSignal:
     """Return the signal of tracer stock in the reference sand.
@@ -61,7 +61,6 @@ def find_stock_signal(
         signals: signal of each photograph in the scale of the reference sand, (nz, nx).
         integrals: its integral over the pore volume [m^3].
         injected: volume of stock injected before each photograph [m^3]; empty without a log.
-        settings: settings of all steps.
         rates_file: name of the file with the injected rates, for messages.
 
     Raises:
@@ -70,25 +69,24 @@ def find_stock_signal(
     """
     full = [signal for concentration, signal in diluted if concentration > _STOCK]
     if full:
-        return StockSignal('dilutions', float(np.median(full)), settings.core.level_error)
+        return StockSignal('dilutions', float(np.median(full)), CORE.level_error)
     if stock.levels:
         one = stock.levels[factors.reference]
         return StockSignal('core', one.level, one.deviation)
     if diluted:
         concentration, signal = max(diluted)
-        return StockSignal('dilutions', signal / concentration, settings.calibration.scale_error)
+        return StockSignal('dilutions', signal / concentration, SIGNAL.scale_error)
     if injected:
-        level, deviation = _level_by_mass(integrals, injected, settings, rates_file)
+        level, deviation = _level_by_mass(integrals, injected, rates_file)
         return StockSignal('mass', level, deviation)
     strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
-    top = float(np.nanpercentile(strong, settings.calibration.stock_percentile))
-    return StockSignal('strongest signal', top, settings.calibration.scale_error_without_log)
+    top = float(np.nanpercentile(strong, SIGNAL.stock_percentile))
+    return StockSignal('strongest signal', top, SIGNAL.scale_error_without_log)
 
 
 def _level_by_mass(
     integrals: Sequence[float],
     injected: Sequence[float],
-    settings: ImagingSettings,
     rates_file: str,
 ) -> tuple[float, float]:
     """Return the signal of stock that balances the injected mass, and its relative deviation.
@@ -96,15 +94,15 @@ def _level_by_mass(
     Raises:
         InputError: there are too few photographs, or the signal does not grow.
     """
-    fewest = settings.mass_balance.fewest_photographs
+    fewest = MASS_BALANCE.fewest_photographs
     if len(injected) < fewest:
         raise CalibrationRefused(
             f'calibration: {len(injected)} photographs during the injection; take at least {fewest}'
         )
-    line = fit_line(integrals, injected, settings.mass_balance)
+    line = fit_line(integrals, injected)
     if line.factor <= 0 or line.agree.sum() < fewest:
         raise CalibrationRefused(
             'calibration: the signal does not grow with the injected volume; check '
             f'{rates_file}, the times of the photographs and the baseline'
         )
-    return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
+    return line.factor, max(SIGNAL.scale_error, line.misfit / line.factor)

@@ -16,7 +16,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_imaging.settings import DEFAULTS, AlignmentSettings
+
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """Alignment of a photograph to the baseline (`alignment.py`)."""
+
+    widest_px: int = 2000
+    """Wider pictures are reduced before features are tracked; tracking costs time per pixel."""
+    tracked_points: int = 1200
+    """Features over the whole rig: enough even if tracer or a hand spoils many of them."""
+    tiles_across: int = 8
+    """Features are chosen in 8 x 8 tiles, so that they cover the rig evenly."""
+    patch_px: int = 21
+    """Side of a tracked patch [px], several grains wide."""
+    normalisation_px: int = 31
+    """Window of the local mean and spread of brightness [px], wider than a patch."""
+    closure_px: float = 0.3
+    """A feature tracked forth and back must return to within this distance [px]."""
+    ransac_tolerance_px: float = 0.6
+    """Largest distance of an inlier from the homography [px]."""
+    fewest_inliers: int = 40
+    """Inliers below which the photograph does not match; a homography needs four."""
+    least_inlier_share: float = 0.35
+    """Share of the tracked features that must be inliers [-]; other sand matches only by chance."""
+    reported_shift_px: float = 2.0
+    """Larger shifts of the camera are mentioned in the status [px of the file]."""
+    suspicious_residual_px: float = 0.35
+    """Residual of the homography that marks a map as suspicious [px]: the picture is deformed."""
+
+
+ALIGNMENT = AlignmentSettings()
+
 
 Array = NDArray[Any]
 GreyImage = NDArray[np.uint8]
@@ -81,22 +112,20 @@ class ReferenceFeatures:
 def reference_features(
     pixels: NDArray[np.uint8],
     inside: NDArray[np.bool_],
-    settings: AlignmentSettings = DEFAULTS.alignment,
 ) -> ReferenceFeatures:
     """Return the features of a baseline photograph.
 
     Args:
         pixels: decoded baseline, shape (rows, columns, 3).
         inside: True inside the rig, shape (rows, columns).
-        settings: number and size of the features.
 
     Raises:
         InputError: the baseline shows no texture inside the rig.
     """
-    reduction = max(1, math.ceil(pixels.shape[1] / settings.widest_px))
-    picture = _normalised(_reduced(pixels, reduction), settings)
+    reduction = max(1, math.ceil(pixels.shape[1] / ALIGNMENT.widest_px))
+    picture = _normalised(_reduced(pixels, reduction))
     mask = _reduced(inside.astype(np.uint8), reduction)
-    points = _spread_corners(picture, mask, settings)
+    points = _spread_corners(picture, mask)
     rows, columns = np.nonzero(mask)
     low, high = (columns.min(), rows.min()), (columns.max(), rows.max())
     corners = np.array([[low], [(low[0], high[1])], [high], [(high[0], low[1])]], dtype=np.float32)
@@ -106,22 +135,21 @@ def reference_features(
 def align(
     pixels: NDArray[np.uint8],
     reference: ReferenceFeatures,
-    settings: AlignmentSettings = DEFAULTS.alignment,
 ) -> Alignment:
     """Return how `pixels`, of the same shape as the baseline, is moved against it.
 
     Raises:
         InputError: the photograph does not show the scene of the baseline.
     """
-    picture = _normalised(_reduced(pixels, reference.reduction), settings)
-    found = _tracked(picture, reference, reference.points, settings)
+    picture = _normalised(_reduced(pixels, reference.reduction))
+    found = _tracked(picture, reference, reference.points)
     start = None
     if found is None:
         start = _matched(picture, reference)
         if start is not None:
-            found = _tracked(picture, reference, _moved(reference.points, start), settings)
+            found = _tracked(picture, reference, _moved(reference.points, start))
     if found is None:
-        _refuse_turned(picture, start, reference, settings)
+        _refuse_turned(picture, start, reference)
         raise InputError(
             'photograph does not match the baseline: another rig, or the camera has moved too '
             'far; take a new baseline'
@@ -133,7 +161,6 @@ def _refuse_turned(
     picture: GreyImage,
     start: Array | None,
     reference: ReferenceFeatures,
-    settings: AlignmentSettings,
 ) -> None:
     """Raise InputError if the picture shows the scene of the baseline turned or mirrored.
 
@@ -152,7 +179,7 @@ def _refuse_turned(
         near = _matched(back, reference)
         if near is None:
             continue
-        if _tracked(back, reference, _moved(reference.points, near), settings) is not None:
+        if _tracked(back, reference, _moved(reference.points, near)) is not None:
             raise InputError(
                 f'photograph is {words} against the baseline; turn it back, or take a baseline '
                 'with the same setting of the camera'
@@ -164,17 +191,15 @@ def _is_upside_down(homography: Array | None) -> bool:
     return homography is not None and homography[0, 0] < 0.0 and homography[1, 1] < 0.0
 
 
-def alignment_remarks(
-    alignment: Alignment, reduction: int, settings: AlignmentSettings = DEFAULTS.alignment
-) -> list[str]:
+def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
     """Return status lines about a moved camera or a deformed picture.
 
     `reduction` converts decoded pixels to pixels of the file.
     """
     remarks = []
-    if alignment.shift * reduction > settings.reported_shift_px:
+    if alignment.shift * reduction > ALIGNMENT.reported_shift_px:
         remarks.append(f'camera has moved by {alignment.shift * reduction:.1f} px: corrected')
-    if alignment.residual > settings.suspicious_residual_px:
+    if alignment.residual > ALIGNMENT.suspicious_residual_px:
         remarks.append(
             f'alignment leaves {alignment.residual * reduction:.1f} px: the picture is '
             'deformed against the baseline'
@@ -182,10 +207,10 @@ def alignment_remarks(
     return remarks
 
 
-def _normalised(pixels: NDArray[np.uint8], settings: AlignmentSettings) -> GreyImage:
+def _normalised(pixels: NDArray[np.uint8]) -> GreyImage:
     """Return brightness relative to its local mean and spread, 8-bit grey, (rows, columns)."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    window = (settings.normalisation_px, settings.normalisation_px)
+    window = (ALIGNMENT.normalisation_px, ALIGNMENT.normalisation_px)
     mean = cv2.blur(grey, window)
     spread = cv2.blur(cv2.absdiff(grey, mean), window)
     scaled = _MIDDLE_GREY + _GREY_PER_SPREAD * (grey - mean) / (spread + 1.0)
@@ -213,12 +238,10 @@ def _in_decoded_pixels(found: Alignment, reduction: int) -> Alignment:
     )
 
 
-def _tracked(
-    picture: GreyImage, reference: ReferenceFeatures, guess: Array, settings: AlignmentSettings
-) -> Alignment | None:
+def _tracked(picture: GreyImage, reference: ReferenceFeatures, guess: Array) -> Alignment | None:
     """Return the alignment by optical flow from the start points `guess`, None if it fails."""
     options: dict[str, Any] = {
-        'winSize': (settings.patch_px, settings.patch_px),
+        'winSize': (ALIGNMENT.patch_px, ALIGNMENT.patch_px),
         'maxLevel': _FLOW_LEVELS,
         'criteria': _FLOW_CRITERIA,
         'flags': cv2.OPTFLOW_USE_INITIAL_FLOW,
@@ -229,23 +252,23 @@ def _tracked(
     back, found_back, _ = cv2.calcOpticalFlowPyrLK(
         picture, reference.picture, there, reference.points.copy(), **options
     )
-    closed = np.linalg.norm((back - reference.points)[:, 0], axis=1) < settings.closure_px
+    closed = np.linalg.norm((back - reference.points)[:, 0], axis=1) < ALIGNMENT.closure_px
     good = closed & (found[:, 0] == 1) & (found_back[:, 0] == 1)
-    if good.sum() < settings.fewest_inliers:
+    if good.sum() < ALIGNMENT.fewest_inliers:
         return None
     source, target = reference.points[good], there[good]
     homography, chosen = cv2.findHomography(
         source,
         target,
         cv2.RANSAC,
-        settings.ransac_tolerance_px,
+        ALIGNMENT.ransac_tolerance_px,
         maxIters=_RANSAC_ITERATIONS,
         confidence=_RANSAC_CONFIDENCE,
     )
     if homography is None or chosen is None:
         return None
     inlier = chosen[:, 0] == 1
-    if inlier.sum() < settings.fewest_inliers or inlier.mean() < settings.least_inlier_share:
+    if inlier.sum() < ALIGNMENT.fewest_inliers or inlier.mean() < ALIGNMENT.least_inlier_share:
         return None
     residual = np.linalg.norm((_moved(source, homography) - target)[inlier, 0], axis=1)
     moved_corners = _moved(reference.corners, homography)
@@ -278,11 +301,11 @@ def _matched(picture: GreyImage, reference: ReferenceFeatures) -> Array | None:
     return homography
 
 
-def _spread_corners(picture: GreyImage, mask: GreyImage, settings: AlignmentSettings) -> Array:
+def _spread_corners(picture: GreyImage, mask: GreyImage) -> Array:
     """Return the strongest corners of every tile as (column, row), float32, shape (n, 1, 2)."""
     rows, columns = picture.shape
-    tiles = settings.tiles_across
-    corners_per_tile = settings.tracked_points // (tiles * tiles)
+    tiles = ALIGNMENT.tiles_across
+    corners_per_tile = ALIGNMENT.tracked_points // (tiles * tiles)
     found: list[Array] = []
     for row in range(tiles):
         for column in range(tiles):

@@ -4,6 +4,7 @@ A photograph shows nothing beyond its edges. Black there would read as tracer st
 outside the frame are not used, and cells without samples have no value.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,32 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
 from porotwin_imaging.geometry.sampling import Sampling
-from porotwin_imaging.settings import DEFAULTS, ValiditySettings
+
+
+@dataclass(frozen=True)
+class ValiditySettings:
+    """Which cells of one photograph show their sand (`validity.py`)."""
+
+    least_visible_share: float = 0.3
+    """Share of a cell that must be visible for the cell to have a value [-]."""
+    most_clipped_samples: float = 0.05
+    """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
+    remain are not the same everywhere."""
+    most_over_exposed: float = 0.25
+    """Photographs that are over-exposed on more than this share of the sand are refused [-]."""
+    most_hidden: float = 0.4
+    """Photographs that hide or damage more than this share of the sand are refused [-]."""
+    least_correlation: float = 0.25
+    """Correlation with the grains of the baseline below which they are hidden [-]. It is 0.3 behind
+    the strongest tracer of the real photographs, and about 0 on a hand or in a damaged file."""
+    least_texture: float = 0.02
+    """Contrast of grains in the baseline below which there is no pattern to compare [-]."""
+    windows_across: int = 40
+    """Grain patterns are compared in windows of this fraction of the width of the rig."""
+
+
+VALIDITY = ValiditySettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -46,22 +72,19 @@ def _inside(homography: Array, columns: Array, rows: Array, shape: tuple[int, ..
     return np.asarray(inside, bool)
 
 
-def frame_remarks(
-    share: Array, framed: Array, settings: ValiditySettings = DEFAULTS.validity
-) -> list[str]:
+def frame_remarks(share: Array, framed: Array) -> list[str]:
     """Return a remark if sand has left the frame.
 
     Args:
         share: share of each cell that the baseline shows, shape (nz, nx).
         framed: the part of `share` that lies in the photograph.
-        settings: thresholds.
 
     Raises:
         InputError: too much of the sand has left the frame.
     """
-    sand = share > settings.least_visible_share
-    lost = float((sand & (framed <= settings.least_visible_share)).sum() / max(1, sand.sum()))
-    if lost > settings.most_hidden:
+    sand = share > VALIDITY.least_visible_share
+    lost = float((sand & (framed <= VALIDITY.least_visible_share)).sum() / max(1, sand.sum()))
+    if lost > VALIDITY.most_hidden:
         raise InputError(
             f'photograph does not show {100 * lost:.0f} % of the sand: the camera has moved too '
             'far; set it back or take a new baseline'

@@ -14,7 +14,6 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.geometry.sampling import choose_reduction, samples_across
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 
 FEWEST_PIXELS_PER_CELL = 0.7
 """Pixels of the file per cell in each direction below which cells show nothing new [px]."""
@@ -53,16 +52,14 @@ class MapCost:
         )
 
 
-def map_cost(
-    rig: Rig, grid: Grid, size: tuple[int, int], settings: ImagingSettings = DEFAULTS
-) -> MapCost:
+def map_cost(rig: Rig, grid: Grid, size: tuple[int, int]) -> MapCost:
     """Return the cost of maps on `grid` from photographs of `size` (columns, rows) [px].
 
     Raises:
         InputError: the rig has no camera, or an impossible one.
     """
     geometry = Geometry.of(rig)
-    reduction = choose_reduction(geometry, grid, size[0], settings.sampling)
+    reduction = choose_reduction(geometry, grid, size[0])
     cells = grid.nx * grid.nz
     samples = cells * samples_across(geometry, grid, reduction) ** 2
     finer = max(1.0, _USUAL_CELL_M / float(np.sqrt(grid.cell_area)))

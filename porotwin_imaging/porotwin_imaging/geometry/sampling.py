@@ -16,7 +16,22 @@ from numpy.typing import NDArray
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.geometry.corners_and_lens import Geometry, apply_homography
 from porotwin_imaging.numerics.row_bands import by_bands, row_bands
-from porotwin_imaging.settings import DEFAULTS, SamplingSettings
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How finely a photograph is decoded and sampled (`sampling.py`)."""
+
+    least_pixels_per_cell: float = 1.4
+    """Decoded pixels per cell in each direction that a coarser decoding must leave [px]."""
+    least_pixels_per_fine_cell: float = 1.2
+    """The same limit for the last step from half to full resolution, which costs the most time."""
+    least_columns: int = 1200
+    """Width [px] below which alignment to the baseline becomes inaccurate."""
+
+
+SAMPLING = SamplingSettings()
+
 
 Array = NDArray[Any]
 
@@ -29,7 +44,6 @@ def choose_reduction(
     geometry: Geometry,
     grid: Grid,
     photo_width: int,
-    settings: SamplingSettings = DEFAULTS.sampling,
 ) -> int:
     """Return the coarsest decoding (8, 4, 2 or 1) that resolves the cells of `grid`.
 
@@ -38,13 +52,13 @@ def choose_reduction(
     pixels_per_cell = min(geometry.columns / grid.nx, geometry.rows / grid.nz)
     for reduction in (8, 4, 2):
         if (
-            pixels_per_cell / reduction >= settings.least_pixels_per_cell
-            and photo_width / reduction >= settings.least_columns
+            pixels_per_cell / reduction >= SAMPLING.least_pixels_per_cell
+            and photo_width / reduction >= SAMPLING.least_columns
         ):
             return reduction
     enough_at_half = (
-        pixels_per_cell / 2 >= settings.least_pixels_per_fine_cell
-        and photo_width / 2 >= settings.least_columns
+        pixels_per_cell / 2 >= SAMPLING.least_pixels_per_fine_cell
+        and photo_width / 2 >= SAMPLING.least_columns
     )
     return 2 if enough_at_half else 1
 

@@ -17,7 +17,43 @@ from scipy.stats import theilslopes
 
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
-from porotwin_imaging.settings import DEFAULTS, ColourCheckerSettings
+
+
+@dataclass(frozen=True)
+class ColourCheckerSettings:
+    """Finding and judging the colour chart (`colour_checker.py`)."""
+
+    worst_fit: float = 0.2
+    """Largest misfit of a chart to its published colours, relative to their spread [-]."""
+    least_spread: float = 0.02
+    """Spread of linear colours below which the surface is even and no chart [-]."""
+    over_exposed: float = 0.955
+    """Lowest linear value of over-exposed patches, grey level 250 [-]."""
+    least_light: float = 0.05
+    """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
+    fewest_patches: int = 4
+    """Fewest patches per channel whose median ratio is a reliable gain."""
+    darkest: float = 0.005
+    """Darker patches of the baseline do not show haze [-]: a channel without light is clipped."""
+    least_veil: float = 0.002
+    """Haze that the chart shows [linear light]. It is below 0.001 on rendered and composed
+    photographs without haze."""
+    least_power: float = 0.03
+    """Change of the power of the tone curve that the chart shows [-]."""
+    most_power_misfit: float = 0.02
+    """Scatter of the patches about another tone curve above which it is none [log ratio]."""
+    least_diagonal: float = 0.2
+    """Smallest plausible diagonal element of a colour matrix [-]."""
+    most_moved: float = 0.01
+    """Distance of the chart from its given place, relative to the width of the photograph, above
+    which camera or rig have probably moved since the corners were marked [-]. People read corners
+    to 0.1 to 0.3 % of the width."""
+    most_mixing: float = 0.8
+    """Largest plausible sum of off-diagonal elements relative to the diagonal one [-]."""
+
+
+COLOUR_CHECKER = ColourCheckerSettings()
+
 
 Array = NDArray[Any]
 
@@ -144,16 +180,13 @@ def _misfit_without_one(patches: Array) -> float:
     return float(min(found))
 
 
-def find_checker(
-    linear: Array, corners: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
-) -> ColourChecker | None:
+def find_checker(linear: Array, corners: Array) -> ColourChecker | None:
     """Return the chart in a photograph, or None if it is not there.
 
     Args:
         linear: linear red, green, blue, shape (rows, columns, 3).
         corners: nominal corners of the chart as (column, row), shape (4, 2): dark skin, white,
             black, bluish green.
-        settings: thresholds.
     """
     width = int(PITCH * (5 + PATCH_SHARE)) + 2 * MARGIN
     height = int(PITCH * (3 + PATCH_SHARE)) + 2 * MARGIN
@@ -170,7 +203,7 @@ def find_checker(
         return None
     patches, move = found
     misfit = _misfit_without_one(patches)
-    if not (misfit < settings.worst_fit and patches.std() > settings.least_spread):
+    if not (misfit < COLOUR_CHECKER.worst_fit and patches.std() > COLOUR_CHECKER.least_spread):
         return None
     middle = np.array([width / 2, height / 2])
     there = np.array(apply_homography(homography, *(middle + move)))
@@ -202,16 +235,14 @@ def _best_place(chart: Array) -> tuple[Array, Array] | None:
     return means[best], moves[best, 0]
 
 
-def fit_matrix(
-    patches: Array, target: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
-) -> tuple[Array, NDArray[np.bool_]]:
+def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return (matrix (3, 3), used (24,)) with `patches @ matrix.T` close to `target` (24, 3).
 
     `patches` (24, 3) and `target` are linear red, green and blue. Over-exposed patches
     are omitted. Tukey's biweight reduces the influence of covered patches and patches in glare
     (iteratively reweighted least squares).
     """
-    usable = (patches < settings.over_exposed).all(axis=1) & (patches > 0).any(axis=1)
+    usable = (patches < COLOUR_CHECKER.over_exposed).all(axis=1) & (patches > 0).any(axis=1)
     scale = 1.0 / (target.mean(axis=1) + 0.02)  # relative errors, except in dark patches
     weight = usable * scale
     for _ in range(_REWEIGHTINGS):
@@ -223,17 +254,15 @@ def fit_matrix(
     return matrix.T, usable & (tukey > 0.0)
 
 
-def log_gain(
-    patches: Array, baseline: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
-) -> Array | None:
+def log_gain(patches: Array, baseline: Array) -> Array | None:
     """Return the log ratio of light at the chart to the baseline, per channel, shape (3,).
 
     `patches` and `baseline` have shape (24, 3). The result is the median over the patches that are
     not over-exposed in either and not dark in the baseline, so that one covered patch has no
     influence. None if a channel has too few such patches.
     """
-    usable = _usable(patches, baseline, settings, settings.least_light)
-    if usable.sum(axis=0).min() < settings.fewest_patches:
+    usable = _usable(patches, baseline, COLOUR_CHECKER.least_light)
+    if usable.sum(axis=0).min() < COLOUR_CHECKER.fewest_patches:
         return None
     ratio = _log_ratio(patches, baseline)
     return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
@@ -257,29 +286,29 @@ class ChartLight:
     straight_gain: Array
 
 
-def chart_light(
-    patches: Array, baseline: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
-) -> ChartLight | None:
+def chart_light(patches: Array, baseline: Array) -> ChartLight | None:
     """Return the light at the chart; `patches` and `baseline` are as in `log_gain`.
 
     Another tone curve and haze both change the ratio of dark and bright patches. The one that
     leaves less of the log ratios counts, in the median, so that a covered patch has little
     influence. None as in `log_gain`.
     """
-    gain = log_gain(patches, baseline, settings)
+    gain = log_gain(patches, baseline)
     if gain is None:
         return None
-    seen = _usable(patches, baseline, settings, settings.darkest)
+    seen = _usable(patches, baseline, COLOUR_CHECKER.darkest)
     ratio, light = _log_ratio(patches, baseline), np.log(np.maximum(baseline, 1e-4))
-    bright = _usable(patches, baseline, settings, settings.least_light)
+    bright = _usable(patches, baseline, COLOUR_CHECKER.least_light)
     power, level = _tone_curve(ratio, light, bright)
     veil, slope = _haze(patches, baseline, seen)
     even = _scatter(ratio - gain, seen)
     bent = _scatter(ratio - level - power * light, seen)
     hazy = _scatter(_log_ratio(patches, slope * np.maximum(baseline, 1e-4) + veil), seen)
-    if abs(power) >= settings.least_power and bent <= min(settings.most_power_misfit, hazy):
+    if abs(power) >= COLOUR_CHECKER.least_power and bent <= min(
+        COLOUR_CHECKER.most_power_misfit, hazy
+    ):
         return ChartLight(gain, power, None, level / (1.0 + power))
-    if abs(float(veil.mean())) >= settings.least_veil and hazy < even:
+    if abs(float(veil.mean())) >= COLOUR_CHECKER.least_veil and hazy < even:
         return ChartLight(gain, 0.0, veil, np.log(slope))
     return ChartLight(gain, 0.0, None, gain)
 
@@ -321,13 +350,11 @@ def _haze(patches: Array, baseline: Array, seen: Array) -> tuple[Array, Array]:
     return offsets, np.maximum(slopes, 1e-4)
 
 
-def _usable(
-    patches: Array, baseline: Array, settings: ColourCheckerSettings, least_light: float
-) -> Array:
+def _usable(patches: Array, baseline: Array, least_light: float) -> Array:
     """Return which patches and channels (24, 3) are neither over-exposed nor darker than that."""
     return np.asarray(
-        (patches < settings.over_exposed)
-        & (baseline < settings.over_exposed)
+        (patches < COLOUR_CHECKER.over_exposed)
+        & (baseline < COLOUR_CHECKER.over_exposed)
         & (baseline > least_light)
     )
 
@@ -336,11 +363,11 @@ def _log_ratio(patches: Array, baseline: Array) -> Array:
     return np.asarray(np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4)))
 
 
-def is_plausible(matrix: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker) -> bool:
+def is_plausible(matrix: Array) -> bool:
     """Return whether a colour matrix (3, 3) is mainly diagonal with positive diagonal elements."""
     diagonal = np.diag(matrix)
     mixing = np.abs(matrix - np.diag(diagonal)).sum(axis=1)
     return bool(
-        (diagonal > settings.least_diagonal).all()
-        and (mixing < settings.most_mixing * diagonal).all()
+        (diagonal > COLOUR_CHECKER.least_diagonal).all()
+        and (mixing < COLOUR_CHECKER.most_mixing * diagonal).all()
     )

@@ -16,8 +16,8 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Camera
 from porotwin_imaging.geometry.alignment import TURNS
 from porotwin_imaging.light import colour_checker
+from porotwin_imaging.light.colour_checker import COLOUR_CHECKER
 from porotwin_imaging.photograph.linear_light import linear_light, linear_light_near
-from porotwin_imaging.settings import DEFAULTS, ColourCheckerSettings
 
 Array = NDArray[Any]
 
@@ -63,7 +63,6 @@ def colour_reference(
     pixels: NDArray[np.uint8],
     camera: Camera,
     reduction: int,
-    settings: ColourCheckerSettings = DEFAULTS.colour_checker,
 ) -> tuple[ColourReference, list[str]]:
     """Return the colours of a decoded baseline, and remarks about the chart.
 
@@ -76,29 +75,27 @@ def colour_reference(
     without_chart = ColourReference(corners, None, np.eye(3))
     if corners is None:
         return without_chart, []
-    found = colour_checker.find_checker(linear_light(pixels), corners, settings)
+    found = colour_checker.find_checker(linear_light(pixels), corners)
     if found is None:
-        _refuse_turned(pixels, corners, settings)
+        _refuse_turned(pixels, corners)
         return without_chart, ['colour checker not found: light is judged by the sand alone']
-    matrix, used = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE, settings)
-    if not colour_checker.is_plausible(matrix, settings):
+    matrix, used = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE)
+    if not colour_checker.is_plausible(matrix):
         return without_chart, ['colour checker not plausible: light is judged by the sand alone']
     remark = (
         f'colour checker found {found.moved_px * reduction:.0f} px from its given place, '
         f'{used.sum()} of 24 patches used'
     )
-    if found.moved_px > settings.most_moved * pixels.shape[1]:
+    if found.moved_px > COLOUR_CHECKER.most_moved * pixels.shape[1]:
         remark += MOVED_RIG
     return ColourReference(corners, found.patches, matrix), [remark]
 
 
-def _refuse_turned(
-    pixels: NDArray[np.uint8], corners: Array, settings: ColourCheckerSettings
-) -> None:
+def _refuse_turned(pixels: NDArray[np.uint8], corners: Array) -> None:
     """Raise InputError if the chart is where a turned or mirrored photograph shows it."""
     for words, order in TURNS.items():
         back = linear_light(np.ascontiguousarray(pixels[order]))
-        if colour_checker.find_checker(back, corners, settings) is not None:
+        if colour_checker.find_checker(back, corners) is not None:
             raise InputError(
                 f'photograph is {words}: so it shows the colour chart at '
                 'camera.colour_checker_px; turn the photographs back, or correct the camera in '
@@ -110,7 +107,6 @@ def light_at_chart(
     pixels: NDArray[np.uint8],
     homography: Array,
     reference: ColourReference,
-    settings: ColourCheckerSettings = DEFAULTS.colour_checker,
 ) -> tuple[colour_checker.ChartLight | None, list[str]]:
     """Return the light at the chart compared with the baseline, and remarks.
 
@@ -121,10 +117,10 @@ def light_at_chart(
         return None, []
     moved = cv2.perspectiveTransform(reference.corners[:, None].astype(np.float64), homography)
     corners = moved[:, 0]
-    found = colour_checker.find_checker(linear_light_near(pixels, corners), corners, settings)
+    found = colour_checker.find_checker(linear_light_near(pixels, corners), corners)
     light = None
     if found is not None:
-        light = colour_checker.chart_light(found.patches, reference.patches, settings)
+        light = colour_checker.chart_light(found.patches, reference.patches)
     if light is None:
         return None, ['colour checker not seen: light is judged by the sand alone']
     return light, []

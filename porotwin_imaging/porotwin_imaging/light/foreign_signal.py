@@ -8,6 +8,7 @@ A dark tube has the wrong colour where it fills a cell, and looks like tracer wh
 plume or fills half a cell. The dark line through the cells of the wrong colour is left out as well.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -16,8 +17,39 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.light.light_check import window_mean
-from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings
 from porotwin_imaging.tracer.tracer_colour import TracerColour, split
+
+
+@dataclass(frozen=True)
+class ForeignSignalSettings:
+    """Changes that tracer cannot make (`foreign_signal.py`).
+
+    The limits hold for averages over small windows. In brackets: the largest values on real and
+    rendered photographs of tracer.
+    """
+
+    most_brighter: float = 0.1
+    """Brightening of one colour channel [log ratio] (0.053)."""
+    hue_error: float = 0.05
+    """Hue that noise and light make [log ratio] (0.04)."""
+    most_turned: float = 0.8
+    """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
+    least_dark: float = 0.15
+    """Darkening from which the hue of the dye must be seen [log ratio]."""
+    least_hue: float = 0.3
+    """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
+    line_cells: int = 7
+    """Cells across a window that a thin line does not fill: tubes are thinner."""
+    line_depth: float = 0.08
+    """Darkening of a thin line relative to its sides [log ratio] (0.05): 5 % of stock."""
+    most_share: float = 0.15
+    """Share of the sand above which a photograph is refused [-]."""
+    most_left_out: float = 0.25
+    """The same for these changes, reflections and the surroundings of both together [-]."""
+
+
+FOREIGN_SIGNAL = ForeignSignalSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -37,7 +69,6 @@ def without_foreign_signal(
     residual: Array,
     visible: Mask,
     colour: TracerColour | None,
-    settings: ForeignSignalSettings = DEFAULTS.foreign_signal,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) whose change of light tracer can make, and remarks.
 
@@ -45,23 +76,22 @@ def without_foreign_signal(
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
         colour: colour of the tracer, None if it is unknown or grey; then only the sign is checked.
-        settings: thresholds.
 
     Raises:
         InputError: too much of the sand shows something else.
     """
     smooth = window_mean(residual, visible)
-    foreign = smooth.max(axis=2) > settings.most_brighter
+    foreign = smooth.max(axis=2) > FOREIGN_SIGNAL.most_brighter
     if colour is not None:
-        foreign |= _another_colour(smooth, colour, settings)
+        foreign |= _another_colour(smooth, colour)
     foreign &= visible
     foreign = cv2.morphologyEx(
         foreign.astype(np.uint8), cv2.MORPH_OPEN, np.ones(_SPECK, np.uint8)
     ).astype(bool)
-    foreign |= _dark_lines(residual, visible, foreign, settings)
+    foreign |= _dark_lines(residual, visible, foreign)
     count = max(1, int(visible.sum()))
     share = float(foreign.sum() / count)
-    if share > settings.most_share:
+    if share > FOREIGN_SIGNAL.most_share:
         raise InputError(
             f'photograph shows what tracer cannot make on {100 * share:.0f} % of the sand: another '
             'dye, a pH indicator, gas or coloured light; use a baseline and a calibration of this '
@@ -76,9 +106,7 @@ def without_foreign_signal(
     return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
 
 
-def _dark_lines(
-    residual: Array, visible: Mask, foreign: Mask, settings: ForeignSignalSettings
-) -> Mask:
+def _dark_lines(residual: Array, visible: Mask, foreign: Mask) -> Mask:
     """Return the cells of thin dark lines (nz, nx) that pass through `foreign` cells.
 
     A line is darker than the grain of the sand, which fine cells show as lines everywhere.
@@ -86,22 +114,22 @@ def _dark_lines(
     if not foreign.any():
         return foreign
     darkening = -np.where(visible, residual.mean(axis=2), 0.0).astype(np.float32)
-    around = np.ones((settings.line_cells,) * 2, np.uint8)
+    around = np.ones((FOREIGN_SIGNAL.line_cells,) * 2, np.uint8)
     relief = cv2.morphologyEx(darkening, cv2.MORPH_TOPHAT, around)
     grain = _GRAINS * float(np.median(relief[visible]))
-    thin = relief > max(settings.line_depth, grain)
+    thin = relief > max(FOREIGN_SIGNAL.line_depth, grain)
     joined = ((thin & visible) | foreign).astype(np.uint8)
     _, parts = cv2.connectedComponents(joined, connectivity=8)
     return np.asarray(np.isin(parts, np.unique(parts[foreign])))
 
 
-def _another_colour(smooth: Array, colour: TracerColour, settings: ForeignSignalSettings) -> Mask:
+def _another_colour(smooth: Array, colour: TracerColour) -> Mask:
     """Return where (nz, nx) the hue is not the hue of tracer, or where it is missing."""
     grey, hue = split(smooth)
     along = hue @ colour.direction.astype(hue.dtype)
     across = np.linalg.norm(hue - along[..., None] * colour.direction, axis=2)
-    turned = across > settings.hue_error + settings.most_turned * np.maximum(along, 0.0)
-    opposite = along < -settings.hue_error
-    dark = grey < -settings.least_dark
-    colourless = dark & (along < settings.least_hue * colour.strength * -grey)
+    turned = across > FOREIGN_SIGNAL.hue_error + FOREIGN_SIGNAL.most_turned * np.maximum(along, 0.0)
+    opposite = along < -FOREIGN_SIGNAL.hue_error
+    dark = grey < -FOREIGN_SIGNAL.least_dark
+    colourless = dark & (along < FOREIGN_SIGNAL.least_hue * colour.strength * -grey)
     return np.asarray(turned | opposite | colourless, bool)

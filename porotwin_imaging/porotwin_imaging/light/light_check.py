@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_imaging.light.light_drift import LightDrift
-from porotwin_imaging.settings import DEFAULTS, LightSettings
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
@@ -42,22 +41,20 @@ _COLOUR_PERCENTILE = 99.5
 def lit_as_baseline(
     residual: Array,
     visible: Mask,
-    settings: LightSettings = DEFAULTS.light,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) that are not brighter than the baseline, and remarks.
 
     Args:
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
-        settings: thresholds.
 
     Raises:
         InputError: too much of the sand is brighter.
     """
     smooth = cv2.transform(window_mean(residual, visible), _GREY)
-    brighter = visible & (smooth > settings.most_brighter)
+    brighter = visible & (smooth > LIGHT.most_brighter)
     share = float(brighter.sum() / max(1, visible.sum()))
-    if share > settings.most_brighter_share:
+    if share > LIGHT.most_brighter_share:
         raise InputError(
             f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
             'tracer cannot cause: another exposure, a flash or a lamp, or a shadow on the '
@@ -122,40 +119,35 @@ def refuse_unknown_light(
     )
 
 
-def exposure_remarks(
-    checker_gain: Array | None, settings: LightSettings = DEFAULTS.light
-) -> list[str]:
+def exposure_remarks(checker_gain: Array | None) -> list[str]:
     """Return a remark if the colour chart corrected another exposure.
 
     `checker_gain` is the log gain (3,) at the chart, None if it is not seen.
     """
-    if checker_gain is None or abs(float(checker_gain.mean())) <= settings.search_range:
+    if checker_gain is None or abs(float(checker_gain.mean())) <= LIGHT.search_range:
         return []
     factor = float(np.exp(checker_gain.mean()))
     return [f'{factor:.2g} times the light of the baseline: corrected by the colour chart']
 
 
-def drift_remarks(
-    drift: LightDrift, visible: Mask, settings: LightSettings = DEFAULTS.light
-) -> list[str]:
+def drift_remarks(drift: LightDrift, visible: Mask) -> list[str]:
     """Return remarks on light of another slope or colour: the drift takes up all but a little.
 
     Args:
         drift: the drift of light that was removed.
         visible: cells that show their sand, shape (nz, nx).
-        settings: thresholds.
     """
     if not visible.any():
         return []
     remarks = []
     dimmest, brightest = np.percentile(drift.shape[visible], _OUTERMOST)
-    if brightest - dimmest > settings.told_slope:
+    if brightest - dimmest > LIGHT.told_slope:
         remarks.append(
             f'a part of the rig has {float(np.exp(dimmest - brightest)):.2g} times the light of '
             'another part, compared with the baseline: corrected, but pale tracer is less certain; '
             'set the lamps as for the baseline'
         )
-    if np.ptp(drift.channels) > settings.told_cast:
+    if np.ptp(drift.channels) > LIGHT.told_cast:
         red, _, blue = np.exp(drift.channels - drift.channels[1])
         remarks.append(
             f'beside green, red is {red:.2f} and blue {blue:.2f} times as bright as in the '

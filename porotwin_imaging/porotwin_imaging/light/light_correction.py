@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.light.colour_checker import ChartLight
-from porotwin_imaging.light.foreign_signal import without_foreign_signal
+from porotwin_imaging.light.foreign_signal import FOREIGN_SIGNAL, without_foreign_signal
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
@@ -27,7 +27,6 @@ from porotwin_imaging.light.light_drift import LightDrift, light_drift
 from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
 from porotwin_imaging.numerics.cell_sums import BlockSums
-from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
 from porotwin_imaging.tracer.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
@@ -75,7 +74,6 @@ def corrected_light(
     sums: BlockSums,
     chart_light: ChartLight | None,
     colour: TracerColour | None,
-    settings: ImagingSettings = DEFAULTS,
     below_veil: BelowVeil | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
@@ -87,7 +85,6 @@ def corrected_light(
         sums: means of the baseline over blocks of cells.
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
-        settings: settings of all steps.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
 
     Raises:
@@ -98,10 +95,10 @@ def corrected_light(
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
     tone = None if chart_light is None else tone_of_chart(chart_light)
-    tone = tone or tone_change(blocks, before, after, seen, checker_gain, settings)
-    remarks = exposure_remarks(checker_gain, settings.light)
+    tone = tone or tone_change(blocks, before, after, seen, checker_gain)
+    remarks = exposure_remarks(checker_gain)
     if tone is None and chart_light is not None:
-        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen, settings)
+        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
         remarks += not_hazy
     if tone is not None:
         if tone.veil is not None and below_veil is not None:
@@ -111,24 +108,22 @@ def corrected_light(
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
-    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
+    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
-    remarks += drift_remarks(drift, visible, settings.light)
+    remarks += drift_remarks(drift, visible)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
     colour = colour or colour_in(residual, seen)
-    local = local_light(residual, seen, colour, settings.local_light)
+    local = local_light(residual, seen, colour)
     if local is not None:
         residual = residual - local.log_gain[..., None]
         drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
         variance = variance + _resized(local.variance, visible.shape)
         remarks += local.remarks
-    comparable, bright = lit_as_baseline(residual, seen, settings.light)
+    comparable, bright = lit_as_baseline(residual, seen)
     if (found := seen & ~comparable).any():
         variance = variance + _resized(spilled_light(residual, found, after) ** 2, visible.shape)
-    comparable, foreign = without_foreign_signal(
-        residual, comparable, colour, settings.foreign_signal
-    )
-    _refuse_much_left_out(seen, comparable, settings.foreign_signal)
+    comparable, foreign = without_foreign_signal(residual, comparable, colour)
+    _refuse_much_left_out(seen, comparable)
     left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
     return CorrectedLight(
         log_ratio=drift.removed_from(log_ratio),
@@ -140,10 +135,10 @@ def corrected_light(
     )
 
 
-def _refuse_much_left_out(seen: Mask, comparable: Mask, settings: ForeignSignalSettings) -> None:
+def _refuse_much_left_out(seen: Mask, comparable: Mask) -> None:
     """Raise InputError if reflections and other colours hide too much of the sand together."""
     lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
-    if lost > settings.most_left_out:
+    if lost > FOREIGN_SIGNAL.most_left_out:
         raise InputError(
             f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
             f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '

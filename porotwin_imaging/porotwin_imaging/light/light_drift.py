@@ -19,7 +19,38 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.numerics.row_bands import row_bands
-from porotwin_imaging.settings import DEFAULTS, LightSettings
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Estimating the drift of light since the baseline (`light_drift.py`)."""
+
+    least_background: float = 0.1
+    """Share of the visible cells that must be free of tracer to fit the drift [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: cells further from the drift are no background."""
+    search_range: float = 0.25
+    """Largest difference between chart and sand that can be light [log ratio]."""
+    told_slope: float = 0.2
+    """Slope of the light over the rig above which a remark tells it [log ratio]. It is below 0.08
+    on rendered and composed photographs."""
+    told_cast: float = 0.08
+    """Difference between the channels that is told [log ratio]; below 0.02 on the same ones."""
+    rounds: int = 6
+    """Reweighted fits before the surroundings of tracer are left out, and again after that."""
+    most_cells: int = 12_000
+    """Cells used of a finer map: the drift varies slowly, a regular subset is enough."""
+    histogram_bin: float = 0.01
+    """Bin width of the histogram for the start value [log ratio]."""
+    most_brighter: float = 0.08
+    """Cells that are brighter than the baseline by more show a reflection [log ratio]. On real and
+    rendered photographs the averages over 3 x 3 cells stay below 0.022."""
+    most_brighter_share: float = 0.15
+    """Photographs that are brighter on more than this share of the sand are refused [-]."""
+
+
+LIGHT = LightSettings()
+
 
 Array = NDArray[Any]
 
@@ -63,7 +94,8 @@ def light_drift(
     log_ratio: Array,
     weight: Array,
     checker_gain: Array | None,
-    settings: LightSettings = DEFAULTS.light,
+    *,
+    search_range: float = LIGHT.search_range,
 ) -> LightDrift:
     """Return the drift of light.
 
@@ -71,13 +103,15 @@ def light_drift(
         log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
         weight: weight of each cell, 0 where it is not visible, shape (nz, nx).
         checker_gain: log gain at the colour chart, shape (3,), or None.
-        settings: thresholds.
+        search_range: distance from that gain within which the light is searched [log].
     """
     shape = log_ratio.shape[:2]
-    stride = max(1, round(np.sqrt(weight.size / settings.most_cells)))
+    stride = max(1, round(np.sqrt(weight.size / LIGHT.most_cells)))
     subset = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
     places = (place[cells] for place, cells in zip(_places(shape), subset, strict=True))
-    found = _robust_fit(log_ratio[subset], weight[subset], _terms(*places), checker_gain, settings)
+    seen, sand = log_ratio[subset], weight[subset]
+    start = _start(seen, sand, checker_gain, search_range)
+    found = _robust_fit(seen, sand, _terms(*places), start)
     if found is None:
         gain = np.zeros(3) if checker_gain is None else checker_gain
         return LightDrift(gain.astype(np.float32), np.zeros(shape, np.float32), 0.0)
@@ -90,22 +124,21 @@ def _robust_fit(
     log_ratio: Array,
     weight: Array,
     terms: Array,
-    checker_gain: Array | None,
-    settings: LightSettings,
+    start: Array,
 ) -> tuple[Array, Array, float] | None:
     """Return constants (3,), coefficients (5,) and background share; None without background."""
-    constants: Array = _start(log_ratio, weight, checker_gain, settings)
+    constants = start
     coefficients: Array = np.zeros(terms.shape[-1])
     visible = weight > 0
     share = 0.0
-    for step in range(2 * settings.rounds):
+    for step in range(2 * LIGHT.rounds):
         residual = log_ratio - constants - (terms @ coefficients)[..., None]
-        distance = np.sqrt((residual**2).mean(axis=2)) / settings.tolerance
+        distance = np.sqrt((residual**2).mean(axis=2)) / LIGHT.tolerance
         background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
-        if step >= settings.rounds:
+        if step >= LIGHT.rounds:
             background = background * _away_from_tracer(residual.mean(axis=2))
         share = float((background > 0).sum() / max(1, visible.sum()))
-        if share < settings.least_background:
+        if share < LIGHT.least_background:
             return None
         constants, coefficients = _fit(log_ratio, terms, background)
     return constants, coefficients, share
@@ -121,16 +154,14 @@ def _away_from_tracer(residual: Array) -> Array:
     return 1.0 - cv2.dilate(dark, np.ones((reach, reach), np.uint8))
 
 
-def _start(
-    log_ratio: Array, weight: Array, checker_gain: Array | None, settings: LightSettings
-) -> Array:
+def _start(log_ratio: Array, weight: Array, checker_gain: Array | None, reach: float) -> Array:
     """Return the start value (3,): the most frequent log ratio of the sand near the chart gain."""
     expected: Array = np.zeros(3) if checker_gain is None else checker_gain
     values = log_ratio[weight > 0]
     if not len(values):
         return expected
     grey = values.mean(axis=1)
-    reach, width = settings.search_range, settings.histogram_bin
+    width = LIGHT.histogram_bin
     edges = np.arange(expected.mean() - reach, expected.mean() + reach + width, width)
     counts = np.histogram(grey, edges)[0]
     counts = np.convolve(counts, np.ones(3), mode='same')

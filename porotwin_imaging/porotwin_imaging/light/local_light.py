@@ -16,8 +16,33 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from porotwin_imaging.settings import DEFAULTS, LocalLightSettings
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
+
+
+@dataclass(frozen=True)
+class LocalLightSettings:
+    """Soft shadows and lamps (`local_light.py`)."""
+
+    blocks_across: int = 140
+    """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
+    nodes_across: int = 28
+    """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
+    least_share: float = 0.3
+    """Visible share of a block that counts [-]."""
+    darkest: float = 0.9
+    """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
+    most_brighter: float = 0.08
+    """Brighter places are corrected by at most so much [log ratio]; more is a reflection."""
+    least_change: float = 0.02
+    """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
+    least_part: float = 0.01
+    """Share of the sand without tracer that must be changed so [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: blocks further from the field show objects."""
+
+
+LOCAL_LIGHT = LocalLightSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -61,7 +86,6 @@ def local_light(
     residual: Array,
     visible: Mask,
     colour: TracerColour | None,
-    settings: LocalLightSettings = DEFAULTS.local_light,
 ) -> LocalLight | None:
     """Return the local light of a photograph; None if it is ordinary.
 
@@ -69,30 +93,32 @@ def local_light(
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
         colour: colour of the tracer; None if it is unknown or grey.
-        settings: thresholds.
     """
     if colour is None:
         return None
-    light, share = _blocks(residual, visible, settings)
-    seen = share > settings.least_share
+    light, share = _blocks(residual, visible)
+    seen = share > LOCAL_LIGHT.least_share
     grey, hue = split(light)
     tracer = colour.amount(hue)
-    clean = seen & ~_near_tracer(grey, tracer, seen) & (grey > -settings.darkest)
-    if not _is_unusual(grey, clean, settings):
+    clean = seen & ~_near_tracer(grey, tracer, seen) & (grey > -LOCAL_LIGHT.darkest)
+    if not _is_unusual(grey, clean):
         return None
-    field = np.minimum(_smooth_field(grey, clean * share, settings), settings.most_brighter)
+    field = np.minimum(_smooth_field(grey, clean * share), LOCAL_LIGHT.most_brighter)
     return _local_light(field, clean, residual.shape[:2], visible)
 
 
-def _blocks(residual: Array, visible: Mask, settings: LocalLightSettings) -> tuple[Array, Array]:
+def _blocks(residual: Array, visible: Mask) -> tuple[Array, Array]:
     """Return means over blocks of cells (rows, columns, 3), and their visible share."""
     nz, nx = visible.shape
-    size = (min(nx, settings.blocks_across), min(nz, max(4, settings.blocks_across * nz // nx)))
+    size = (
+        min(nx, LOCAL_LIGHT.blocks_across),
+        min(nz, max(4, LOCAL_LIGHT.blocks_across * nz // nx)),
+    )
     weight = visible.astype(np.float32)
     share = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
     filled = np.where(visible[..., None], residual, 0.0).astype(np.float32)
     sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
-    return sums / np.maximum(share, settings.least_share)[..., None], share
+    return sums / np.maximum(share, LOCAL_LIGHT.least_share)[..., None], share
 
 
 def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
@@ -119,22 +145,22 @@ def _average(plane: Array, chosen: Mask, window: tuple[int, int]) -> Array:
     return np.asarray(sums / np.maximum(total, _SMALLEST_DIVISOR))
 
 
-def _is_unusual(missing: Array, clean: Mask, settings: LocalLightSettings) -> bool:
+def _is_unusual(missing: Array, clean: Mask) -> bool:
     """Return whether light is missing on a part of the sand that no ordinary photograph has."""
     if not clean.any():
         return False
     smooth = _average(missing, clean, _WINDOW)
-    return float((np.abs(smooth[clean]) > settings.least_change).mean()) > settings.least_part
+    return float((np.abs(smooth[clean]) > LOCAL_LIGHT.least_change).mean()) > LOCAL_LIGHT.least_part
 
 
-def _smooth_field(missing: Array, weight: Array, settings: LocalLightSettings) -> Array:
+def _smooth_field(missing: Array, weight: Array) -> Array:
     """Return the smooth field (rows, columns) of missing light.
 
     The field is bilinear between nodes. Bends and slopes between the nodes are penalised; robust
     weights (Tukey's biweight) leave out objects with sharp edges.
     """
     rows, columns = missing.shape
-    nodes = settings.nodes_across
+    nodes = LOCAL_LIGHT.nodes_across
     count = (max(4, round(nodes * rows / columns)), nodes)
     shape = sparse.kron(_hats(rows, count[0]), _hats(columns, count[1]), format='csr')
     bends, slopes = _penalties(count)
@@ -146,7 +172,7 @@ def _smooth_field(missing: Array, weight: Array, settings: LocalLightSettings) -
         system = normal + size * (_BEND_PENALTY * bends + _SLOPE_PENALTY * slopes)
         found = spsolve(system.tocsc(), shape.T @ (data @ missing.ravel()))
         field = (shape @ found).reshape(missing.shape)
-        distance = (missing - field) / settings.tolerance
+        distance = (missing - field) / LOCAL_LIGHT.tolerance
         robust = np.clip(1.0 - distance**2, 0.0, None) ** 2
     return np.asarray(field)
 

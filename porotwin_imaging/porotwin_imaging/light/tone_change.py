@@ -28,8 +28,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.light.colour_checker import ChartLight
-from porotwin_imaging.light.light_drift import light_drift
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
+from porotwin_imaging.light.light_drift import LIGHT, light_drift
+
+
+@dataclass(frozen=True)
+class ToneSettings:
+    """Another tone curve, or haze (`tone_change.py`)."""
+
+    least_spread: float = 0.15
+    """Spread of the brightness of the sands that shows a change of tone [log]."""
+    least_slope: float = 0.006
+    """Drift of the log ratio with the log of brightness from which a change is searched [-]. It is
+    below 0.003 on real and rendered photographs."""
+    brighter: float = 0.05
+    """Cells that are brighter by more count as a sign of it [log ratio]; single cells are noisy."""
+    brighter_share: float = 0.03
+    """Share of such cells from which a change is searched [-]. In ordinary photographs it is 0."""
+    most_level: float = 0.03
+    """By so much may haze on the chart fit the level of clean sand worse than light alone [log]:
+    light differs between chart and sand."""
+    least_gain: float = 1.03
+    """Sand that follows one smooth light after the correction, relative to before [-]."""
+
+
+TONE = ToneSettings()
+
+FEWEST_SAND_CELLS = 50
+"""Visible cells below which sands cannot be told apart."""
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -109,7 +135,7 @@ def tone_of_chart(light: ChartLight) -> ToneChange | None:
 
 
 def haze_of_chart(
-    light: ChartLight, log_ratio: Array, before: Array, visible: Mask, settings: ImagingSettings
+    light: ChartLight, log_ratio: Array, before: Array, visible: Mask
 ) -> tuple[ToneChange | None, list[str]]:
     """Return the haze that the chart shows if the sand may have it too, and a remark if it has not.
 
@@ -121,28 +147,27 @@ def haze_of_chart(
         log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
         before: linear light of the baseline in colours of the camera, same shape.
         visible: cells that show their sand, shape (nz, nx).
-        settings: settings of all steps.
     """
     if light.veil is None or not visible.any():
         return None, []
     dark = float(np.percentile(before.mean(axis=2)[visible], _DARK_PERCENTILE))
     veil = (float(light.veil[0]), float(light.veil[1]), float(light.veil[2]))
     haze = ToneChange('haze', float(light.veil.mean()), max(dark, _SMALLEST_DIVISOR), veil)
-    if not _tells_tone(before, visible, settings):
+    if not _tells_tone(before, visible):
         weight = visible.astype(np.float32)
-        drift = light_drift(log_ratio, weight, light.straight_gain, settings.light).channels
+        drift = light_drift(log_ratio, weight, light.straight_gain).channels
         middle = np.median(before[visible], axis=0)
         hazy = np.log(np.maximum(np.exp(light.straight_gain) + light.veil / middle, _LEAST_RATIO))
         apart = [float(np.abs(drift - gain).mean()) for gain in (hazy, light.straight_gain)]
-        if apart[0] <= apart[1] + settings.tone.most_level:
+        if apart[0] <= apart[1] + TONE.most_level:
             return haze, []
     return None, ['haze or a reflection on the colour chart, but not on the sand: not corrected']
 
 
-def _tells_tone(before: Array, visible: Mask, settings: ImagingSettings) -> bool:
+def _tells_tone(before: Array, visible: Mask) -> bool:
     """Return whether the sand of the baseline has parts of different brightness."""
     light = np.log(np.maximum(before.mean(axis=2)[visible], _SMALLEST_DIVISOR))
-    return bool(light.std() >= settings.tone.least_spread)
+    return bool(light.std() >= TONE.least_spread)
 
 
 def tone_change(
@@ -151,7 +176,6 @@ def tone_change(
     after: Array,
     visible: Mask,
     checker_gain: Array | None,
-    settings: ImagingSettings = DEFAULTS,
 ) -> ToneChange | None:
     """Return the change of tone of a photograph; None if it is ordinary.
 
@@ -161,7 +185,6 @@ def tone_change(
         after: the same of the photograph.
         visible: cells that show their sand, shape (nz, nx).
         checker_gain: log gain at the colour chart, shape (3,), or None.
-        settings: settings of all steps.
     """
     size = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
     search = _Search(
@@ -170,20 +193,17 @@ def tone_change(
         np.maximum(_block_means(after, visible, size), _SMALLEST_DIVISOR),
         _block_means(visible[..., None], np.ones_like(visible), size)[..., 0] > _SEEN_SHARE,
         checker_gain,
-        settings,
     )
     if not search.is_unusual():
         return None
     best = max((search.best('curve', _POWERS), search.best('haze', _OFFSETS)), key=search.score)
     gain = search.score(best) / max(search.score(None), 1.0)
-    if gain <= settings.tone.least_gain:
+    if gain <= TONE.least_gain:
         return None
     if best.kind == 'curve':
         return best
     thin = (slice(size // 2, None, size), slice(size // 2, None, size))
-    cells = _Search(
-        log_ratio[thin], before[thin], after[thin], visible[thin], checker_gain, settings
-    )
+    cells = _Search(log_ratio[thin], before[thin], after[thin], visible[thin], checker_gain)
     return cells.with_veil(best)
 
 
@@ -210,25 +230,24 @@ class _Search:
     after: Array
     visible: Mask
     checker_gain: Array | None
-    settings: ImagingSettings
 
     def is_unusual(self) -> bool:
         """Return whether dark and bright sand drift apart, or sand has become brighter."""
-        tone, light = self.settings.tone, np.log(self.before.mean(axis=2))
-        if not self.visible.any() or not _tells_tone(self.before, self.visible, self.settings):
+        light = np.log(self.before.mean(axis=2))
+        if not self.visible.any() or not _tells_tone(self.before, self.visible):
             return False
         weight, residual = self._background(None)
         grey = residual.mean(axis=2)
-        if (grey[self.visible] > tone.brighter).mean() > tone.brighter_share:
+        if (grey[self.visible] > TONE.brighter).mean() > TONE.brighter_share:
             return True
         chosen = weight > 0
-        if chosen.sum() < self.settings.sands.fewest_cells:
+        if chosen.sum() < FEWEST_SAND_CELLS:
             return False
         apart = light[chosen] - light[chosen].mean()
         weighted = weight[chosen] * apart
         slope = weighted @ grey[chosen] / max(float(weighted @ apart), _SMALLEST_DIVISOR)
-        seen = apart.std() > tone.least_spread
-        return bool(seen and abs(slope) > tone.least_slope)
+        seen = apart.std() > TONE.least_spread
+        return bool(seen and abs(slope) > TONE.least_slope)
 
     def best(self, kind: Literal['curve', 'haze'], amounts: tuple[float, ...]) -> ToneChange:
         """Return the best change of a kind: the best of `amounts`, then refined."""
@@ -289,8 +308,7 @@ class _Search:
         Residuals are those of the photograph, `contrast` times those of the undone ratios.
         Otherwise a change would win by making noise smaller.
         """
-        light = self.settings.light
-        drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain, light)
+        drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain)
         residual = contrast * (ratio - drift.log_gain)
-        distance = (residual**2).mean(axis=2) / light.tolerance**2
+        distance = (residual**2).mean(axis=2) / LIGHT.tolerance**2
         return self.visible * np.clip(1.0 - distance, 0.0, None) ** 2, residual

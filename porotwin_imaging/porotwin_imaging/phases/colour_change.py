@@ -7,7 +7,7 @@ colour has not changed.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -22,6 +22,7 @@ from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.baseline.photo_cells import photo_cells
 from porotwin_imaging.baseline.validity import hidden_sand, unclipped_cells
 from porotwin_imaging.geometry.alignment import alignment_remarks
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_correction import light_at_chart
 from porotwin_imaging.light.light_check import refuse_unknown_light
 from porotwin_imaging.light.light_drift import LightDrift, light_drift
@@ -105,25 +106,22 @@ def colour_change(data: bytes, baseline: Baseline, water: Sequence[Box] = ()) ->
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
-    settings = baseline.settings
     cells = photo_cells(data, baseline, Stopwatch())
     variance = log_ratio_variance(
-        cells.sums, baseline.chart.matrix, baseline.sampling.samples_across, settings.noise
+        cells.sums, baseline.chart.matrix, baseline.sampling.samples_across
     )
-    unclipped, clipped = unclipped_cells(cells.sums, cells.share, settings.validity)
-    visible = (cells.sums.share > settings.validity.least_visible_share) & unclipped
-    light, chart = light_at_chart(
-        cells.pixels, cells.alignment.homography, baseline.chart, settings.colour_checker
-    )
+    unclipped, clipped = unclipped_cells(cells.sums, cells.share)
+    visible = (cells.sums.share > VALIDITY.least_visible_share) & unclipped
+    light, chart = light_at_chart(cells.pixels, cells.alignment.homography, baseline.chart)
     ratio = _without_lamps(
         cells.sums.log_ratio, visible, None if light is None else light.log_gain, water, baseline
     )
-    blocks = hidden_sand(cells.sums.blocks, settings.validity)
-    covered = _covered(ratio, blocks, settings.validity.windows_across) & visible
+    blocks = hidden_sand(cells.sums.blocks)
+    covered = _covered(ratio, blocks, VALIDITY.windows_across) & visible
     bright = covered & (ratio.min(axis=2) > _LEAST_GAS_LIGHT)
     hidden = covered & ~bright
     remarks = [
-        *alignment_remarks(cells.alignment, baseline.reduction, settings.alignment),
+        *alignment_remarks(cells.alignment, baseline.reduction),
         *chart,
         *cells.remarks,
         *clipped,
@@ -165,14 +163,13 @@ def _without_lamps(
     agrees = visible & (np.abs(ratio - known).max(axis=2) < _SAME_LIGHT)
     share = float(agrees.sum() / max(1, visible.sum()))
     if not told and share < _LEAST_WATER:
-        drift = light_drift(ratio, visible.astype(float), None, baseline.settings.light)
+        drift = light_drift(ratio, visible.astype(float), None)
         refuse_unknown_light(ratio, visible, drift, chart_seen=False)
     elif share < _LEAST_FOR_SHAPE:  # too little to tell how the light varies over the rig
         constants = np.median(ratio[agrees], axis=0) if agrees.any() else known
         drift = LightDrift(np.asarray(constants, ratio.dtype), np.zeros_like(ratio[..., 0]), share)
     else:
-        light = replace(baseline.settings.light, search_range=_SAME_LIGHT)
-        drift = light_drift(ratio, agrees.astype(float), known, light)
+        drift = light_drift(ratio, agrees.astype(float), known, search_range=_SAME_LIGHT)
     return drift.removed_from(ratio)
 
 

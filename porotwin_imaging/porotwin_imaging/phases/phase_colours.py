@@ -19,7 +19,49 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.phases.colour_change import Box, ColourChange
-from porotwin_imaging.settings import DEFAULTS, PhaseSettings
+
+
+@dataclass(frozen=True)
+class PhaseSettings:
+    """Maps of water, dissolved CO2 and gas (`phase_colours.py`, `phase_segmentation.py`)."""
+
+    least_change: float = 0.08
+    """Smaller changes of colour are water [log]: light and grains cause up to 0.05."""
+    most_uneven: float = 0.6
+    """Range of a colour around a cell, relative to it, above which the cell lies at an edge [-]."""
+    least_share: float = 0.002
+    """Changed cells, relative to the sand of a photograph, that show the colour of a phase [-]."""
+    apart: float = 0.45
+    """Difference of two colours, relative to the stronger one, below which they are one [-]."""
+    least_cluster: float = 0.02
+    """Share of the changed cells below which a cluster joins the nearest one [-]."""
+    least_gas: float = 0.05
+    """Brightening of every channel in gas [log]: dry sand without indicator."""
+    same_hue: float = 0.96
+    """Cosine between two changes of colour from which they have one hue [-]."""
+    cells_for_sand: float = 40.0
+    """Cells that give a sand colours of its own; fewer are drawn to the colours of all sands."""
+    least_spread: float = 0.04
+    """Standard deviation of the colour of a cell that is added to its scatter [log]."""
+    most_samples: int = 60_000
+    """Most cells that are used to find colours; more tell nothing more."""
+    sharpness: float = 0.5
+    """Factor on the costs of colours, which are not independent from cell to cell [-]."""
+    coupling: float = 4.0
+    """Gain in log probability if all neighbours have the same phase [-]."""
+    doubt: float = 0.5
+    """Exponent of the probabilities: the model knows nothing of blur and place at edges [-]. Fitted
+    to rendered photographs."""
+    foreign: float = 0.25
+    """Distance from all colours and their mixtures that no phase explains [log]."""
+    foreign_share: float = 0.4
+    """The same relative to the change of colour [-]."""
+    told_foreign: float = 0.001
+    """Share of the sand with the colour of no phase that is told [-]."""
+
+
+PHASE = PhaseSettings()
+
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -96,7 +138,6 @@ def given_colours(
     boxes: Mapping[int, Sequence[Box]],
     sands: NDArray[np.uint8],
     grid: Any,
-    settings: PhaseSettings = DEFAULTS.phases,
 ) -> PhaseColours:
     """Return the colours in boxes that a person gives.
 
@@ -105,7 +146,6 @@ def given_colours(
         boxes: boxes of each phase; phases without a box are not searched.
         sands: index of the sand in each cell, shape (nz, nx).
         grid: the grid of the maps.
-        settings: thresholds.
 
     Raises:
         InputError: a box shows no sand, two phases have one colour, or they are exchanged.
@@ -117,10 +157,10 @@ def given_colours(
         change, sand = (np.concatenate(side) for side in zip(*found, strict=True))
         means[phase] = np.median(change, axis=0)
         parts.append(_Samples(change, sand, np.full(len(change), number)))
-    _refuse_alike(means, boxes, settings)
+    _refuse_alike(means, boxes)
     samples = _Samples(*(np.concatenate(side) for side in zip(*parts, strict=True)))
     of_colour = np.array([WATER, *sorted(boxes)])
-    return _fitted(samples, of_colour, int(sands.max()) + 1, settings)
+    return _fitted(samples, of_colour, int(sands.max()) + 1)
 
 
 def _in_box(
@@ -136,12 +176,10 @@ def _in_box(
     return shown.log_ratio[inside], sands[inside]
 
 
-def _refuse_alike(
-    means: Mapping[int, Array], boxes: Mapping[int, Sequence[Box]], settings: PhaseSettings
-) -> None:
+def _refuse_alike(means: Mapping[int, Array], boxes: Mapping[int, Sequence[Box]]) -> None:
     """Raise InputError if two phases have one colour, or if gas and dissolved are exchanged."""
     for phase, mean in means.items():
-        if np.abs(mean).max() < settings.least_change:
+        if np.abs(mean).max() < PHASE.least_change:
             raise InputError(
                 f'{PHASES[phase]} {boxes[phase][0]}: its colour differs from the baseline by '
                 f'{100 * float(np.abs(mean).max()):.0f} %, which is water; give a box that shows '
@@ -150,7 +188,7 @@ def _refuse_alike(
     if DISSOLVED not in means or GAS not in means:
         return
     dissolved, gas = means[DISSOLVED], means[GAS]
-    if np.linalg.norm(gas - dissolved) < settings.apart * np.linalg.norm(gas):
+    if np.linalg.norm(gas - dissolved) < PHASE.apart * np.linalg.norm(gas):
         raise InputError(
             f'gas {boxes[GAS][0]} and dissolved {boxes[DISSOLVED][0]} have the same colour; '
             'give boxes that show one phase each'
@@ -165,39 +203,37 @@ def _refuse_alike(
 def found_colours(
     changes: Sequence[ColourChange],
     sands: NDArray[np.uint8],
-    settings: PhaseSettings = DEFAULTS.phases,
 ) -> PhaseColours:
     """Return the colours of the clusters of all changed cells.
 
     Args:
         changes: the photographs.
         sands: index of the sand in each cell, shape (nz, nx).
-        settings: thresholds.
 
     Raises:
         InputError: nothing has changed its colour.
     """
-    picked = [_even_cells(change, settings) for change in changes]
+    picked = [_even_cells(change) for change in changes]
     change, sand = (
         np.concatenate(side)
         for side in zip(*((smooth[even], sands[even]) for smooth, even in picked), strict=True)
     )
     seen = max(1, *(int(one.visible.sum()) for one in changes))
-    if len(change) < settings.least_share * seen:
+    if len(change) < PHASE.least_share * seen:
         raise InputError(
             f'{len(changes)} photographs: nothing has changed its colour since the baseline by '
-            f'more than {100 * settings.least_change:.0f} %; the baseline must show the rig before '
+            f'more than {100 * PHASE.least_change:.0f} %; the baseline must show the rig before '
             'the injection, with the indicator in its water'
         )
-    step = max(1, len(change) // settings.most_samples)
+    step = max(1, len(change) // PHASE.most_samples)
     change, sand = change[::step], sand[::step]
-    number = _merged(change, _clustered(change), settings)
+    number = _merged(change, _clustered(change))
     means = np.array([np.median(change[number == n], axis=0) for n in range(number.max() + 1)])
-    phase = np.array([WATER, *_named(means, settings)])
-    return _fitted(_Samples(change, sand, number + 1), phase, int(sands.max()) + 1, settings)
+    phase = np.array([WATER, *_named(means)])
+    return _fitted(_Samples(change, sand, number + 1), phase, int(sands.max()) + 1)
 
 
-def _even_cells(change: ColourChange, settings: PhaseSettings) -> tuple[Array, Mask]:
+def _even_cells(change: ColourChange) -> tuple[Array, Mask]:
     """Return averages over windows (nz, nx, 3), and the changed cells that lie at no edge."""
     shown = np.where(change.visible[..., None], change.log_ratio, 0.0).astype(np.float32)
     window = (_WINDOW, _WINDOW)
@@ -207,7 +243,7 @@ def _even_cells(change: ColourChange, settings: PhaseSettings) -> tuple[Array, M
     around = np.ones((_WINDOW + 2, _WINDOW + 2), np.uint8)
     range_ = np.linalg.norm(cv2.dilate(smooth, around) - cv2.erode(smooth, around), axis=2)
     whole = cv2.erode(change.visible.astype(np.uint8), np.ones(window, np.uint8)) > 0
-    even = whole & (size > settings.least_change) & (range_ < settings.most_uneven * size)
+    even = whole & (size > PHASE.least_change) & (range_ < PHASE.most_uneven * size)
     return smooth, even
 
 
@@ -223,7 +259,7 @@ def _clustered(change: Array) -> Array:
     return numbers[:, 0]
 
 
-def _merged(change: Array, number: Array, settings: PhaseSettings) -> NDArray[np.int64]:
+def _merged(change: Array, number: Array) -> NDArray[np.int64]:
     """Return the clusters (n,) with similar and small ones merged, numbered from 0.
 
     One colour is strong in one sand and pale in another, or at a wide front. So the difference of
@@ -239,24 +275,24 @@ def _merged(change: Array, number: Array, settings: PhaseSettings) -> NDArray[np
         apart = np.linalg.norm(means[:, None] - means[None], axis=2)
         apart /= np.maximum(size[:, None], size[None])
         unit = means / size[:, None]
-        small = sizes < settings.least_cluster * len(change)
-        apart[(unit @ unit.T > settings.same_hue) | small[:, None]] *= _READILY
+        small = sizes < PHASE.least_cluster * len(change)
+        apart[(unit @ unit.T > PHASE.same_hue) | small[:, None]] *= _READILY
         np.fill_diagonal(apart, np.inf)
         first, second = np.unravel_index(apart.argmin(), apart.shape)
-        if apart[first, second] >= settings.apart:
+        if apart[first, second] >= PHASE.apart:
             break
         number[number == ids[first]] = ids[second]
     return np.unique(number, return_inverse=True)[1].astype(np.int64)
 
 
-def _named(means: Array, settings: PhaseSettings) -> list[int]:
+def _named(means: Array) -> list[int]:
     """Return the phase of each cluster from its mean change, shape (n, 3)."""
     least = means.min(axis=1)
     gas = int(least.argmax())
-    if least[gas] < settings.least_gas:
+    if least[gas] < PHASE.least_gas:
         return [DISSOLVED] * len(means)
     unit = means / np.maximum(np.linalg.norm(means, axis=1), _SMALLEST_DIVISOR)[:, None]
-    alike = unit @ unit[gas] > settings.same_hue
+    alike = unit @ unit[gas] > PHASE.same_hue
     return [GAS if alike[n] and least[n] > 0.0 else DISSOLVED for n in range(len(means))]
 
 
@@ -265,7 +301,6 @@ def refitted(
     changes: Sequence[ColourChange],
     numbers: Sequence[NDArray[np.uint8]],
     sands: NDArray[np.uint8],
-    settings: PhaseSettings = DEFAULTS.phases,
 ) -> PhaseColours:
     """Return the colours of the cells that a first segmentation gave to each of them.
 
@@ -274,24 +309,22 @@ def refitted(
         changes: the photographs.
         numbers: number of the colour of each cell, one map (nz, nx) for each photograph.
         sands: index of the sand in each cell, shape (nz, nx).
-        settings: thresholds.
     """
     parts = []
     for change, number in zip(changes, numbers, strict=True):
-        _, even = _even_cells(change, settings)
+        _, even = _even_cells(change)
         certain = even & (number > 0) & (number < len(colours.phase))
         parts.append((change.log_ratio[certain], sands[certain], number[certain].astype(np.int64)))
     change_of, sand, number_of = (np.concatenate(side) for side in zip(*parts, strict=True))
-    step = max(1, len(change_of) // settings.most_samples)
+    step = max(1, len(change_of) // PHASE.most_samples)
     samples = _Samples(change_of[::step], sand[::step], number_of[::step])
-    return _fitted(samples, colours.phase, int(sands.max()) + 1, settings, colours)
+    return _fitted(samples, colours.phase, int(sands.max()) + 1, colours)
 
 
 def _fitted(
     samples: _Samples,
     phase: Array,
     sand_count: int,
-    settings: PhaseSettings,
     before: PhaseColours | None = None,
 ) -> PhaseColours:
     """Return the colours of the samples: medians of each sand, drawn to the medians of all.
@@ -309,12 +342,12 @@ def _fitted(
         pooled = np.median(samples.change[of_colour], axis=0)
         for sand in range(sand_count):
             own = _in_full(samples.change[of_colour & (samples.sand == sand)], pooled)
-            weight = len(own) / (len(own) + settings.cells_for_sand)
+            weight = len(own) / (len(own) + PHASE.cells_for_sand)
             local = np.median(own, axis=0) if len(own) else pooled
             change[sand, number] = weight * local + (1.0 - weight) * pooled
             residuals = np.concatenate([residuals, own - change[sand, number]])
     spread = np.cov(residuals.T) if len(residuals) > len(CHANNELS) else np.zeros((3, 3))
-    spread = spread + settings.least_spread**2 * np.eye(3)
+    spread = spread + PHASE.least_spread**2 * np.eye(3)
     return PhaseColours(np.asarray(phase), change, np.repeat(spread[None], sand_count, axis=0))
 
 

@@ -27,8 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.phases.colour_change import ColourChange
-from porotwin_imaging.phases.phase_colours import PHASES, UNKNOWN, WATER, PhaseColours, refitted
-from porotwin_imaging.settings import DEFAULTS, PhaseSettings
+from porotwin_imaging.phases.phase_colours import (
+    PHASE,
+    PHASES,
+    UNKNOWN,
+    WATER,
+    PhaseColours,
+    refitted,
+)
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -68,7 +74,6 @@ def refined_colours(
     colours: PhaseColours,
     changes: Sequence[ColourChange],
     sands: NDArray[np.uint8],
-    settings: PhaseSettings = DEFAULTS.phases,
 ) -> PhaseColours:
     """Return the colours after a few segmentations: each sand then has its own.
 
@@ -76,11 +81,10 @@ def refined_colours(
         colours: first colours, from boxes or clusters.
         changes: the photographs.
         sands: index of the sand in each cell, shape (nz, nx).
-        settings: thresholds.
     """
     for _ in range(_REFITS):
-        numbers = [_colour_numbers(change, colours, sands, settings) for change in changes]
-        colours = refitted(colours, changes, numbers, sands, settings)
+        numbers = [_colour_numbers(change, colours, sands) for change in changes]
+        colours = refitted(colours, changes, numbers, sands)
     return colours
 
 
@@ -88,7 +92,6 @@ def segment_phases(
     change: ColourChange,
     colours: PhaseColours,
     sands: NDArray[np.uint8],
-    settings: PhaseSettings = DEFAULTS.phases,
 ) -> PhaseMap:
     """Return the phases in one photograph.
 
@@ -96,14 +99,13 @@ def segment_phases(
         change: the change of colour since the baseline.
         colours: the colours of the phases.
         sands: index of the sand in each cell, shape (nz, nx).
-        settings: thresholds.
     """
     costs = _costs(change, colours, sands)
-    known = change.visible & ~_foreign(change, colours, sands, settings)
+    known = change.visible & ~_foreign(change, colours, sands)
     of_phase = np.full((len(PHASES), *known.shape), np.inf, np.float32)
     for number, phase in enumerate(colours.phase):
         of_phase[phase] = np.minimum(of_phase[phase], costs[number])
-    powers = _mean_field(of_phase, known, settings) ** np.float32(settings.doubt)
+    powers = _mean_field(of_phase, known) ** np.float32(PHASE.doubt)
     probability = powers / np.maximum(powers.sum(axis=0), _SMALLEST_DIVISOR)
     phase = np.where(known, probability.argmax(axis=0), UNKNOWN).astype(np.uint8)
     confidence = np.where(known, probability.max(axis=0), np.nan).astype(np.float32)
@@ -114,7 +116,7 @@ def segment_phases(
 def _remarks(change: ColourChange, known: Mask) -> list[str]:
     """Return a remark if a part of the sand has another colour than all phases."""
     share = float((change.visible & ~known).sum() / max(1, change.visible.sum()))
-    if share < DEFAULTS.phases.told_foreign:
+    if share < PHASE.told_foreign:
         return []
     return [f'{100 * share:.1f} % of the sand has the colour of no phase: left out']
 
@@ -131,18 +133,14 @@ def _costs(change: ColourChange, colours: PhaseColours, sands: Array) -> Array:
     return costs
 
 
-def _colour_numbers(
-    change: ColourChange, colours: PhaseColours, sands: Array, settings: PhaseSettings
-) -> NDArray[np.uint8]:
+def _colour_numbers(change: ColourChange, colours: PhaseColours, sands: Array) -> NDArray[np.uint8]:
     """Return the number of the colour of each cell (nz, nx), `UNKNOWN` where there is none."""
-    known = change.visible & ~_foreign(change, colours, sands, settings)
-    probability = _mean_field(_costs(change, colours, sands), known, settings)
+    known = change.visible & ~_foreign(change, colours, sands)
+    probability = _mean_field(_costs(change, colours, sands), known)
     return np.where(known, probability.argmax(axis=0), UNKNOWN).astype(np.uint8)
 
 
-def _foreign(
-    change: ColourChange, colours: PhaseColours, sands: Array, settings: PhaseSettings
-) -> Mask:
+def _foreign(change: ColourChange, colours: PhaseColours, sands: Array) -> Mask:
     """Return the cells (nz, nx) whose colour is neither one of a phase nor between two of them."""
     nearest = np.full(sands.shape, np.inf, np.float32)
     smooth = cv2.blur(np.asarray(change.log_ratio, np.float32), (3, 3))
@@ -155,7 +153,7 @@ def _foreign(
             found = np.minimum(found, _distance(smooth[here], means[first], means[second], longest))
         nearest[here] = found
     size = np.linalg.norm(smooth, axis=2)
-    return np.asarray(nearest > np.maximum(settings.foreign, settings.foreign_share * size))
+    return np.asarray(nearest > np.maximum(PHASE.foreign, PHASE.foreign_share * size))
 
 
 def _distance(points: Array, start: Array, end: Array, longest: float) -> Array:
@@ -166,15 +164,15 @@ def _distance(points: Array, start: Array, end: Array, longest: float) -> Array:
     return np.linalg.norm(away - share[:, None] * along, axis=1)
 
 
-def _mean_field(costs: Array, known: Mask, settings: PhaseSettings) -> NDArray[np.float32]:
+def _mean_field(costs: Array, known: Mask) -> NDArray[np.float32]:
     """Return probabilities (n, nz, nx) from costs of the same shape; 0 where not known."""
-    data = -settings.sharpness * (costs - costs.min(axis=0))
+    data = -PHASE.sharpness * (costs - costs.min(axis=0))
     seen = known.astype(np.float32)
     weight = np.maximum(cv2.filter2D(seen, -1, _NEIGHBOURS, borderType=cv2.BORDER_CONSTANT), 1.0)
     q = _softmax(data) * seen
     for _ in range(_ROUNDS):
         around = [cv2.filter2D(one, -1, _NEIGHBOURS, borderType=cv2.BORDER_CONSTANT) for one in q]
-        q = _softmax(data + settings.coupling * (np.stack(around) / weight)) * seen
+        q = _softmax(data + PHASE.coupling * (np.stack(around) / weight)) * seen
     return q
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.calibrating.sands import segment
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.phases.colour_change import Box, ColourChange, colour_change
 from porotwin_imaging.phases.phase_colours import (
     PHASES,
@@ -67,18 +68,17 @@ class PhaseStudy:
         """
         water = tuple(boxes.get(WATER, ()))
         given = {phase: found for phase, found in boxes.items() if found and phase != WATER}
-        visible = baseline.share > baseline.settings.validity.least_visible_share
+        visible = baseline.share > VALIDITY.least_visible_share
         colours, texture = baseline.sand_appearance()
         sands = segment(colours, texture, visible)
         changes = _changes(photographs, baseline, water, given)
         used = list(changes.values())
-        settings = baseline.settings.phases
         first = (
-            given_colours(changes, given, sands, baseline.grid, settings)
+            given_colours(changes, given, sands, baseline.grid)
             if given
-            else found_colours(used, sands, settings)
+            else found_colours(used, sands)
         )
-        return cls(baseline, sands, water, refined_colours(first, used, sands, settings))
+        return cls(baseline, sands, water, refined_colours(first, used, sands))
 
     def phases(self, data: bytes) -> PhaseMap:
         """Return the phases in the photograph `data` (bytes of the file).
@@ -87,7 +87,7 @@ class PhaseStudy:
             InputError: the photograph cannot be used.
         """
         change = colour_change(data, self.baseline, self.water)
-        return segment_phases(change, self.colours, self.sands, self.baseline.settings.phases)
+        return segment_phases(change, self.colours, self.sands)
 
     def missing(self) -> list[str]:
         """Return the names of the phases without a colour."""

@@ -19,7 +19,22 @@ from PIL import Image, ImageCms
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
-from porotwin_imaging.settings import DEFAULTS, DecodingSettings
+
+
+@dataclass(frozen=True)
+class DecodingSettings:
+    """Which photographs are refused when they are decoded (`photo_file.py`)."""
+
+    dark_level: int = 12
+    """Grey level (0 to 255). A photograph is black if its 99.5th percentile is lower."""
+    bright_level: int = 250
+    """Lowest grey level (0 to 255) of over-exposed pixels."""
+    most_bright: float = 0.5
+    """Largest accepted share of over-exposed pixels [-]."""
+
+
+DECODING = DecodingSettings()
+
 
 JPEG_START = b'\xff\xd8'
 JPEG_END = b'\xff\xd9'
@@ -276,9 +291,7 @@ def photo_size(data: bytes) -> tuple[int, int]:
     return found
 
 
-def decode(
-    data: bytes, reduction: int = 1, settings: DecodingSettings = DEFAULTS.decoding
-) -> DecodedPhoto:
+def decode(data: bytes, reduction: int = 1) -> DecodedPhoto:
     """Return the photograph `data`, decoded `reduction` (1, 2, 4 or 8) times coarser.
 
     A JPEG is decoded at the reduced scale directly, at a fraction of the cost of a full decode.
@@ -303,7 +316,7 @@ def decode(
     pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
-    _refuse_without_picture(pixels, settings, deep=_bits(data) > _BITS)
+    _refuse_without_picture(pixels, deep=_bits(data) > _BITS)
     return DecodedPhoto(pixels, width, height, reduction)
 
 
@@ -337,23 +350,21 @@ def _bits(data: bytes) -> int:
     return _BITS
 
 
-def _refuse_without_picture(
-    pixels: NDArray[np.uint8], settings: DecodingSettings, *, deep: bool
-) -> None:
+def _refuse_without_picture(pixels: NDArray[np.uint8], *, deep: bool) -> None:
     """Raise InputError if the photograph as a whole is black or over-exposed.
 
     `deep` tells that the file has more than 8 bits, which may not be used in full.
     """
     green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
     brightest = float(np.percentile(green, 99.5))
-    if brightest < settings.dark_level:
+    if brightest < DECODING.dark_level:
         raise InputError(
             f'photograph is black: 99.5 % of it at grey level {brightest:.0f} of 255 or '
             'below; check lamp, lens cap and exposure'
             + (', and that the levels of the file use all of its 16 bits' if deep else '')
         )
-    bright = float(np.mean(green >= settings.bright_level))
-    if bright > settings.most_bright:
+    bright = float(np.mean(green >= DECODING.bright_level))
+    if bright > DECODING.most_bright:
         raise InputError(
             f'photograph is over-exposed: {100 * bright:.0f} % of it at full white; '
             'shorten the exposure'

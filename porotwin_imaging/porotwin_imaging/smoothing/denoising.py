@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.numerics.row_bands import by_bands
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.smoothing.total_variation import fill, total_variation_denoising
 
 Array = NDArray[Any]
@@ -23,7 +22,6 @@ def denoised(
     noise: Array,
     visible: NDArray[np.bool_],
     grid: Grid,
-    settings: ImagingSettings = DEFAULTS,
 ) -> Array:
     """Return the denoised concentration (nz, nx), from 0 to 1, NaN in cells that are not visible.
 
@@ -32,14 +30,12 @@ def denoised(
         noise: its standard deviation, same shape.
         visible: cells that show their sand, same shape.
         grid: the grid of the map.
-        settings: total variation weight and others.
     """
     # hidden cells only continue the map and are removed again, so their weight is 1
     smooth = total_variation_denoising(
-        fill(concentration, visible.astype(np.float32), settings.total_variation),
+        fill(concentration, visible.astype(np.float32)),
         np.where(visible, data_weights(noise, visible), 1.0),
         spacing=(grid.dz, grid.dx),
-        settings=settings.total_variation,
     )
     return np.where(visible, np.clip(smooth.values, 0.0, 1.0), np.nan)
 

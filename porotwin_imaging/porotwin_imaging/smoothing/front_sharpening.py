@@ -16,6 +16,7 @@ G is therefore the discrete Gaussian that does the same to such a front, at any 
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -24,8 +25,21 @@ from numpy.typing import NDArray
 from scipy.special import ive
 
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
-from porotwin_imaging.settings import DEFAULTS
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
+
+
+@dataclass(frozen=True)
+class SharpeningSettings:
+    """Taking the blur of the camera back (`front_sharpening.py`)."""
+
+    blur_px: float = 0.7
+    """Standard deviation of the blur of tracer in a photograph whose fronts were not compared with
+    a model [px of the file]: JPEG and demosaicing alone. Fronts on composed photographs tell 1.2 to
+    2.8 px. Taking too much back invents steep fronts, and costs more than taking too little."""
+
+
+SHARPENING = SharpeningSettings()
+
 
 Array = NDArray[Any]
 
@@ -49,7 +63,7 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 def blur_in_cells(
     pixels_per_cell: tuple[float, float],
     reduction: int,
-    blur_px: float = DEFAULTS.sharpening.blur_px,
+    blur_px: float = SHARPENING.blur_px,
 ) -> tuple[float, float]:
     """Return the standard deviation of the blur of a photograph, up and across [cells].
 

@@ -23,7 +23,31 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from porotwin_imaging.settings import DEFAULTS, LevelSmoothingSettings
+
+@dataclass(frozen=True)
+class LevelSmoothingSettings:
+    """Smoothing along the levels of concentration (`level_smoothing.py`)."""
+
+    reach_m: float = 0.015
+    """Standard deviation of the average along a level [m]. A plume bends on a longer way."""
+    reach_cells: tuple[float, float] = (1.5, 5.0)
+    """Least and largest reach [cells]."""
+    clean_reach: float = 2.3
+    """Total variation averages clean sand further than a level, by this factor [-]."""
+    guide_blur_m: float = 0.004
+    """Blur of the map that gives the levels [m], so that they do not follow the noise."""
+    guide_blur_cells: tuple[float, float] = (0.5, 1.5)
+    """Least and largest blur [cells]: a front of two cells must stay."""
+    least_tracer: float = 0.01
+    """Where no value within reach exceeds this there is no tracer to correct [-]."""
+    most_columns: int = 400
+    """Maps with more columns are corrected on coarser cells."""
+    least_share: float = 0.3
+    """Visible share of a coarse cell below which it does not count [-]."""
+
+
+LEVEL_SMOOTHING = LevelSmoothingSettings()
+
 
 Array = NDArray[Any]
 
@@ -54,11 +78,13 @@ class _Widths:
     guide_blur: float
 
     @classmethod
-    def of(cls, cell_m: float, settings: LevelSmoothingSettings) -> Self:
+    def of(cls, cell_m: float) -> Self:
         """Return the widths on cells of `cell_m` [m]."""
         return cls(
-            float(np.clip(settings.reach_m / cell_m, *settings.reach_cells)),
-            float(np.clip(settings.guide_blur_m / cell_m, *settings.guide_blur_cells)),
+            float(np.clip(LEVEL_SMOOTHING.reach_m / cell_m, *LEVEL_SMOOTHING.reach_cells)),
+            float(
+                np.clip(LEVEL_SMOOTHING.guide_blur_m / cell_m, *LEVEL_SMOOTHING.guide_blur_cells)
+            ),
         )
 
 
@@ -67,7 +93,6 @@ def smooth_along_levels(
     noise: Array,
     first: Array,
     cell_m: float,
-    settings: LevelSmoothingSettings = DEFAULTS.level_smoothing,
 ) -> SmoothedMap:
     """Return the map smoothed along its levels.
 
@@ -78,22 +103,21 @@ def smooth_along_levels(
         noise: its standard deviation, same shape.
         first: the denoised map, which gives the levels, same shape.
         cell_m: size of a cell [m].
-        settings: reach and others.
     """
     visible = np.isfinite(raw) & np.isfinite(first)
-    factor = max(1, round(first.shape[1] / settings.most_columns))
+    factor = max(1, round(first.shape[1] / LEVEL_SMOOTHING.most_columns))
     nz, nx = (max(1, size // factor) for size in first.shape)
     filled = [np.where(visible, plane, 0.0) for plane in (raw, first, noise**2)]
     share, data, guide, variance = (
         _coarse(np.asarray(plane, np.float32), (nz, nx)) for plane in (visible, *filled)
     )
-    seen = share > settings.least_share
+    seen = share > LEVEL_SMOOTHING.least_share
     data, guide, variance = (
-        plane / np.maximum(share, settings.least_share) for plane in (data, guide, variance)
+        plane / np.maximum(share, LEVEL_SMOOTHING.least_share) for plane in (data, guide, variance)
     )
     variance = np.maximum(variance * (nz * nx / first.size), _LEAST_VARIANCE)
-    widths = _Widths.of(cell_m * factor, settings)
-    correction, remaining = _corrections(data, guide, variance, seen, widths, settings)
+    widths = _Widths.of(cell_m * factor)
+    correction, remaining = _corrections(data, guide, variance, seen, widths)
     if factor > 1:
         size = first.shape[::-1]
         correction = cv2.resize(correction, size, interpolation=cv2.INTER_LINEAR)
@@ -113,7 +137,6 @@ def _corrections(
     variance: Array,
     seen: NDArray[np.bool_],
     widths: _Widths,
-    settings: LevelSmoothingSettings,
 ) -> tuple[Array, Array]:
     """Return what is added to `first`, and the variance of the result, each (nz, nx), float32.
 
@@ -123,7 +146,7 @@ def _corrections(
     weight = np.maximum(_blurred(seen, widths.guide_blur), _LEAST_VARIANCE)
     guide = _blurred(np.where(seen, first, 0.0), widths.guide_blur) / weight
     window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    tracer = cv2.dilate((guide > settings.least_tracer).astype(np.uint8), window) > 0
+    tracer = cv2.dilate((guide > LEVEL_SMOOTHING.least_tracer).astype(np.uint8), window) > 0
     smooth, remaining = _average_on_levels(
         (data - guide).astype(np.float32),
         variance.astype(np.float32),
@@ -134,7 +157,7 @@ def _corrections(
         np.float32(widths.reach),
         reach,
     )
-    clean = variance / (4.0 * math.pi * (settings.clean_reach * widths.reach) ** 2)
+    clean = variance / (4.0 * math.pi * (LEVEL_SMOOTHING.clean_reach * widths.reach) ** 2)
     correction = np.where(tracer, guide + smooth - first, 0.0)
     return correction.astype(np.float32), np.where(tracer, remaining, clean).astype(np.float32)
 

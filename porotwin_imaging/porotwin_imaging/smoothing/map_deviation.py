@@ -22,9 +22,35 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
-from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 from porotwin_imaging.tracer.calibration import Calibration
+
+
+@dataclass(frozen=True)
+class NoiseSettings:
+    """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
+
+    correlated_samples: float = 3.3
+    """Neighbouring samples that share one error, because JPEG and interpolation smear it."""
+    fewest_samples_across: int = 5
+    """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
+    remaining_noise: float = 0.77
+    """Noise of a map relative to the noise that is propagated through its steps [-]. Samples share
+    less of it than assumed. Fitted to composed photographs, as are the next two."""
+    place_error: float = 3e-4
+    """Standard deviation of the place of a cell relative to the width of the rig [-]: half a pixel
+    of 1600, from alignment and from corners that a person reads off. On the large FluidFlower, the
+    lines of a laser grid deviate by 1.0 mm on 2.8 m, 3.6e-4."""
+    blur_cells: float = 0.21
+    """Standard deviation of the blur of a front that is left in a map, or that was taken back too
+    much [cells]: 1.2 px on composed photographs with 5.5 px per cell."""
+    credible: tuple[float, float] = (-0.5, 1.5)
+    """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
+    a single cell and must not spread."""
+
+
+NOISE = NoiseSettings()
+
 
 Array = NDArray[Any]
 
@@ -58,7 +84,6 @@ def map_deviation(
     light_error: Array | float,
     calibration: Calibration,
     grid: Grid,
-    settings: NoiseSettings = DEFAULTS.noise,
 ) -> MapDeviation:
     """Return the deviation of a map.
 
@@ -67,7 +92,6 @@ def map_deviation(
         light_error: standard deviation of concentrations from wrong light, (nz, nx) or a number.
         calibration: conversion of signal to concentration, with its deviations.
         grid: the grid of the map.
-        settings: errors of the place and of the light.
     """
     if np.ndim(light_error) == 0:
         light_error = np.full(grid.shape, light_error, np.float32)
@@ -75,15 +99,15 @@ def map_deviation(
     table = _CalibrationErrors.of(calibration)
 
     def band(values: Array, noise: Array, light_error: Array, factor: Array) -> tuple[Array, Array]:
-        left = np.float32(settings.remaining_noise) * noise
+        left = np.float32(NOISE.remaining_noise) * noise
         random = (left**2 + light_error**2).astype(np.float32)
         random += _clean_or_faint(values, random)
         known = np.isfinite(values)
         filled = np.where(known, values, np.float32(0.0))
         systematic = (
             table.squares(filled, factor)
-            + np.float32(settings.place_error * grid.width) ** 2 * _slope(filled, known, grid)
-            + np.float32(0.5 * settings.blur_cells**2) ** 2 * _bend(filled, known)
+            + np.float32(NOISE.place_error * grid.width) ** 2 * _slope(filled, known, grid)
+            + np.float32(0.5 * NOISE.blur_cells**2) ** 2 * _bend(filled, known)
         )
         systematic = np.where(known, np.minimum(systematic, _LARGEST), np.float32(np.nan))
         return np.sqrt(np.minimum(random + systematic, _LARGEST)), np.sqrt(systematic)

@@ -7,7 +7,7 @@ The result is the map u that minimises
 for data f and data weights w between 0 and 1. Data without weight are first filled in from their
 surroundings. The total variation weight is a length [m per unit of f] and independent of the
 resolution: a disc of radius r keeps its shape and loses 2 weight_m / r of its height. Its value is
-`TotalVariationSettings.weight_m` in `settings.py`.
+`TotalVariationSettings.weight_m`.
 
 The discrete problem (forward differences, no flux at the edges) is solved by the accelerated
 primal-dual method of Chambolle and Pock (J. Math. Imaging Vision 40:120, 2011, algorithm 2). Its
@@ -44,7 +44,33 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
 from porotwin_imaging.numerics.row_bands import by_bands
-from porotwin_imaging.settings import DEFAULTS, TotalVariationSettings
+
+
+@dataclass(frozen=True)
+class TotalVariationSettings:
+    """Denoising by total variation (`total_variation.py`)."""
+
+    weight_m: float = 1e-4
+    """Total variation weight [m]: a disc of radius r loses 2 weight / r of its height. At 0.1 mm a
+    plume of 2 cm radius loses 1 %."""
+    tolerance: float = 4e-3
+    """Accepted root mean square distance from the exact minimiser [-]; less costs iterations."""
+    most_iterations: int = 1000
+    """The iteration stops here even if the tolerance is not reached."""
+    least_data_weight: float = 0.05
+    """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
+    tiled_from_cells: int = 1_000_000
+    """Maps with more cells are solved in tiles."""
+    tile_cells: int = 256
+    """Side of a tile [cells]: its overlap costs a third, its arrays nearly fit a core's cache."""
+    halo_cells: int = 24
+    """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
+    threads: int = 2
+    """Threads that solve tiles at the same time."""
+
+
+TOTAL_VARIATION = TotalVariationSettings()
+
 
 Array = NDArray[Any]
 
@@ -78,7 +104,7 @@ def total_variation_denoising(
     data_weights: Array,
     *,
     spacing: tuple[float, float],
-    settings: TotalVariationSettings = DEFAULTS.total_variation,
+    settings: TotalVariationSettings = TOTAL_VARIATION,
 ) -> DenoisedMap:
     """Return the weighted total-variation minimiser.
 
@@ -180,7 +206,7 @@ def _project(p, q, strength):  # type: ignore[no-untyped-def]
 
 
 def fill(
-    data: Array, weight: Array, settings: TotalVariationSettings = DEFAULTS.total_variation
+    data: Array, weight: Array, settings: TotalVariationSettings = TOTAL_VARIATION
 ) -> NDArray[np.float32]:
     """Return `data` (nz, nx) with cells of little weight filled from their surroundings.
 

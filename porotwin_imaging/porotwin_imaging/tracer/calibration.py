@@ -17,7 +17,7 @@ of each sand is multiplied by its factor before the response. `deviations` are t
 deviations of the factors. `hidden` names a picture that is white where photographs do not show
 sand. Both pictures can be corrected by hand with any paint program. `blur_px` is the standard
 deviation of the blur of tracer in a photograph, in pixels of the file; without it the default of
-`settings.py` holds. Files of schema 1 have no deviations; they are read with zeros there.
+`front_sharpening.py` holds. Files of schema 1 have no deviations; they are read with zeros there.
 """
 
 import hashlib

@@ -16,9 +16,40 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.settings import DEFAULTS, LightErrorSettings
 from porotwin_imaging.tracer.calibration import Calibration
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
+
+
+@dataclass(frozen=True)
+class LightErrorSettings:
+    """Error of the map from light that differs from the baseline (`light_error.py`)."""
+
+    measured: float = 3e-4
+    """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
+    below_plume: float = 2e-3
+    """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
+    reach: float = 0.02
+    """Distance over which clean sand tells the light, relative to the width of the map [-]."""
+    clean: float = 0.01
+    """Lower values are clean sand [-]."""
+    full: float = 0.7
+    """Higher values show the colour of tracer stock [-]."""
+    fewest_full_cells: int = 100
+    """Cells that determine this colour."""
+    smoothing_cells: float = 3.0
+    """Width of the local mean of colours [cells]; light changes slowly."""
+    most_columns: int = 400
+    """Maps with many more columns are judged on coarser cells."""
+    front_step: float = 0.02
+    """Larger steps between cells are fronts [-]."""
+    colour_tolerance: float = 0.02
+    """Smaller changes of colour are noise or drift [log ratio]."""
+    dye_tolerance: float = 0.06
+    """The same for tracer stock: its colour differs from sand to sand [log ratio]."""
+
+
+LIGHT_ERROR = LightErrorSettings()
+
 
 Array = NDArray[Any]
 
@@ -48,25 +79,24 @@ class SeenTracer:
 def light_error(
     seen: SeenTracer,
     calibration: Calibration,
-    settings: LightErrorSettings = DEFAULTS.light_error,
 ) -> Array:
     """Return the standard deviation of concentrations (nz, nx) that wrong light causes.
 
     Light changes slowly, so that fine maps are judged on coarser cells.
     """
-    factor = round(seen.values.shape[1] / settings.most_columns)
+    factor = round(seen.values.shape[1] / LIGHT_ERROR.most_columns)
     if factor > 1:
-        coarse = light_error(_coarser(seen, factor), calibration, settings)
+        coarse = light_error(_coarser(seen, factor), calibration)
         return np.asarray(cv2.resize(coarse, seen.values.shape[::-1]))
     visible = np.isfinite(seen.values)
     values = np.where(visible, seen.values, 0.0).astype(np.float32)
-    reach = settings.reach * values.shape[1]
-    clean = _smooth((values < settings.clean).astype(np.float32), visible, reach)
-    continued = settings.below_plume * (1.0 - clean)
-    foreign = _foreign_light(seen, values, visible, calibration, settings)
-    veil = _veil(seen, foreign, visible & (values < settings.clean))
+    reach = LIGHT_ERROR.reach * values.shape[1]
+    clean = _smooth((values < LIGHT_ERROR.clean).astype(np.float32), visible, reach)
+    continued = LIGHT_ERROR.below_plume * (1.0 - clean)
+    foreign = _foreign_light(seen, values, visible, calibration)
+    veil = _veil(seen, foreign, visible & (values < LIGHT_ERROR.clean))
     error = np.sqrt(
-        settings.measured**2 + continued**2 + foreign**2 + veil**2 + seen.light_variance
+        LIGHT_ERROR.measured**2 + continued**2 + foreign**2 + veil**2 + seen.light_variance
     )
     return error * _sensitivity(seen, values, calibration)
 
@@ -106,32 +136,31 @@ def _foreign_light(
     values: Array,
     visible: NDArray[np.bool_],
     calibration: Calibration,
-    settings: LightErrorSettings,
 ) -> Array:
     """Return the log ratio (nz, nx) of light that the colours show, 0 where it is in doubt.
 
     The colour of stock is that of the fullest cells. Without enough of them nothing is known.
     """
-    full = visible & (values > settings.full)
-    if np.count_nonzero(full) < settings.fewest_full_cells:
+    full = visible & (values > LIGHT_ERROR.full)
+    if np.count_nonzero(full) < LIGHT_ERROR.fewest_full_cells:
         return np.zeros_like(values)
     stock = np.median(seen.log_ratio[full], axis=0)
     share = values / float(np.median(values[full]))
     expected, turned = _colour_of_tracer(share, stock, calibration.signal)
-    apart, even = seen.log_ratio - expected, visible & _is_even(values, settings)
+    apart, even = seen.log_ratio - expected, visible & _is_even(values)
     smooth = np.stack(
-        [_smooth(apart[..., channel], even, settings.smoothing_cells) for channel in range(3)],
+        [_smooth(apart[..., channel], even, LIGHT_ERROR.smoothing_cells) for channel in range(3)],
         axis=-1,
     )
     found = (smooth * turned).sum(axis=-1) / np.maximum((turned**2).sum(axis=-1), _LEAST_WEIGHT)
-    doubt = settings.colour_tolerance + settings.dye_tolerance * share
+    doubt = LIGHT_ERROR.colour_tolerance + LIGHT_ERROR.dye_tolerance * share
     return np.sqrt(np.maximum(found**2 - doubt**2, 0.0))
 
 
-def _is_even(values: Array, settings: LightErrorSettings) -> NDArray[np.bool_]:
+def _is_even(values: Array) -> NDArray[np.bool_]:
     """Return where a map (nz, nx) has no front: a cell with a front has no colour of its own."""
     steps = np.hypot(*np.gradient(values))
-    front = (steps > settings.front_step).astype(np.uint8)
+    front = (steps > LIGHT_ERROR.front_step).astype(np.uint8)
     return np.asarray(cv2.dilate(front, np.ones((3, 3), np.uint8)) == 0)
 
 
