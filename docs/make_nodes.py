@@ -65,7 +65,7 @@ The quality of service of a topic names its reliability, the depth of its queue 
 `./porotwin up` starts all nodes. To start one node alone:
 
 ```
-.venv/bin/python -m porotwin_solver.service.solver_node --ros-args -r __ns:=/porotwin \\
+.venv/bin/python -m porotwin_solver.solver_node --ros-args -r __ns:=/porotwin \\
     -p rig:=rig.yaml
 ```
 """

@@ -16,8 +16,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'costa_node = porotwin_costa.service.costa_node:main',
-            'trainer_node = porotwin_costa.service.trainer_node:main',
+            'costa_node = porotwin_costa.costa_node:main',
+            'trainer_node = porotwin_costa.trainer_node:main',
         ],
     },
 )

@@ -20,9 +20,9 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'hub_node = porotwin_hub.loop.hub_node:main',
-            'operator_node = porotwin_hub.operator.operator_node:main',
-            'supervisor_node = porotwin_hub.launching.supervisor_node:main',
+            'hub_node = porotwin_hub.hub_node:main',
+            'operator_node = porotwin_hub.operator_node:main',
+            'supervisor_node = porotwin_hub.supervisor_node:main',
         ],
     },
 )

@@ -16,8 +16,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'camera_node = porotwin_imaging.camera.camera_node:main',
-            'imaging_node = porotwin_imaging.live.imaging_node:main',
+            'camera_node = porotwin_imaging.camera_node:main',
+            'imaging_node = porotwin_imaging.imaging_node:main',
         ],
     },
 )

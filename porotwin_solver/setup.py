@@ -15,6 +15,6 @@ setup(
     zip_safe=True,
     license='Apache-2.0',
     entry_points={
-        'console_scripts': ['solver_node = porotwin_solver.service.solver_node:main'],
+        'console_scripts': ['solver_node = porotwin_solver.solver_node:main'],
     },
 )

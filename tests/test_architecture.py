@@ -61,21 +61,25 @@ MAY_IMPORT = {
 
 ROOMS = {
     'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'checks', 'ros'),
-    'porotwin_recording': ('tables', 'mcap', 'experiment', 'importers', 'live'),
+    'porotwin_recording': (
+        'tables', 'mcap', 'experiment', 'importers', 'live', 'player_node', 'recorder_node',
+    ),
     'porotwin_imaging': (
         'numerics', 'photograph', 'sources', 'camera', 'geometry', 'tracer',
         'smoothing', 'light', 'baseline', 'photo_to_map', 'calibrating', 'live', 'measures',
-        'phases', 'imaging_bench', 'laser_grid_check',
+        'phases', 'camera_node', 'imaging_node', 'imaging_bench', 'laser_grid_check',
     ),
     'porotwin_solver': (
         'coefficients', 'effects', 'flow', 'transport', 'model', 'adjoint', 'service',
-        'exact_solutions', 'large_grid_bench', 'solver_bench',
+        'solver_node', 'exact_solutions', 'large_grid_bench', 'solver_bench',
     ),
     'porotwin_costa': (
-        'data', 'networks', 'correction', 'physics', 'training', 'evaluation', 'service',
+        'data', 'networks', 'correction', 'physics', 'training', 'evaluation',
+        'costa_node', 'trainer_node',
     ),
     'porotwin_hub': (
         'models', 'objectives', 'control', 'estimation', 'operator', 'loop', 'launching',
+        'hub_node', 'operator_node', 'supervisor_node',
     ),
     'porotwin_diagnosis': (
         'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision',

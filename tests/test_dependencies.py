@@ -96,7 +96,7 @@ def test_an_old_pydantic_is_one_line(tmp_path: Path) -> None:
     (tmp_path / 'pydantic.py').write_text(OLD_PYDANTIC)
     path = os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])
     for arguments in (
-        ['-m', 'porotwin_hub.operator.operator_node'],
+        ['-m', 'porotwin_hub.operator_node'],
         ['-m', 'porotwin_cli', 'up', '--rig', 'rig.yaml', '--photos', '.'],
     ):
         ran = subprocess.run(

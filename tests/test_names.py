@@ -28,6 +28,7 @@ TESTS_WITHOUT_MODULE = {
     'test_web_scripts.py': 'runs the tests of the scripts in test/web',
     'test_rig_effects.py': 'all effects of the virtual rig',
     'test_rig_nodes.py': 'the virtual rig and the mock camera in one graph',
+    'test_settings.py': 'the settings of all steps of the imaging',
     'test_shared_cases.py': 'the whole virtual rig against another simulator',
 }
 """Tests of a package that belong to no single module, and the reason."""

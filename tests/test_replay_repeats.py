@@ -62,7 +62,7 @@ def replayed(bag: Path, folder: Path, domain: int) -> BagReader:
         use_sim_time=True,
     )
     nodes = [*twin_nodes(settings), operator_node(settings, asset=True)]
-    command = [sys.executable, '-m', 'porotwin_recording.live.player_node', '--ros-args']
+    command = [sys.executable, '-m', 'porotwin_recording.player_node', '--ros-args']
     parameters = [f'bag:={bag}', 'rate:=0.0', 'lockstep:=hub/cycle', 'discovery_s:=200.0']
     command += [word for value in parameters for word in ('-p', value)]
     command += ['-r', f'__ns:={NAMESPACE}']

@@ -19,6 +19,7 @@ from porotwin_core.ros import (  # noqa: E402
     conversions,
     qos,
 )
+from porotwin_costa import costa_node, trainer_node  # noqa: E402
 from porotwin_costa.correction.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.correction.corrective_source import corrective_source  # noqa: E402
 from porotwin_costa.data.dataset import pairs_beside  # noqa: E402
@@ -26,10 +27,6 @@ from porotwin_costa.data.frames import mean_rates  # noqa: E402
 from porotwin_costa.data.physics_id import PhysicsId  # noqa: E402
 from porotwin_costa.networks import architecture  # noqa: E402
 from porotwin_costa.networks.training_settings import TrainingSettings  # noqa: E402
-from porotwin_costa.service import (  # noqa: E402
-    costa_node,
-    trainer_node,
-)
 from porotwin_costa.training.live_training import not_used  # noqa: E402
 from porotwin_costa.training.training import train  # noqa: E402
 from porotwin_msgs.msg import ModelEffects, Outcome  # noqa: E402
@@ -58,7 +55,7 @@ def trained(dataset):
 
 
 def test_a_node_without_a_model_does_not_load_torch():
-    code = 'import sys, porotwin_costa.service.costa_node; sys.exit("torch" in sys.modules)'
+    code = 'import sys, porotwin_costa.costa_node; sys.exit("torch" in sys.modules)'
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
 
 

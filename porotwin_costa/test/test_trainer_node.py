@@ -11,7 +11,7 @@ from porotwin_core.basis.errors import InputError  # noqa: E402
 from porotwin_costa.correction.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.data.dataset import load_dataset  # noqa: E402
 from porotwin_costa.data.physics_id import PhysicsId  # noqa: E402
-from porotwin_costa.service.trainer_node import known_pairs  # noqa: E402
+from porotwin_costa.trainer_node import known_pairs  # noqa: E402
 from porotwin_costa.training.live_training import not_used  # noqa: E402
 from porotwin_msgs.srv import DataModelInfo  # noqa: E402
 

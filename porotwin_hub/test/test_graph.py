@@ -47,10 +47,10 @@ SHARED_DECLARATIONS = {
 def declared_parameters(module: Path) -> set[str]:
     """Return the parameters that a node module declares by name or through a shared helper.
 
-    Modules named `..._parameters` beside it declare parameters for it.
+    Modules named `..._parameters` in its package declare parameters for it.
     """
     names: set[str] = set()
-    sources = [module, *module.parent.glob('*_parameters.py')]
+    sources = [module, *module.parent.rglob('*_parameters.py')]
     for call in [call for source in sources for call in ast.walk(ast.parse(source.read_text()))]:
         if not isinstance(call, ast.Call):
             continue

@@ -16,7 +16,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_hub.control.setpoint_limits import Limits
-from porotwin_hub.loop.hub_node import HubNode
+from porotwin_hub.hub_node import HubNode
 from porotwin_hub.models.forecast import no_correction
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed
 from porotwin_msgs.msg import WellRates as WellRatesMessage

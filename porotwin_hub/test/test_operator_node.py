@@ -16,7 +16,7 @@ from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos
 from porotwin_hub.control.setpoint_limits import Limits
-from porotwin_hub.operator.operator_node import OperatorNode
+from porotwin_hub.operator_node import OperatorNode
 from porotwin_msgs.msg import CycleReport, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control
 

@@ -17,7 +17,7 @@ from porotwin_core.ros.node_thread import NodeThread
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.node_processes import process_of
 from porotwin_hub.launching.processes import GraphProcesses
-from porotwin_hub.launching.supervisor_node import SupervisorNode
+from porotwin_hub.supervisor_node import SupervisorNode
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 

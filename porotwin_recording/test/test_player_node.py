@@ -12,8 +12,8 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from refused_node import refusal
 
+from porotwin_recording import player_node
 from porotwin_recording.experiment.bag_conversion import IMPORT_START
-from porotwin_recording.live import player_node
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_records import BagMessage
 from porotwin_recording.mcap.bag_writer import BagWriter

@@ -8,7 +8,7 @@ from node_processes import Process, by_topic, node, write_minute_bag
 from recording_examples import eventually
 from refused_node import refusal
 
-from porotwin_recording.live import recorder_node
+from porotwin_recording import recorder_node
 from porotwin_recording.mcap.bag_reader import BagReader
 
 pytestmark = pytest.mark.graph

@@ -50,14 +50,14 @@ from porotwin_msgs.srv import (  # noqa: E402
     Rollout,
     SetEffects,
 )
-from porotwin_solver.service import solver_node  # noqa: E402
+from porotwin_solver import solver_node  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
 """Longest wait for an answer [s]; the first start compiles the kernels."""
 
-SCRIPT = 'from porotwin_solver.service.solver_node import main; main()'
+SCRIPT = 'from porotwin_solver.solver_node import main; main()'
 
 
 class Client:

@@ -176,7 +176,7 @@ def foreign_rates(stage: Stage, rates: dict[str, WellRate]) -> Iterator[None]:
     mends='nothing',
 )
 def second_hub(stage: Stage) -> None:
-    command = [sys.executable, '-m', 'porotwin_hub.loop.hub_node', '--ros-args']
+    command = [sys.executable, '-m', 'porotwin_hub.hub_node', '--ros-args']
     command += ['-r', f'__ns:={NAMESPACE}', '-p', f'rig:={stage.folder / "rig.yaml"}']
     ran = subprocess.run(
         command,

@@ -32,7 +32,7 @@ def command(
     refuse_existing(output)
     say(f'recording into {output}; stop with Ctrl-C')
     run_node(
-        'porotwin_recording.live.recorder_node',
+        'porotwin_recording.recorder_node',
         'recorder',
         {'output': str(output.resolve()), 'split_mb': split_mb, 'split_s': 60.0 * split_min},
         namespace=namespace,

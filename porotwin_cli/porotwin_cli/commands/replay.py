@@ -50,7 +50,7 @@ def command(
         'lockstep': 'hub/cycle' if lock_step else '',
     }
     run_node(
-        'porotwin_recording.live.player_node',
+        'porotwin_recording.player_node',
         'player',
         parameters,
         namespace=namespace,

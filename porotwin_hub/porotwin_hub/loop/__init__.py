@@ -1,1 +1,1 @@
-"""The loop of the twin, from a state to a setpoint and a forecast, and its node."""
+"""The loop of the twin, from a state to a setpoint and a forecast."""

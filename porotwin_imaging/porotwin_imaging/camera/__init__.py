@@ -1,1 +1,1 @@
-"""The node that takes photographs from a source and publishes them."""
+"""How photographs are taken from a source in time and passed on."""

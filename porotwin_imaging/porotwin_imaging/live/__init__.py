@@ -1,1 +1,1 @@
-"""The node that maps photographs as they come."""
+"""How photographs are mapped as they come."""

@@ -1,1 +1,1 @@
-"""The nodes that record the running graph and play a recording into it."""
+"""How the running graph is recorded, and a recording played into it."""

@@ -1,1 +1,1 @@
-"""The node that serves predictions."""
+"""What the node of the solver needs beside the model: turns and effects in force."""

@@ -20,7 +20,6 @@ from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY, declare, hardware_id, run
-from porotwin_recording.live.lock_step import LockStep
 from porotwin_recording.live.player import (
     CLOCK,
     LATCHED_LIMIT,
@@ -29,6 +28,7 @@ from porotwin_recording.live.player import (
     played_topics,
 )
 from porotwin_recording.live.replay_clock import ReplayClock
+from porotwin_recording.live.replay_lock_step import LockStep
 from porotwin_recording.live.replay_readiness import HUB, RECORDER, GraphSeen, PlayedTopic, missing
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagReader

@@ -7,7 +7,7 @@ import pytest
 from builtin_interfaces.msg import Time
 
 from porotwin_core.ros.conversions import header_at, time_from_msg
-from porotwin_recording.live.lock_step import LockStep
+from porotwin_recording.live.replay_lock_step import LockStep
 from porotwin_recording.mcap.serialization import SECOND
 
 RUNNING = threading.Event()

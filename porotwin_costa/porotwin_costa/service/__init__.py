@@ -1,1 +1,0 @@
-"""The nodes that serve the corrective source term and train it."""
