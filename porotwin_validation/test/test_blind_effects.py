@@ -45,7 +45,7 @@ PUBLISHED = {
     ),
     21: ('single', {'leak': {'x': 0.955033777, 'z': 0.68907967, 'rate': 101.232634}}),
 }
-"""Cases of seed 14; the figures in docs/reliability.md come from this seed."""
+"""Cases of seed 14; the figures in docs/figures come from this seed."""
 
 PUBLISHED_SIZES = 17, 9
 """Effects in the library and outside it, which took turns in those cases."""
