@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 import traceback
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,9 @@ LONGEST_S = 120
 
 HIDDEN_TOPICS = {'/rosout', '/parameter_events'}
 HIDDEN_TYPES = ('rcl_interfaces', 'type_description_interfaces')
+SHARED_BY = 3
+"""Nodes with the same parameter from which on one table describes it."""
+
 HIDDEN_PARAMETERS = {'use_sim_time', 'start_type_description_service'}
 
 HEAD = """\
@@ -74,11 +78,12 @@ The quality of service of a topic names its reliability, the depth of its queue 
 def node_classes() -> list[tuple[str, type[Node]]]:
     """Return the executable and the class of every node of the project."""
     found = []
-    for path in sorted(ROOT.glob('porotwin_*/porotwin_*/*_node.py')):
-        module = importlib.import_module(f'{path.parent.name}.{path.stem}')
+    for path in sorted(ROOT.glob('porotwin_*/porotwin_*/**/*_node.py')):
+        package, *rooms = path.relative_to(ROOT).parent.parts[1:]
+        module = importlib.import_module('.'.join([package, *rooms, path.stem]))
         for _, value in inspect.getmembers(module, inspect.isclass):
             if issubclass(value, Node) and value.__module__ == module.__name__:
-                found.append((f'{path.parent.name}/{path.stem}', value))
+                found.append((f'{package}/{path.stem}', value))
     return found
 
 
@@ -167,7 +172,7 @@ def interfaces(node: Node) -> list[tuple[str, ...]]:
 
 
 def parameters(node: Node) -> list[tuple[str, ...]]:
-    """Return name, type, default, allowed values and description of every parameter of `node`."""
+    """Return name, type with default and allowed values, and description of every parameter."""
     names = sorted(set(node.list_parameters([], 0).names) - HIDDEN_PARAMETERS)
     rows = []
     for name in names:
@@ -178,7 +183,9 @@ def parameters(node: Node) -> list[tuple[str, ...]]:
         if '/' in default and name != 'topics':
             default = 'needed'
         allowed = descriptor.additional_constraints
-        rows.append((f'`{name}`', kind, default, allowed, descriptor.description))
+        default = default if default in ('', 'needed') else f'default {default}'
+        values = ', '.join(filter(None, (kind, default, allowed)))
+        rows.append((f'`{name}`', values, descriptor.description))
     return rows
 
 
@@ -193,14 +200,20 @@ def rules(node: Node) -> dict[str, Any]:
     return {name: found[name].as_json() for name in sorted(found)}
 
 
-def section(executable: str, node: Node) -> str:
-    """Return the Markdown section of one node."""
+Rows = list[tuple[str, ...]]
+
+
+def section(executable: str, node: Node, ends: Rows, values: Rows, shared: Rows) -> str:
+    """Return the Markdown section of one node, which only names the `shared` parameters."""
     summary = (inspect.getdoc(type(node)) or '').split('\n\n')[0].replace('\n', ' ')
     package, module = executable.split('/')
+    own = [row for row in values if row not in shared]
+    others = ', '.join(row[0] for row in values if row in shared)
     parts = [
         f'## {node.get_name()}\n\n{summary}\n\nPackage `{package}`, executable `{module}`.\n',
-        table(('kind', 'name', 'type', 'quality of service'), interfaces(node)),
-        table(('parameter', 'type', 'default', 'allowed', 'meaning'), parameters(node)),
+        table(('kind', 'name', 'type', 'quality of service'), ends),
+        table(('parameter', 'values', 'meaning'), own),
+        f'Shared parameters: {others}.\n' if others else '',
     ]
     return '\n'.join(filter(None, parts))
 
@@ -219,14 +232,17 @@ def started(make: type[Node], given: dict[str, Any]) -> Node:
 def documents() -> dict[Path, str]:
     """Return the texts of all files."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    sections, all_rules = [], {}
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
+        nodes, all_rules = [], {}
         for executable, make in node_classes():
             node = started(make, needed.get(executable, needed['default']))
-            sections.append(section(executable, node))
+            nodes.append((executable, node, interfaces(node), parameters(node)))
             all_rules[node.get_name()] = rules(node)
-    page = '\n'.join([HEAD, *sections])
+    counts = Counter(row for *_, values in nodes for row in values)
+    shared = sorted(row for row, count in counts.items() if count >= SHARED_BY)
+    sections = [section(*node, shared) for node in nodes]
+    page = '\n'.join([HEAD, table(('shared parameter', 'values', 'meaning'), shared), *sections])
     return {
         PAGE: page,
         POLICY: policy(page),

@@ -80,7 +80,8 @@ def _nodes(page: str) -> Iterable[tuple[str, tuple[Rights, Path]]]:
         for kind, interface in re.findall(r'^\| ([a-z ]+) \| (\S+) \| \S+/\S+ \|', section, re.M):
             if kind in KINDS:
                 rights.setdefault(KINDS[kind], set()).add(interface)
-        yield name, (rights, ROOT / package / package / f'{executable}.py')
+        (module,) = (ROOT / package / package).rglob(f'{executable}.py')
+        yield name, (rights, module)
 
 
 def _words(module: Path) -> tuple[set[str], set[str]]:
