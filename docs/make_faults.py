@@ -7,6 +7,7 @@ The table comes from tests/faults; ./porotwin test injects each of its faults in
 """
 
 import sys
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 
@@ -45,10 +46,20 @@ memory of all nodes over 24 hours of simulated time, and gives damaged files to 
 """
 
 
-def row(fault: Fault) -> str:
-    """Return the row of a fault."""
-    signs = '; '.join(_cell(str(sign)) for sign in fault.signs) or 'does not show'
-    return f'| {fault.injected} | {signs} | {fault.does} | {fault.mends} |'
+def rows(faults: Iterable[Fault]) -> Iterator[str]:
+    """Yield the rows of the faults; those with the same reaction and remedy share a row."""
+    alike: dict[tuple[str, str], list[Fault]] = {}
+    for fault in faults:
+        alike.setdefault((fault.does, fault.mends), []).append(fault)
+    for (does, mends), members in alike.items():
+        injected = '<br>'.join(fault.injected for fault in members)
+        signs = [_signs(fault) for fault in members]
+        shown = '<br>'.join(signs if len(set(signs)) > 1 else signs[:1])
+        yield f'| {injected} | {shown} | {does} | {mends} |'
+
+
+def _signs(fault: Fault) -> str:
+    return '; '.join(_cell(str(sign)) for sign in fault.signs) or 'does not show'
 
 
 def _cell(text: str) -> str:
@@ -65,7 +76,7 @@ def page() -> str:
                     f'## {group}\n',
                     '| fault | sign | reaction of the twin | remedy |',
                     '| --- | --- | --- | --- |',
-                    *(row(fault) for fault in faults),
+                    *rows(faults),
                     '',
                 ]
             )
