@@ -1,8 +1,10 @@
 """The documents are true: their commands run, their links lead somewhere, their tables are new."""
 
+import importlib
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,16 @@ from porotwin_recording.tables.concentration import ConcentrationWriter
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]
+MOST_WORDS = 40_000
+"""Words that all documents may have together: what one person can be asked to read."""
+
 LINK = re.compile(r'\[[^\]]*\]\(([^)#\s]+)[^)]*\)')
+ANCHOR = re.compile(r'\[[^\]]*\]\(([^)#\s:]*)#([^)\s]+)\)')
+HEADING = re.compile(r'^#+ (.*)$', re.MULTILINE)
+MODULE = re.compile(r'\bporotwin_\w+(?:\.\w+)+')
+PATH = re.compile(r'`((?:porotwin_\w+|tests|docs|setup)/[\w/.]+(?:/|\.\w+))`')
+NEW_FILE = re.compile(r'^(?:#|//) file: (\S+)$', re.MULTILINE)
+FOLDERS = re.compile(r'^\| `(porotwin_\w+)` \| ((?:`\w+`(?:, )?)+) \|$', re.MULTILINE)
 SHELL = re.compile(r'^```sh\n(.*?)^```', re.MULTILINE | re.DOTALL)
 PYTHON = re.compile(r'^```python\n(.*?)^```', re.MULTILINE | re.DOTALL)
 
@@ -25,6 +36,63 @@ def test_every_link_leads_to_a_file(document: Path) -> None:
     links = [link for link in LINK.findall(document.read_text(encoding='utf-8')) if ':' not in link]
     missing = [link for link in links if not (document.parent / link).exists()]
     assert not missing, f'{document.name}: broken links {missing}'
+
+
+def test_a_person_can_read_all_documents() -> None:
+    words = {
+        str(path.relative_to(ROOT)): sum(
+            any(letter.isalnum() for letter in word)
+            for word in path.read_text(encoding='utf-8').split()
+        )
+        for path in DOCUMENTS
+    }
+    longest = Counter(words).most_common(5)
+    total = sum(words.values())
+    assert total <= MOST_WORDS, f'{total} words; shorten a page, the longest are {longest}'
+
+
+@pytest.mark.parametrize('document', DOCUMENTS, ids=lambda path: path.name)
+def test_every_anchor_is_a_heading(document: Path) -> None:
+    for link, anchor in ANCHOR.findall(document.read_text(encoding='utf-8')):
+        target = document.parent / link if link else document
+        if target.suffix == '.md':
+            headings = HEADING.findall(target.read_text(encoding='utf-8'))
+            assert anchor in map(slug, headings), f'{document.name}: no heading {link}#{anchor}'
+
+
+def slug(heading: str) -> str:
+    """Return the anchor that a heading gets on the page, as GitHub makes it."""
+    return re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-')
+
+
+@pytest.mark.parametrize('document', DOCUMENTS, ids=lambda path: path.name)
+def test_every_named_module_and_file_exists(document: Path) -> None:
+    text = document.read_text(encoding='utf-8')
+    new = {*NEW_FILE.findall(text)}  # files that a page of docs/extend tells to write
+    modules = {path.removesuffix('.py').partition('/')[2].replace('/', '.') for path in new}
+    for name in set(MODULE.findall(text)) - modules:
+        assert exists(name), f'{document.name}: no module {name}'
+    for path in set(PATH.findall(text)) - new:
+        assert (ROOT / path).exists(), f'{document.name}: no file {path}'
+
+
+def exists(name: str) -> bool:
+    """Return whether a dotted name is a module, or something within a module."""
+    parts = name.split('.')
+    for length in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module('.'.join(parts[:length]))
+        except ModuleNotFoundError:
+            continue
+        return length >= len(parts) - 1 and all(hasattr(found, part) for part in parts[length:])
+    return False
+
+
+def test_the_architecture_names_every_folder() -> None:
+    text = (ROOT / 'ARCHITECTURE.md').read_text(encoding='utf-8')
+    for package, folders in FOLDERS.findall(text):
+        parents = (ROOT / package / package).glob('*/__init__.py')
+        assert {path.parent.name for path in parents} == set(re.findall(r'\w+', folders)), package
 
 
 @pytest.mark.slow
