@@ -18,7 +18,7 @@ from porotwin_recording.tables.concentration import ConcentrationWriter
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]
 MOST_WORDS = 40_000
-"""Words that all documents may have together: what one person can be asked to read."""
+"""Words that all documents may have together, so that one person can read them."""
 
 LINK = re.compile(r'\[[^\]]*\]\(([^)#\s]+)[^)]*\)')
 ANCHOR = re.compile(r'\[[^\]]*\]\(([^)#\s:]*)#([^)\s]+)\)')
