@@ -18,8 +18,8 @@ TARGET = Path(__file__).with_name('effects.md')
 
 HEAD = """# Effects and their parameters
 
-An effect is a cause of a gap between the model and the rig. This page lists all effects with their
-parameters and a check in the laboratory.
+An effect is a cause of a gap between the model and the rig. `docs/make_effects.py` writes this list
+with parameters and a check in the laboratory.
 
 | to | use |
 | --- | --- |
@@ -28,21 +28,12 @@ parameters and a check in the laboratory.
 | find an effect | `./porotwin diagnose RECORDING --output DIR` ([diagnosis.md](diagnosis.md)) |
 | add an effect | one file, see [extend/effect.md](extend/effect.md) |
 
-| symbol | meaning |
-| --- | --- |
-| c | concentration of the mobile water [-] |
-| v | pore velocity [m/s] |
-| t | time since the start of the recording [s] |
-| x, z | distance from the left side, height [m] |
-| W | width of the rig [m] |
+Symbols: c is the concentration of the mobile water, v the pore velocity [m/s], t the time since the
+start of the recording [s], x the distance from the left side and z the height [m], W the width of
+the rig [m].
 
-`docs/make_effects.py` writes this page.
-
-## Example
-
-Put this block into your `rig.yaml`. The model then has a pump that delivers 8 % too little, and a
-leak that loses 10 ml/h. The well and the place are those of your rig, here of
-[`rigs/small`](../rigs/small/rig.yaml).
+With this block in `rig.yaml` a pump delivers 8 % too little, and a leak loses 10 ml/h. The well and
+the place are those of your rig, here of [`rigs/small`](../rigs/small/rig.yaml).
 
 ```yaml
 effects:
@@ -58,10 +49,9 @@ effects:
 OUTSIDE = """
 ## Effects of the virtual rig only
 
-The diagnosis does not know these effects. The lines of Python in [rig.md](rig.md) make recordings
-with them. With them the blind check tests whether the diagnosis
-admits that it has no explanation. They are in
-[`porotwin_rig/effects`](../porotwin_rig/porotwin_rig/effects).
+The diagnosis does not know these effects. The blind check tests with them whether it admits that it
+has no explanation. Python makes recordings with them
+([example](../examples/virtual_rig_photograph.py)).
 
 """
 

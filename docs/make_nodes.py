@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from make_policy import POLICY, policy
+from make_policy import KINDS, POLICY, policy
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.context import Context
 from rclpy.node import Node
@@ -63,8 +63,9 @@ nodes. `docs/make_nodes.py` writes it from the running nodes. Names are relative
 `use_sim_time`.
 
 The quality of service of a topic names its reliability, the depth of its queue and its durability.
-*Transient local* means that a late subscriber gets the last messages; otherwise it gets none.
-`porotwin_core/porotwin_core/ros/qos.py` gives the reasons.
+*Transient local* means that a late subscriber gets the last messages; otherwise it gets none. Where
+two are named, publisher and subscriber differ. `porotwin_core/porotwin_core/ros/qos.py` gives the
+reasons.
 
 `./porotwin up` starts all nodes. To start one node alone:
 
@@ -151,13 +152,13 @@ def interfaces(node: Node) -> list[tuple[str, ...]]:
     """
     subscriptions = (item for item in node.subscriptions if not item.raw)
     topics = [
-        *(('publishes', item.topic_name, item.msg_type, quality(item)) for item in node.publishers),
+        *(('Publishes', item.topic_name, item.msg_type, quality(item)) for item in node.publishers),
         *(
-            ('subscribes to', item.topic_name, item.msg_type, quality(item))
+            ('Subscribes to', item.topic_name, item.msg_type, quality(item))
             for item in subscriptions
         ),
     ]
-    services = [('service', item.service_name, item.srv_type, '') for item in node.services]
+    services = [('Services', item.service_name, item.srv_type, '') for item in node.services]
     rows = [
         (kind, short(name), message.__module__.split('.')[0] + '/' + message.__name__, quality)
         for kind, name, message, quality in (*topics, *services)
@@ -165,10 +166,9 @@ def interfaces(node: Node) -> list[tuple[str, ...]]:
     ]
     actions = get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
     rows += [
-        ('action', short(name), types[0].replace('/action/', '/'), '') for name, types in actions
+        ('Actions', short(name), types[0].replace('/action/', '/'), '') for name, types in actions
     ]
-    order = ('subscribes to', 'publishes', 'service', 'action')
-    return sorted(set(rows), key=lambda row: (order.index(row[0]), row))
+    return sorted(set(rows))
 
 
 def parameters(node: Node) -> list[tuple[str, ...]]:
@@ -203,6 +203,23 @@ def rules(node: Node) -> dict[str, Any]:
 Rows = list[tuple[str, ...]]
 
 
+def named(kind: str, ends: Rows) -> str:
+    """Return the line of a node with its topics, services or actions of one kind."""
+    names = [f'`{name}`' for end, name, *_ in ends if end == kind]
+    return f'- {kind}: {", ".join(names)}' if names else ''
+
+
+def interface_table(ends: Rows) -> str:
+    """Return the table of all topics, services and actions, once each."""
+    qualities: dict[tuple[str, str], list[str]] = {}
+    for _, name, message, quality in sorted(ends):
+        known = qualities.setdefault((name, message), [])
+        if quality not in known:
+            known.append(quality)
+    rows = ((f'`{name}`', kind, ' or '.join(known)) for (name, kind), known in qualities.items())
+    return table(('name', 'type', 'quality of service'), sorted(rows))
+
+
 def section(executable: str, node: Node, ends: Rows, values: Rows, shared: Rows) -> str:
     """Return the Markdown section of one node, which only names the `shared` parameters."""
     summary = (inspect.getdoc(type(node)) or '').split('\n\n')[0].replace('\n', ' ')
@@ -211,7 +228,7 @@ def section(executable: str, node: Node, ends: Rows, values: Rows, shared: Rows)
     others = ', '.join(row[0] for row in values if row in shared)
     parts = [
         f'## {node.get_name()}\n\n{summary}\n\nPackage `{package}`, executable `{module}`.\n',
-        table(('kind', 'name', 'type', 'quality of service'), ends),
+        '\n'.join(filter(None, (named(kind, ends) for kind in KINDS))) + '\n',
         table(('parameter', 'values', 'meaning'), own),
         f'Shared parameters: {others}.\n' if others else '',
     ]
@@ -242,7 +259,14 @@ def documents() -> dict[Path, str]:
     counts = Counter(row for *_, values in nodes for row in values)
     shared = sorted(row for row, count in counts.items() if count >= SHARED_BY)
     sections = [section(*node, shared) for node in nodes]
-    page = '\n'.join([HEAD, table(('shared parameter', 'values', 'meaning'), shared), *sections])
+    page = '\n'.join(
+        [
+            HEAD,
+            interface_table([end for _, _, ends, _ in nodes for end in ends]),
+            table(('shared parameter', 'values', 'meaning'), shared),
+            *sections,
+        ]
+    )
     return {
         PAGE: page,
         POLICY: policy(page),

@@ -29,14 +29,14 @@ COMMON_SERVICES = (
 """Services of every node of ROS 2."""
 
 KINDS = {
-    'publishes': ('topics', 'publish'),
-    'subscribes to': ('topics', 'subscribe'),
-    'service': ('services', 'reply'),
-    'action': ('actions', 'execute'),
+    'Subscribes to': ('topics', 'subscribe'),
+    'Publishes': ('topics', 'publish'),
+    'Services': ('services', 'reply'),
+    'Actions': ('actions', 'execute'),
 }
 """Kinds of interfaces in docs/nodes.md, and what the policy calls them."""
 
-PUBLISH = KINDS['publishes']
+PUBLISH = KINDS['Publishes']
 RECORDER = 'recorder'
 """The node that may subscribe to everything."""
 
@@ -77,9 +77,8 @@ def _nodes(page: str) -> Iterable[tuple[str, tuple[Rights, Path]]]:
         name = section.splitlines()[0].strip()
         package, executable = re.findall(r'Package `(\w+)`, executable `(\w+)`', section)[0]
         rights: Rights = {}
-        for kind, interface in re.findall(r'^\| ([a-z ]+) \| (\S+) \| \S+/\S+ \|', section, re.M):
-            if kind in KINDS:
-                rights.setdefault(KINDS[kind], set()).add(interface)
+        for kind, names in re.findall(r'^- ([\w ]+): (`.+)$', section, re.M):
+            rights[KINDS[kind]] = set(re.findall(r'`(\S+)`', names))
         (module,) = (ROOT / package / package).rglob(f'{executable}.py')
         yield name, (rights, module)
 
