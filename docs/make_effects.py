@@ -18,15 +18,12 @@ TARGET = Path(__file__).with_name('effects.md')
 
 HEAD = """# Effects and their parameters
 
-An effect is a cause of a gap between the model and the rig. `docs/make_effects.py` writes this list
-with parameters and a check in the laboratory.
+Causes of a gap between model and rig, with parameters and a check in the laboratory.
+`docs/make_effects.py` writes this page.
 
-| to | use |
-| --- | --- |
-| describe an effect of your rig | the list `effects` in [rig.yaml](rig.md) |
-| simulate an effect | `./porotwin simulate ... --effect NAME:PARAM=VALUE,...` |
-| find an effect | `./porotwin diagnose RECORDING --output DIR` ([diagnosis.md](diagnosis.md)) |
-| add an effect | one file, see [extend/effect.md](extend/effect.md) |
+The list `effects` in [rig.yaml](rig.md) describes those of your rig.
+`./porotwin simulate ... --effect NAME:PARAM=VALUE,...` simulates one, [`diagnose`](diagnosis.md)
+finds one, and [one file](extend/effect.md) adds one.
 
 Symbols: c is the concentration of the mobile water, v the pore velocity [m/s], t the time since the
 start of the recording [s], x the distance from the left side and z the height [m], W the width of

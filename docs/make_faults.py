@@ -41,8 +41,8 @@ These rules hold for every fault:
 - No setpoint follows from a bad photograph or message.
 - Every setpoint keeps the limits of `rig.yaml`.
 
-`./porotwin bench faults` is the long test. It kills each node at 100 random moments, measures the
-memory of all nodes over 24 hours of simulated time, and gives damaged files to every reader.
+`./porotwin bench faults` is the long test, with kills at random moments, 24 hours of simulated time
+and damaged files.
 """
 
 
