@@ -47,6 +47,9 @@ NAMESPACE = '/porotwin'
 LONGEST_S = 120
 """Time after which the script gives up [s]; it takes about 15 s."""
 
+Rows = list[tuple[str, ...]]
+"""Rows of a table."""
+
 HIDDEN_TOPICS = {'/rosout', '/parameter_events'}
 HIDDEN_TYPES = ('rcl_interfaces', 'type_description_interfaces')
 SHARED_BY = 3
@@ -145,7 +148,7 @@ def quality(end: Publisher | Subscription) -> str:
     return f'{profile.reliability.name.lower().replace("_", " ")}, depth {profile.depth}{late}'
 
 
-def interfaces(node: Node) -> list[tuple[str, ...]]:
+def interfaces(node: Node) -> Rows:
     """Return kind, name, type and quality of all that `node` publishes, subscribes to and offers.
 
     Raw subscriptions follow the topics that are there, such as those of the recorder.
@@ -171,10 +174,10 @@ def interfaces(node: Node) -> list[tuple[str, ...]]:
     return sorted(set(rows))
 
 
-def parameters(node: Node) -> list[tuple[str, ...]]:
+def parameters(node: Node) -> Rows:
     """Return name, type with default and allowed values, and description of every parameter."""
     names = sorted(set(node.list_parameters([], 0).names) - HIDDEN_PARAMETERS)
-    rows = []
+    rows: Rows = []
     for name in names:
         descriptor = node.describe_parameter(name)
         value = node.get_parameter(name).value
@@ -198,9 +201,6 @@ def rules(node: Node) -> dict[str, Any]:
             values = {key: value for key, value in vars(option).items() if value is not None}
             found.setdefault(option.name, ParameterRule(**values))
     return {name: found[name].as_json() for name in sorted(found)}
-
-
-Rows = list[tuple[str, ...]]
 
 
 def named(kind: str, ends: Rows) -> str:
