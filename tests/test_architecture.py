@@ -20,6 +20,7 @@ MESSAGES = {
 ROS_SHELLS = {
     'porotwin_core/qos.py': 'names the qualities of service',
     'porotwin_core/node.py': 'shared by all nodes',
+    'porotwin_core/plain_log.py': 'the logger of all nodes',
     'porotwin_core/node_thread.py': 'spins nodes beside other work',
     'porotwin_core/model_effects.py': 'subscribes to the effects of the solver',
     'porotwin_core/run_topics.py': 'subscribes to the course of a run',

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 from graph import Listener, RunningGraph, running_graph
 from rclpy.action import ActionServer
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -20,7 +21,7 @@ from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.ros import conversions, qos
 from porotwin_diagnosis.mending.shadow_forecast import LEAST_WATCHED
-from porotwin_hub.launching.graph import GraphSettings, twin_nodes
+from porotwin_hub.launching.graph import NAMESPACE, GraphSettings, twin_nodes
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CycleReport, MendOffer, ModelEffects, NewState, Outcome, WellRates
 from porotwin_msgs.srv import AnswerMend, ModelInfo
@@ -66,7 +67,8 @@ class Laboratory:
         node.create_subscription(Header, 'mend/seen', self.seen.append, qos.FIELD)
         self.states = node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.cycles = node.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
-        self.measured = node.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        pumps = rclpy.create_node('pumps', namespace=NAMESPACE, context=node.context)
+        self.measured = pumps.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.answers = node.create_client(AnswerMend, 'mend/answer')
         self.info = node.create_client(ModelInfo, 'solver/info')
         self.diagnosis = ActionServer(

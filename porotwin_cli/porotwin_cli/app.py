@@ -14,6 +14,7 @@ import typer
 from porotwin_cli import commands
 from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.foreign_words import plain
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DISK_FULL = 'no space left on a disk that this command writes to; remove something there'
@@ -118,13 +119,13 @@ def run() -> None:
         refuse_empty_paths(sys.argv[1:])
         app(prog_name='porotwin')
     except InputError as error:
-        print(f'porotwin: {error}', file=sys.stderr)
+        print(f'porotwin: {plain(str(error))}', file=sys.stderr)
         sys.exit(2)
     except ModuleNotFoundError as error:
         print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
         sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
-        print(f'porotwin: {_failure_words(error)}', file=sys.stderr)
+        print(f'porotwin: {plain(_failure_words(error))}', file=sys.stderr)
         sys.exit(1)
 
 

@@ -11,6 +11,7 @@ from rclpy.executors import Executor
 from porotwin_cli.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.foreign_words import in_short
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -77,7 +78,7 @@ def _result(
     goal = Diagnose.Goal(output=str(output.resolve()))
 
     def told(message: Any) -> None:
-        progress(message.feedback.stage, message.feedback.fraction)
+        progress(in_short(message.feedback.stage), message.feedback.fraction)
 
     handle = _asked(client, executor, lambda: client.send_goal_async(goal, told))
     try:

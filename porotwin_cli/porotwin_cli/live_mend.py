@@ -101,7 +101,7 @@ class MendDesk:
             return None
         return OfferShown(
             newest.sequence,
-            STATES[newest.state],
+            STATES.get(newest.state, 'unknown'),
             newest.state == MendOffer.OFFERED and bool(newest.effects),
             newest.sentence,
             newest.report,

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, declare, run
+from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, TwinNode, declare, run
 
 pytestmark = pytest.mark.graph
 
@@ -135,6 +135,38 @@ def test_several_changes_are_taken_together_or_not_at_all(
     wanted[1] = Parameter('second', value=6)
     assert node_of_ranges.set_parameters_atomically(wanted).successful
     assert in_use == {'first': 5, 'second': 6}
+
+
+@pytest.fixture
+def twin_node() -> Iterator[TwinNode]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    made = TwinNode('twin', context=context)
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def test_nobody_gives_a_running_node_another_clock(twin_node: TwinNode) -> None:
+    (refused,) = twin_node.set_parameters([Parameter('use_sim_time', value=True)])
+    assert not refused.successful
+    assert 'use_sim_time' in refused.reason
+    assert not twin_node.simulated
+    assert not twin_node.get_clock().ros_time_is_active
+    (same,) = twin_node.set_parameters([Parameter('use_sim_time', value=False)])
+    assert same.successful
+
+
+def test_the_log_of_a_node_is_plain(twin_node: TwinNode, capfd: pytest.CaptureFixture[str]) -> None:
+    for _ in range(3):
+        twin_node.get_logger().error('ignored: \x1b[2J\rsetpoint 777\n  <-- set')
+        twin_node.get_logger().warning('seldom', throttle_duration_sec=60.0)
+    captured = capfd.readouterr()
+    lines = (captured.out + captured.err).splitlines()
+    assert sum('\\x1b[2J\\rsetpoint 777\\n  <-- set' in line for line in lines) == 3
+    assert sum('seldom' in line for line in lines) == 1
+    assert len(lines) == 4
+    assert all(line.isprintable() for line in lines)
 
 
 class Watched(Node):

@@ -12,6 +12,8 @@ from porotwin_core.ros.senders import (
     check_only_guard_calls,
     check_only_guard_publishes,
     check_only_mend_offers,
+    check_only_pumps_measure,
+    check_only_rig_keeps_time,
     check_only_solver_tells,
     only,
 )
@@ -78,6 +80,37 @@ def test_only_the_solver_and_a_replay_of_it_tell_effects() -> None:
     rogue: Any = Graph(topic='solver rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes model/effects too, and only'):
         check_only_solver_tells(rogue)
+
+
+def test_only_pumps_or_those_who_stand_for_them_measure() -> None:
+    several: Any = Graph(topic='pumps operator virtual_rig player')
+    check_only_pumps_measure(several)
+    rogue: Any = Graph(topic='pumps rogue')
+    with pytest.raises(InputError, match='/porotwin/rogue publishes wells/measured too'):
+        check_only_pumps_measure(rogue)
+
+
+def test_only_a_run_that_is_simulated_or_replayed_keeps_time() -> None:
+    for name in ('virtual_rig', 'player'):
+        known: Any = Graph(topic=name)
+        check_only_rig_keeps_time(known)
+    rogue: Any = Graph(topic='rogue')
+    with pytest.raises(InputError, match='/porotwin/rogue publishes /clock too'):
+        check_only_rig_keeps_time(rogue)
+
+
+def test_a_program_without_a_name_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('porotwin_core.ros.senders.NAME_PATIENCE_S', 0.2)
+    monkeypatch.setattr('porotwin_core.ros.senders._nameless', set())
+    graph: Any = Graph(topic='_NODE_NAME_UNKNOWN_')
+    looks = []
+    for _ in range(3):
+        graph.asked.clear()
+        with pytest.raises(InputError, match='a program without a name publishes'):
+            check_only_pumps_measure(graph)
+        looks.append(len(graph.asked))
+    assert looks[0] > 1
+    assert looks[1:] == [1, 1]
 
 
 def test_two_senders_of_one_name_are_refused() -> None:

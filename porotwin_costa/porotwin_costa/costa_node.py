@@ -18,7 +18,6 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
@@ -27,7 +26,7 @@ from porotwin_core.model.learnt_solver import LearntSolver, solver_named
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.ros import conversions
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
-from porotwin_core.ros.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.single_instance import only_one
 from porotwin_costa.correction.corrective_source import WITHHELD, LearntStep, corrective_source
 from porotwin_costa.data.dataset import (
@@ -69,7 +68,7 @@ def _version() -> str:
         return 'source tree'
 
 
-class CostaNode(Node):
+class CostaNode(TwinNode):
     """Device that answers with sigma; zero until a model is loaded or trained."""
 
     def __init__(self, **kwargs: Any) -> None:

@@ -13,7 +13,6 @@ from typing import Any
 
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.task import Future
 
 from porotwin_core.basis.errors import InputError
@@ -21,7 +20,15 @@ from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
-from porotwin_core.ros.node import declare, declare_grid, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.node import (
+    TwinNode,
+    declare,
+    declare_grid,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
+from porotwin_core.ros.run_topics import follow_measured
 from porotwin_core.ros.single_instance import only_one
 from porotwin_costa.data.collector import Collector, Pair
 from porotwin_costa.data.dataset import Dataset, dataset_parts, load_dataset
@@ -54,7 +61,7 @@ REPORT_S = 60.0
 """Shortest time between two reports of pairs left out [s]."""
 
 
-class TrainerNode(Node):
+class TrainerNode(TwinNode):
     """Client of the asset, the solver and COSTA."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -152,7 +159,7 @@ class TrainerNode(Node):
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         follow_effects(self, self._on_effects)
-        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        follow_measured(self, self._on_measured)
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(TIMER_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -182,11 +189,8 @@ class TrainerNode(Node):
         self._next()
 
     def _on_measured(self, message: WellRates) -> None:
-        try:
-            rates = conversions.rates_from_msg(message.wells)
-            self._collector.measured(conversions.time_from_msg(message.start), rates)
-        except InputError as error:
-            self.get_logger().error(f'measured rates ignored: {error}')
+        rates = conversions.rates_from_msg(message.wells)
+        self._collector.measured(conversions.time_from_msg(message.start), rates)
 
     def _on_timer(self) -> None:
         self._next()

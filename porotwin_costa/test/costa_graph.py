@@ -37,7 +37,7 @@ class Client:
     def __init__(self) -> None:
         context = rclpy.Context()
         rclpy.init(context=context)
-        self.node = rclpy.create_node('test', context=context)
+        self.node = rclpy.create_node('virtual_rig', context=context)
         self.group = ReentrantCallbackGroup()
         self._thread = NodeThread(self.node, threads=3)
 

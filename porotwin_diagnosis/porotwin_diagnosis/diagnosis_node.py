@@ -13,7 +13,6 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.node import Node
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
@@ -22,7 +21,14 @@ from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.rates.wells import WellRates as Rates
 from porotwin_core.ros import conversions
 from porotwin_core.ros.model_effects import ToldEffects
-from porotwin_core.ros.node import declare, declare_grid, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.node import (
+    TwinNode,
+    declare,
+    declare_grid,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_core.ros.run_topics import follow_run
 from porotwin_core.ros.single_instance import only_one
 from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
@@ -53,7 +59,7 @@ class CanceledError(Exception):
     """The goal was canceled while the diagnosis ran."""
 
 
-class DiagnosisNode(Node):
+class DiagnosisNode(TwinNode):
     """Keeps the states and rates since the experiment began, and diagnoses on request."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -72,7 +78,7 @@ class DiagnosisNode(Node):
             self, 'workers', 1, 'simulations at a time', at_least=1, at_most=MOST_WORKERS
         )
         self._output = declare(self, 'output', '', 'folder for diagnoses; empty: a temporary one')
-        simulated = bool(self.get_parameter('use_sim_time').value)
+        simulated = self.simulated
         self._doubt = stamp_doubts(declare_photo_interval(self), simulated=simulated)
         self._lock = threading.Lock()
         self._busy = threading.Lock()

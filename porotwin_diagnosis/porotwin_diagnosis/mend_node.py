@@ -19,7 +19,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionClient
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
@@ -31,6 +30,7 @@ from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     END_S,
     Diagnostics,
+    TwinNode,
     declare,
     declare_grid,
     declare_photo_interval,
@@ -87,7 +87,7 @@ class _Asked(NamedTuple):
     given: tuple[EffectDescription, ...]
 
 
-class MendNode(Node):
+class MendNode(TwinNode):
     """Offers sure verdicts of the diagnosis; lets an accepted effect act in the model."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -116,7 +116,7 @@ class MendNode(Node):
             False,
             'for a virtual rig: send mend/seen only after a running diagnosis and an open offer',
         )
-        simulated = bool(self.get_parameter('use_sim_time').value)
+        simulated = self.simulated
         self._doubt = stamp_doubts(declare_photo_interval(self), simulated=simulated)
         settings = self._declare_settings()
         self._lock = threading.RLock()

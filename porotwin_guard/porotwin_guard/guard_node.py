@@ -1,16 +1,24 @@
 """The node of the guard: takes setpoints of the hub, checks them, and sends them to the pumps."""
 
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.node import (
+    Diagnostics,
+    TwinNode,
+    declare,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_guard.guard import Guard, SetpointRequest
@@ -30,7 +38,7 @@ LONGEST_SEARCH_S = 2.0
 """Longest wait for the pumps to appear [s]: discovery takes less."""
 
 
-class GuardNode(Node):
+class GuardNode(TwinNode):
     """Checks every setpoint of the hub, hands it to the pumps, and publishes what they took."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -57,11 +65,27 @@ class GuardNode(Node):
             Control, 'guard/control', self._on_control,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
+        self._simulated_time: float | None = None
+        if self.simulated:
+            self.create_subscription(ClockMessage, '/clock', self._on_clock, qos.CLOCK)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
 
+    def _on_clock(self, message: ClockMessage) -> None:
+        self._simulated_time = conversions.time_from_msg(message.clock)
+
     def _now(self) -> float:
-        return float(self.get_clock().now().nanoseconds) * 1e-9
+        """Return the time [s] by the clock of this machine, or of the run in simulated time.
+
+        Raises:
+            InputError: the time is not known, or a foreign node could tell it.
+        """
+        if not self.simulated:
+            return time.time()
+        senders.check_only_rig_keeps_time(self)
+        if self._simulated_time is None:
+            raise InputError('nobody publishes /clock, so no age of a photograph is known')
+        return self._simulated_time
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         setpoint = request.setpoint
@@ -123,10 +147,11 @@ class GuardNode(Node):
         try:
             self._check_alone()
             senders.only(self._hubs(), senders.full_name(self, HUB), 'calls guard/control')
+            heard = not self.simulated or self._simulated_time is not None
+            expired = self._guard.expired(self._now()) if heard else None
         except InputError as error:
             self._say(DiagnosticStatus.ERROR, f'{BLOCKED}{error}')
             return
-        expired = self._guard.expired(self._now())
         if expired is not None:
             text = f'setpoint {expired} has expired and none followed; the safe rates hold'
             self._say(DiagnosticStatus.WARN, text)

@@ -8,6 +8,7 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
@@ -25,11 +26,12 @@ SMALL_RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 's
 class Loop:
     """A guard between a hub and pumps that this test plays."""
 
-    def __init__(self, context: rclpy.Context) -> None:
+    def __init__(self, context: rclpy.Context, *, simulated: bool = False) -> None:
         self._context = context
         overrides = [
             Parameter('rig', value=str(SMALL_RIG)),
             Parameter('asset_timeout_s', value=0.3),
+            Parameter('use_sim_time', value=simulated),
         ]
         self.guard = GuardNode(context=context, parameter_overrides=overrides)
         self._thread = NodeThread(self.guard, threads=4)
@@ -67,8 +69,10 @@ class Loop:
             assert time.monotonic() < deadline
             time.sleep(0.02)
 
-    def send(self, sequence: int, control1_ml_h: float = 100.0) -> Outcome:
-        now = time.time()
+    def send(
+        self, sequence: int, control1_ml_h: float = 100.0, taken: float | None = None
+    ) -> Outcome:
+        taken = time.time() - 1.0 if taken is None else taken
         rates = {
             'injector': WellRate(from_ml_h(500.0), 1.0),
             'producer': WellRate(-from_ml_h(500.0 + control1_ml_h)),
@@ -77,9 +81,9 @@ class Loop:
             'control3': WellRate(),
         }
         setpoint = Setpoint(
-            header=conversions.header_at(now - 1.0),
+            header=conversions.header_at(taken),
             sequence=sequence,
-            valid_until=conversions.time_to_msg(now + 89.0),
+            valid_until=conversions.time_to_msg(taken + 90.0),
             wells=conversions.rates_to_msg(rates),
         )
         future = self.control.call_async(Control.Request(setpoint=setpoint))
@@ -118,3 +122,44 @@ def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> Non
     loop.node('hub').create_client(Control, 'guard/control')
     loop.wait_until(lambda: '2 nodes /hub' in loop.send(7 + time.monotonic_ns()).message)
     loop.wait_until(lambda: loop.pumped == loop.published)  # only what the pumps took
+
+
+def test_the_clock_of_a_running_guard_cannot_be_changed(loop: Loop) -> None:
+    loop.attach_pumps()
+    (refused,) = loop.guard.set_parameters([Parameter('use_sim_time', value=True)])
+    assert not refused.successful
+    clock = loop.node('stranger').create_publisher(Clock, '/clock', qos.CLOCK)
+    clock.publish(Clock(clock=conversions.time_to_msg(8e8)))
+    old = loop.send(1, taken=8e8)  # in 1995
+    assert 'it expired' in old.message
+    assert loop.pumped == []
+    assert loop.send(2).code == Outcome.OK
+
+
+@pytest.fixture
+def simulated(domain: int) -> Iterator[Loop]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    made = Loop(context, simulated=True)
+    made.attach_pumps()
+    yield made
+    made.close()
+
+
+def test_in_simulated_time_a_guard_without_a_clock_passes_nothing(simulated: Loop) -> None:
+    assert 'nobody publishes /clock' in simulated.send(1, taken=8e8).message
+    clock = simulated.node('virtual_rig').create_publisher(Clock, '/clock', qos.CLOCK)
+    simulated.wait_until(lambda: clock.get_subscription_count() > 0)
+    clock.publish(Clock(clock=conversions.time_to_msg(0.0)))
+    simulated.wait_until(lambda: simulated.guard._simulated_time is not None)
+    assert 'in the future' in simulated.send(2, taken=8e8).message
+    assert simulated.send(3, taken=0.0).code == Outcome.OK
+
+
+def test_in_simulated_time_a_guard_takes_no_foreign_clock(simulated: Loop) -> None:
+    clock = simulated.node('stranger').create_publisher(Clock, '/clock', qos.CLOCK)
+    simulated.wait_until(lambda: clock.get_subscription_count() > 0)
+    clock.publish(Clock(clock=conversions.time_to_msg(8e8)))
+    simulated.wait_until(lambda: simulated.guard._simulated_time is not None)
+    assert '/stranger publishes /clock too' in simulated.send(1, taken=8e8).message
+    assert simulated.pumped == []

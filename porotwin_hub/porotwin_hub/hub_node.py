@@ -9,7 +9,6 @@ import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
@@ -20,16 +19,19 @@ from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
     Diagnostics,
+    TwinNode,
     declare,
     declare_grid,
     declare_photo_interval,
     declare_rig,
     run,
 )
-from porotwin_core.ros.senders import publishers
+from porotwin_core.ros.run_topics import follow_measured
+from porotwin_core.ros.senders import check_only_pumps_measure, publishers
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_hub.control.planner_parameters import PlannerParameters
 from porotwin_hub.control.setpoint_limits import Limits
@@ -67,7 +69,7 @@ REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
 
 
-class HubNode(Node):
+class HubNode(TwinNode):
     """Listens to the asset's states, asks the models, publishes forecasts and setpoints."""
 
     def __init__(
@@ -93,7 +95,7 @@ class HubNode(Node):
         self._door = Door(rig, self._grid)
         self._numbers = StateNumbers()
         self._known_limits = Limits.of(rig) if rig.control is not None else None
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._simulated = self.simulated
         interval = declare_photo_interval(self)
         self._call = Caller(self, timeout=self._declare_timeout())
         self._planning = PlannerParameters(
@@ -129,6 +131,7 @@ class HubNode(Node):
         self._twin = twin
         self._longest_cycle = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self, heard=('hub/cycle',))
+        self._refusals = FewWords(self._tell_refusal)
         self._setpoints = 0
         self._effects: tuple[EffectDescription, ...] = ()
         self._model_changed = threading.Event()
@@ -200,7 +203,7 @@ class HubNode(Node):
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
-        self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
+        follow_measured(self, self._on_measured, refuse=self._refuse)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         follow_effects(self, self._on_effects, refuse=self._refuse)
         if not self._simulated:
@@ -215,12 +218,8 @@ class HubNode(Node):
     def _on_measured(self, message: WellRatesMessage) -> None:
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
-        try:
-            rates = conversions.rates_from_msg(message.wells)
-            known = self._door.known_rates(start, end, rates)
-        except InputError as error:
-            self._refuse(f'measured rates ignored: {error}')
-            return
+        rates = conversions.rates_from_msg(message.wells)
+        known = self._door.known_rates(start, end, rates)
         if not self._inbox.is_near(end):
             self.get_logger().warning(
                 f'measured rates stamped {end:.3f} s: neither the clock of the camera nor of this '
@@ -230,6 +229,10 @@ class HubNode(Node):
         self._inbox.add_rates(known)
 
     def _refuse(self, line: str) -> None:
+        """Tell that a message was refused, also where a flood of them comes."""
+        self._refusals.tell('', line)
+
+    def _tell_refusal(self, line: str) -> None:
         self.get_logger().error(line)
         self._diagnostics.report(DiagnosticStatus.WARN, line)
 
@@ -276,14 +279,15 @@ class HubNode(Node):
             sequence = ready.state.sequence
             try:
                 self._log_sequence_of_time(ready)
-                if self._planning.changed.is_set():
-                    self._planning.changed.clear()
+                changes = self._planning.take_changes()
+                if changes:
                     self._twin.change_controller(self._planning.planner())
                 if self._model_changed.is_set():
                     self._model_changed.clear()
                     self._twin.forget_rate_factors()
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
+                cycle.remarks += [*changes, *self._foreign_meters()]
                 self._publish(cycle, ready.state.envelope)
             except Exception as error:
                 # the loop outlives any one photograph
@@ -311,6 +315,15 @@ class HubNode(Node):
         if not self._simulated and self.count_publishers('/clock'):
             return 'a node publishes /clock: a replay; start the hub with use_sim_time for it'
         return ''
+
+    def _foreign_meters(self) -> list[str]:
+        """Return a remark if a foreign node could send measured rates, so that none are used."""
+        self._refusals.look()
+        try:
+            check_only_pumps_measure(self)
+        except InputError as error:
+            return [f'measured rates are not used: {error}']
+        return []
 
     def _send(self, decision: SetpointDecision, ready: ReadyState[NewState]) -> None:
         """Send a setpoint to the guard, which announces it and commands it to the asset.

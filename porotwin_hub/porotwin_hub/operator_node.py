@@ -4,30 +4,33 @@ Beside a real rig it also stands for the asset: it answers `asset/ping`, and it 
 `asset/control` by passing the setpoint on to the operator, as the paper's audio link did.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from std_msgs.msg import String
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
 from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.node import declare, declare_rig, run
+from porotwin_core.ros.foreign_words import FewWords, in_short, said
+from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
 from porotwin_hub.operator.announcement import NO_SETPOINT, Announcement
 from porotwin_hub.operator.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.operator.voice import Voice
 from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
+HUB, MEND = 'hub', 'mend'
+"""The nodes whose words the operator reads and hears."""
+
 EXPIRY_PERIOD_S = 1.0
 """Time between checks of the newest setpoint's expiry [s]: an operator needs no finer time."""
 
 
-class OperatorNode(Node):
+class OperatorNode(TwinNode):
     """Announces setpoints and publishes the rates that the operator confirms."""
 
     def __init__(self, *, clock: Callable[[], float] | None = None, **kwargs: Any) -> None:
@@ -42,7 +45,7 @@ class OperatorNode(Node):
         """
         super().__init__('operator', **kwargs)
         rig = declare_rig(self)
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._simulated = self.simulated
         self._now = clock or (self._simulated_time if self._simulated else steady_time())
         self._book = SetpointBook(rig)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
@@ -50,6 +53,8 @@ class OperatorNode(Node):
         self._let_speak(
             declare(self, 'speak', False, 'speak with espeak-ng', on_change=self._let_speak)
         )
+        self._words = FewWords(_print, known=(HUB, MEND))
+        self._refusals = FewWords(self.get_logger().error)
         self._photographs_ahead = 0.0
         self._waits_for_setpoints = False
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
@@ -79,11 +84,11 @@ class OperatorNode(Node):
             setpoint = self._shown(message)
             words = self._book.announce(setpoint, now=now)
         except InputError as error:
-            self.get_logger().error(f'setpoint {message.sequence} not shown: {error}')
+            self._refusals.tell('', f'setpoint {message.sequence} not shown: {error}')
             return
         arrived = setpoint.valid_until - setpoint.validity  # by the clock of the photographs
         self._photographs_ahead = arrived - now
-        self._say(words)
+        self._order(words)
 
     def _shown(self, message: Setpoint) -> ShownSetpoint:
         """Return a setpoint as the book keeps it.
@@ -106,9 +111,15 @@ class OperatorNode(Node):
 
     def _on_cycle(self, message: CycleReport) -> None:
         """Say why no setpoint follows from a photograph, once until one follows again."""
+        try:
+            senders.check_only_hub_reports(self)
+        except InputError as error:
+            self._refusals.tell('', f'report of a cycle not shown: {error}')
+            return
         reason = next((one for one in message.remarks if one.startswith(NO_SETPOINT)), '')
         if reason and not self._waits_for_setpoints:
-            self._say(Announcement(reason, reason, changed=()))
+            self._words.tell(HUB, said(HUB, reason))
+            self._speak(in_short(reason))
         self._waits_for_setpoints = bool(reason)
 
     def _on_offer(self, message: MendOffer) -> None:
@@ -116,26 +127,34 @@ class OperatorNode(Node):
         try:
             senders.check_only_mend_offers(self)
         except InputError as error:
-            self.get_logger().error(f'offer {message.sequence} not shown: {error}')
+            self._refusals.tell('', f'offer {message.sequence} not shown: {error}')
             return
         asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
-        text = f'offer {message.sequence}: {message.sentence}'
+        text = f'offer {message.sequence}: {said(MEND, message.sentence)}'
         if asks:
             text += '\n  answer on the page, or with ./porotwin mend accept or refuse'
-        spoken = f'{message.sentence} Accept?' if asks else message.sentence
-        self._say(Announcement(text, spoken, changed=('model',)))
+        self._words.tell(MEND, text)
+        sentence = in_short(message.sentence)
+        self._speak(f'{sentence} Accept?' if asks else sentence, about=('model',))
 
     def _on_timer(self) -> None:
+        self._words.look()
+        self._refusals.look()
         words = self._book.expire(self._now())
         if words is not None:
-            self._say(words)
+            self._order(words)
 
-    def _say(self, words: Announcement) -> None:
-        print(words.text, flush=True)
-        self._announcements.publish(String(data=words.speech))
+    def _order(self, words: Announcement) -> None:
+        """Print and speak rates of the book: only from here comes an order to set a pump."""
+        _print(words.text)
+        self._speak(words.speech, about=words.changed)
+
+    def _speak(self, speech: str, *, about: Sequence[str] = ()) -> None:
+        """Announce a sentence, and say it aloud if it is `about` something to set or to answer."""
+        self._announcements.publish(String(data=speech))
         voice = self._voice
-        if voice is not None and words.changed:
-            voice.say(words.speech, words.changed)
+        if voice is not None and about:
+            voice.say(speech, about)
 
     def _on_confirm(
         self, request: ConfirmRates.Request, response: ConfirmRates.Response
@@ -145,7 +164,7 @@ class OperatorNode(Node):
             rates = self._book.confirmed(request.sequence, changed)
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self.get_logger().error(f'confirmation refused: {error}')
+            self._refusals.tell('', f'confirmation refused: {error}')
             return response
         # by the clock of the photographs, so that the hub can compare it with them
         now = conversions.time_to_msg(self._now() + self._photographs_ahead)
@@ -162,7 +181,7 @@ class OperatorNode(Node):
             self._book.check(self._shown(request.setpoint))
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self.get_logger().error(f'setpoint {request.setpoint.sequence} refused: {error}')
+            self._refusals.tell('', f'setpoint {request.setpoint.sequence} refused: {error}')
             return response
         response.outcome = conversions.ok()
         return response
@@ -173,6 +192,10 @@ class OperatorNode(Node):
         response.status = 'a person at the pumps'
         response.time = self.get_clock().now().to_msg()
         return response
+
+
+def _print(text: str) -> None:
+    print(text, flush=True)
 
 
 def main() -> None:

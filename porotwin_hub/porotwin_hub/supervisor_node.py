@@ -8,12 +8,23 @@ import os
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 
 from porotwin_core.basis.parent import PARENT, launcher_is_gone
 from porotwin_core.basis.units import DAY_S
-from porotwin_core.ros.node import DIAGNOSTICS, HEARTBEAT_S, Diagnostics, declare, hardware_id, run
+from porotwin_core.ros.foreign_words import FewWords, in_short, said
+from porotwin_core.ros.node import (
+    DIAGNOSTICS,
+    HEARTBEAT_S,
+    Diagnostics,
+    TwinNode,
+    declare,
+    hardware_id,
+    run,
+)
+from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
     STALE_AFTER_S,
@@ -23,11 +34,14 @@ from porotwin_hub.launching.liveness import (
 )
 from porotwin_hub.launching.node_processes import NodeProcess, await_end, kill, nodes_of, process_of
 
+QUEUE_DEPTH = 100
+"""Reports of health that wait, and senders whose last error is remembered."""
+
 ORPHAN_PATIENCE_S = 30.0
 """Time for the nodes to end by themselves after their launcher was killed [s]."""
 
 
-class SupervisorNode(Node):
+class SupervisorNode(TwinNode):
     """Watches the health of all nodes; publishes the state STALE for those that are silent."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -65,12 +79,16 @@ class SupervisorNode(Node):
                 at_most=DAY_S,
             ),
         )
+        self._words = FewWords(_print, known=names.split())
         self._silent: tuple[str, ...] = ()
         self._errors: dict[tuple[str, str], str] = {}
         """The errors that were told, by the device and name of the sender."""
         self._publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._diagnostics = Diagnostics(self)
-        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 100)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, QUEUE_DEPTH)
+        self.create_subscription(
+            ParameterEvent, EVERY_NODES_TOPIC, self._on_parameters, QUEUE_DEPTH
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(HEARTBEAT_S, self._look, clock=steady)
 
@@ -84,14 +102,31 @@ class SupervisorNode(Node):
 
     def _tell_error(self, status: DiagnosticStatus) -> None:
         """Print the error of a node once, for the person who started the graph."""
-        sender = (status.hardware_id, status.name)
+        sender = (in_short(status.hardware_id), in_short(status.name))
         if status.level != DiagnosticStatus.ERROR:
             self._errors.pop(sender, None)
         elif status.name != self.get_name() and self._errors.get(sender) != status.message:
+            if len(self._errors) >= QUEUE_DEPTH:
+                self._errors.pop(next(iter(self._errors)))
             self._errors[sender] = status.message
-            print(f'{status.name}: {status.message}', flush=True)
+            device, name = sender
+            if device != hardware_id(self):
+                name = f'{device or "another device"}: {name}'
+            self._words.tell(name, said(name, status.message))
+
+    def _on_parameters(self, event: ParameterEvent) -> None:
+        """Print which parameters of a node were set while it runs: any other node may do that."""
+        space, _, name = event.node.rpartition('/')
+        if space != self.get_namespace().rstrip('/'):
+            return
+        for one in event.changed_parameters:
+            value = parameter_value_to_python(one.value)
+            self._words.tell(
+                name, said(name, f'the parameter {one.name} was set to {value} while the node runs')
+            )
 
     def _look(self) -> None:
+        self._words.look()
         silent = self._liveness.silent(_processes)
         array = DiagnosticArray(
             status=[
@@ -126,12 +161,16 @@ class SupervisorNode(Node):
         if process is None:
             return
         line = f'{silence.name} was {silence.message}; killed, to be started again'
-        print(line, flush=True)
+        _print(line)
         self._diagnostics.report(DiagnosticStatus.ERROR, line)
         try:
             kill(process.pid)
         except PermissionError as error:
             self.get_logger().error(f'{silence.name} cannot be killed: {error}')
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)
 
 
 def _processes() -> dict[str, NodeProcess]:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
-from std_srvs.srv import Trigger
 
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.rates.wells import RateStep
@@ -18,7 +17,7 @@ from porotwin_core.ros import conversions
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_hub.models.clients import Caller, PhysicsModelClient, PlanModelClient
 from porotwin_hub.models.forecast import ModelUnavailable
-from porotwin_msgs.srv import CostGradient, Predict
+from porotwin_msgs.srv import Cancel, CostGradient, Predict
 
 pytestmark = pytest.mark.graph
 
@@ -33,23 +32,26 @@ class SlowSolver:
         self.node = rclpy.create_node('slow_solver', context=context)
         self.cancelled = threading.Event()
         self.field: Any = None
+        self.token = ''
         group = ReentrantCallbackGroup()
         self.node.create_service(Predict, 'solver/predict', self._predict, callback_group=group)
-        self.node.create_service(Trigger, 'solver/cancel', self._cancel, callback_group=group)
+        self.node.create_service(Cancel, 'solver/cancel', self._cancel, callback_group=group)
         self._thread = NodeThread(self.node, threads=4)
 
     def close(self) -> None:
         self._thread.end()
 
-    def _predict(self, _: Any, response: Any) -> Any:
+    def _predict(self, request: Any, response: Any) -> Any:
+        self.token = request.token
         if self.field is None:
             self.cancelled.wait(PATIENCE)
         else:
             response.predicted = self.field
         return response
 
-    def _cancel(self, _: Any, response: Any) -> Any:
-        self.cancelled.set()
+    def _cancel(self, request: Any, response: Any) -> Any:
+        if request.token and request.token == self.token:
+            self.cancelled.set()
         return response
 
 

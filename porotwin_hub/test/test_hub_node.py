@@ -52,7 +52,7 @@ class Asset:
             context=context,
             parameter_overrides=overrides,
         )
-        self.peer = rclpy.create_node('peer', context=context)
+        self.peer = rclpy.create_node('pumps', context=context)
         self.states = self.peer.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.refreshed = self.peer.create_publisher(
             StateRefreshed, 'asset/state_refreshed', qos.FIELD
@@ -123,6 +123,47 @@ def test_rates_measured_beside_the_setpoint_reach_the_prediction(
     assert report.sequence == 2
     assert report.prediction_error < 1e-6  # maps travel as float32
     assert any('predicted again with the rates in force' in line for line in report.remarks)
+
+
+def test_rates_are_not_used_while_a_foreign_node_could_send_them(
+    asset: Asset, small_rig: Rig
+) -> None:
+    grid = small_rig.grid(20, 12)
+    limits = Limits.of(small_rig)
+    stranger = rclpy.create_node('stranger', context=asset.peer.context)
+    forged = stranger.create_publisher(WellRatesMessage, 'wells/measured', qos.FIELD)
+    asset.wait_until(lambda: forged.get_subscription_count() > 0)
+    state = np.full(grid.shape, 0.25)
+    asset.emit(1, 30.0, state, grid)
+    asset.wait_until(lambda: len(asset.setpoints) == 1)
+    pumped = conversions.rates_from_msg(asset.setpoints[0].wells)
+    wrong = limits.setpoint(np.full(3, limits.max_rate / 10))
+    forged.publish(
+        WellRatesMessage(
+            header=conversions.header_at(60.0),
+            start=conversions.time_to_msg(30.0),
+            wells=conversions.rates_to_msg(wrong),
+        )
+    )
+    time.sleep(0.5)
+    asset.emit(2, 60.0, Slope().predict(state, pumped, 30.0), grid)
+    report = asset.reports[-1]
+    assert report.prediction_error < 1e-6
+    assert any('/stranger publishes wells/measured too' in line for line in report.remarks)
+    stranger.destroy_node()
+
+
+def test_nobody_switches_control_off_and_other_changes_are_told(
+    asset: Asset, small_rig: Rig
+) -> None:
+    grid = small_rig.grid(20, 12)
+    (refused,) = asset.hub.set_parameters([Parameter('control', value=False)])
+    assert not refused.successful
+    (taken,) = asset.hub.set_parameters([Parameter('evaluations', value=3)])
+    assert taken.successful
+    asset.emit(1, 30.0, np.full(grid.shape, 0.25), grid)
+    asset.wait_until(lambda: len(asset.setpoints) == 1)
+    assert any('was set to 3 while the hub runs' in line for line in asset.reports[0].remarks)
 
 
 def test_a_state_on_another_grid_is_ignored(asset: Asset, small_rig: Rig) -> None:

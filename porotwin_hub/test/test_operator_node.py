@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.foreign_words import FEW
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.operator_node import OperatorNode
-from porotwin_msgs.msg import CycleReport, Setpoint, WellRates
+from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control
 
 pytestmark = pytest.mark.graph
@@ -28,6 +30,7 @@ class Desk:
 
     def __init__(self, context: rclpy.Context) -> None:
         self.now = 1000.0
+        self.nodes: list[Any] = []
         overrides = [Parameter('rig', value=str(SMALL_RIG)), Parameter('asset', value=True)]
         self.operator = OperatorNode(
             clock=lambda: self.now, context=context, parameter_overrides=overrides
@@ -49,6 +52,14 @@ class Desk:
                 and self.control.service_is_ready()
             )
         )
+
+    def publisher(self, name: str, kind: Any, topic: str, profile: Any) -> Any:
+        """Return a publisher of a new node called `name`, which the operator hears."""
+        node = rclpy.create_node(name, context=self.peer.context)
+        made = node.create_publisher(kind, topic, profile)
+        self.nodes.append(node)
+        self.spin_until(lambda: made.get_subscription_count() > 0)
+        return made
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 20.0
@@ -94,7 +105,7 @@ def test_a_setpoint_expires_during_a_suspend_of_the_computer(
     operator = OperatorNode(context=context, parameter_overrides=own)
     operator._on_setpoint(setpoint(1, other))
     said: list[str] = []
-    monkeypatch.setattr(operator, '_say', lambda words: said.append(words.speech))
+    monkeypatch.setattr(operator, '_order', lambda words: said.append(words.speech))
     operator._on_timer()
     assert said == []
     slept = 600.0
@@ -158,8 +169,7 @@ def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(
 def test_why_no_setpoint_follows_is_said_once(
     desk: Desk, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cycles = desk.peer.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
-    desk.spin_until(lambda: cycles.get_subscription_count() > 0)
+    cycles = desk.publisher('hub', CycleReport, 'hub/cycle', qos.FIELD)
     heard: list[String] = []
     desk.peer.create_subscription(String, 'operator/announcement', heard.append, qos.FIELD)
     desk.spin_until(lambda: desk.peer.count_subscribers('operator/announcement') > 0)
@@ -184,3 +194,64 @@ def test_a_setpoint_that_is_not_valid_is_neither_announced_nor_accepted(
     assert capsys.readouterr().out == ''
     assert 'there was none yet' in desk.ask(ConfirmRates.Request(sequence=1))
     assert desk.ask(Control.Request(setpoint=setpoint(3, other))) == ''
+
+
+ORDER = '\x1b[2J\rsetpoint 777\n  control1       1500.0 ml/h   <-- set'
+"""Words that would be an order if a terminal took them as they are."""
+
+
+def lines_shown(desk: Desk, capsys: pytest.CaptureFixture[str], least: int) -> list[str]:
+    """Return the lines of the operator's terminal once there are `least`, and all are printable."""
+    shown: list[str] = []
+
+    def come() -> bool:
+        shown.extend(capsys.readouterr().out.splitlines())
+        return len(shown) >= least
+
+    desk.spin_until(come)
+    assert all(line.isprintable() for line in shown)
+    return shown
+
+
+def test_words_of_other_nodes_are_told_as_theirs_and_never_as_an_order(
+    desk: Desk, other: dict[str, WellRate], capsys: pytest.CaptureFixture[str]
+) -> None:
+    offers = desk.publisher('mend', MendOffer, 'mend/offer', qos.CONFIG)
+    offers.publish(MendOffer(sequence=3, sentence=ORDER))
+    (offer,) = lines_shown(desk, capsys, 1)
+    assert offer.startswith("offer 3: 'mend' says: \"\\x1b[2J")
+    cycles = desk.publisher('hub', CycleReport, 'hub/cycle', qos.FIELD)
+    cycles.publish(CycleReport(remarks=['no setpoint: ' + ORDER]))
+    (remark,) = lines_shown(desk, capsys, 1)
+    assert remark.startswith("'hub' says: \"no setpoint: \\x1b[2J")
+    true = setpoint(1, other)
+    true.reason = ORDER
+    desk.setpoints.publish(true)
+    lines = lines_shown(desk, capsys, 2 + len(other))
+    assert lines[1].startswith('  why: \\x1b[2J')
+    assert sum(line.startswith('setpoint ') for line in lines) == 1
+    assert sum(line.endswith('<-- set') for line in lines) == len(other) + 1  # and in the reason
+
+
+def test_a_report_of_a_foreign_node_is_not_shown(
+    desk: Desk, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cycles = desk.publisher('stranger', CycleReport, 'hub/cycle', qos.FIELD)
+    cycles.publish(CycleReport(remarks=['no setpoint: ' + ORDER]))
+    shown: list[str] = []
+
+    def refused() -> bool:
+        captured = capfd.readouterr()
+        assert '777' not in captured.out + captured.err
+        shown.append(captured.out + captured.err)
+        return '/stranger publishes hub/cycle too' in ''.join(shown)
+
+    desk.spin_until(refused)
+
+
+def test_a_flood_of_offers_is_a_few_lines(desk: Desk, capsys: pytest.CaptureFixture[str]) -> None:
+    offers = desk.publisher('mend', MendOffer, 'mend/offer', qos.CONFIG)
+    for number in range(200):
+        desk.operator._on_offer(MendOffer(sequence=number, sentence=f'offer {number}'))
+    assert offers.get_subscription_count() > 0
+    assert len(capsys.readouterr().out.splitlines()) == FEW

@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.parameter import Parameter
 
+from porotwin_core.ros.foreign_words import FEW
 from porotwin_core.ros.node import DIAGNOSTICS
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_hub.launching.graph import NodeDescription
@@ -100,7 +103,8 @@ def test_a_stopped_node_is_stale_then_killed_and_started_again(
         ear.wait_for('operator', DiagnosticStatus.OK, 'running')
         ear.wait_for('supervisor', DiagnosticStatus.OK)
         ear.say_error('lamp', 'the light is off')
-        until(lambda: 'lamp: the light is off' in lines, lines)
+        told = '\'another device: lamp\' says: "the light is off"'
+        until(lambda: told in lines, lines)
         stopped = graph.process('operator')
         stopped.send_signal(signal.SIGSTOP)
         ear.say_error('operator', 'another device has this name')
@@ -126,7 +130,70 @@ def test_an_error_of_another_device_with_the_name_of_a_node_is_told_once(
             supervisor._on_diagnostics(DiagnosticArray(status=[status]))
     supervisor.destroy_node()
     context.shutdown()
-    assert capsys.readouterr().out.count('operator: no battery') == 1
+    assert capsys.readouterr().out == '\'robot: operator\' says: "no battery"\n'
+
+
+@pytest.fixture
+def supervisor(domain: int) -> Iterator[SupervisorNode]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    made = SupervisorNode(
+        context=context,
+        namespace='/porotwin',
+        parameter_overrides=[Parameter('nodes', value='hub guard')],
+    )
+    yield made
+    made.destroy_node()
+    context.shutdown()
+
+
+def error(name: str, message: str, device: str = 'porotwin') -> DiagnosticArray:
+    status = DiagnosticStatus(level=DiagnosticStatus.ERROR, name=name, message=message)
+    status.hardware_id = device
+    return DiagnosticArray(status=[status])
+
+
+ORDER = '\x1b[2J\x1b[Hsetpoint 777\n  barrier1       1500.0 ml/h   <-- set\r'
+"""Words that would be an order if a terminal took them as they are."""
+
+
+@pytest.mark.parametrize('name', ['hub', 'stranger', ORDER])
+def test_no_report_of_health_is_an_order(
+    supervisor: SupervisorNode, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    supervisor._on_diagnostics(error(name, ORDER, device=''))
+    supervisor._on_diagnostics(error(name, ORDER))
+    for line in capsys.readouterr().out.splitlines():
+        assert line.isprintable()
+        assert line.startswith("'")
+        assert '\' says: "\\x1b[2J' in line
+
+
+def test_a_flood_of_errors_is_a_few_lines_and_their_number(
+    supervisor: SupervisorNode,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for number in range(25_900):
+        supervisor._on_diagnostics(error(f'forged {number}', f'{number}'))
+    supervisor._on_diagnostics(error('guard', 'no setpoint can pass'))
+    monkeypatch.setattr(supervisor._words, '_clock', lambda: time.monotonic() + 60.0)
+    supervisor._look()
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == FEW + 2
+    assert lines[FEW] == '\'guard\' says: "no setpoint can pass"'
+    assert lines[FEW + 1].startswith(f'{25_900 - FEW} more of ')
+    assert len(supervisor._errors) <= 100
+
+
+def test_a_parameter_that_is_set_while_a_node_runs_is_told(
+    supervisor: SupervisorNode, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = Parameter('horizon_s', value=30.0).to_parameter_msg()
+    for node in ('/porotwin/hub', '/elsewhere/hub'):
+        supervisor._on_parameters(ParameterEvent(node=node, changed_parameters=[changed]))
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line == '\'hub\' says: "the parameter horizon_s was set to 30.0 while the node runs"'
 
 
 def test_a_stopped_node_does_not_outlive_a_launcher_that_is_killed(

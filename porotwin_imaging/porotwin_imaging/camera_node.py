@@ -7,12 +7,11 @@ from typing import Any, get_args
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import CAMERA_FRAME, header_at
-from porotwin_core.ros.node import Diagnostics, declare, declare_photo_interval, run
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_photo_interval, run
 from porotwin_core.ros.qos import BASELINE, PHOTO
 from porotwin_core.ros.single_instance import only_one
 from porotwin_imaging.camera.photo_forwarding import PhotoForwarder
@@ -38,7 +37,7 @@ SILENT_INTERVALS = 2.0
 """Intervals without a photograph after which people are warned."""
 
 
-class CameraNode(Node):
+class CameraNode(TwinNode):
     """Topics: `camera/image/compressed` (states), `camera/baseline/compressed` (latched)."""
 
     def __init__(self, **kwargs: Any) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
@@ -17,7 +16,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
-from porotwin_core.ros.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.qos import BASELINE, CONFIG, FIELD, PHOTO
 from porotwin_core.ros.senders import publishers
 from porotwin_core.ros.single_instance import only_one
@@ -35,7 +34,7 @@ LONGEST_WORK_S = 300.0
 """One photograph takes a second, and a minute with kernels to compile on a busy computer [s]."""
 
 
-class ImagingNode(Node):
+class ImagingNode(TwinNode):
     """The device of the paper: emits new states, refreshed states and clean states."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -60,7 +59,7 @@ class ImagingNode(Node):
             declare_grid(self, rig),
             calibration=load_calibration(calibration) if calibration else None,
             longest_gap_s=longest_gap or None,
-            replayed=bool(self.get_parameter('use_sim_time').value),
+            replayed=self.simulated,
         )
         kept = declare(
             self,

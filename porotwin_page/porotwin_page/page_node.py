@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
@@ -17,7 +16,8 @@ from porotwin_core.rates.wells import RateStep
 from porotwin_core.rates.wells import WellRates as RatesByWell
 from porotwin_core.rig import load_rig
 from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.node import Diagnostics, declare, hardware_id, run
+from porotwin_core.ros.foreign_words import FewWords, in_short
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, hardware_id, run
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_msgs.msg import (
     CleanState,
@@ -57,6 +57,9 @@ LEVELS = {
 NODES_PERIOD = 2.0
 """Period of the search for nodes in the graph [s]."""
 
+LONGEST_BUSY = 10.0
+"""Time without a free thread after which the page reports an error [s]; drawing takes less."""
+
 SETPOINT_TOPIC = 'wells/setpoint'
 
 SERVICE_TIMEOUT = 1.0
@@ -83,7 +86,7 @@ def _own_name(host: str) -> frozenset[str]:
     return frozenset() if host in address.ALL_INTERFACES else frozenset({host.lower()})
 
 
-class PageNode(Node):
+class PageNode(TwinNode):
     """Serves the page; the only change it makes to the graph is a confirmation."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -94,7 +97,8 @@ class PageNode(Node):
         """
         super().__init__('page', **kwargs)
         self._store = SnapshotStore()
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._complaints = FewWords(self.get_logger().error)
+        self._simulated = self.simulated
         self._steady_time = steady_time()
         self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
@@ -191,8 +195,7 @@ class PageNode(Node):
             try:
                 callback(message)
             except Exception as error:  # no message of a foreign node may end the page
-                line = ' '.join(str(error).split())
-                self.get_logger().error(f'{topic} is not shown: {line}')
+                self._complaints.tell(topic, f'{topic} is not shown: {in_short(str(error))}')
 
         return checked
 
@@ -268,6 +271,7 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_setpoint, setpoint)
 
     def _on_measured(self, message: WellRates) -> None:
+        senders.check_only_pumps_measure(self)  # `_checked` logs the reason
         rates = conversions.rates_from_msg(message.wells)
         by_person = message.start == message.header.stamp
         self._store.update(
@@ -353,7 +357,15 @@ class PageNode(Node):
         self._store.update(graph_snapshot.with_nodes, names, time.monotonic())
         self._store.update(graph_snapshot.with_alarm, self._doubt_on_publishers())
         self._store.update(graph_snapshot.with_graph_time, self._graph_time(), time.time())
-        count = self._application.streams
+        self._complaints.look()
+        count, workers = self._application.streams, self._application.workers
+        if (busy := workers.busy_for) > LONGEST_BUSY:
+            self._diagnostics.report(
+                DiagnosticStatus.ERROR,
+                f'all {workers.count} threads of the page are at work for {busy:.0f} s: maps and '
+                'confirmations wait; restart the page if this goes on',
+            )
+            return
         self._diagnostics.report(
             DiagnosticStatus.OK, f'{self._url}, {count} {"browser" if count == 1 else "browsers"}'
         )

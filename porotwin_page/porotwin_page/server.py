@@ -39,9 +39,11 @@ from porotwin_page.panel import MapPanel, Moment, Panel
 from porotwin_page.panel_registry import all_panels
 from porotwin_page.past_states import PastStates
 from porotwin_page.proposal import parse_proposal
+from porotwin_page.report_file import read_report
 from porotwin_page.rigs import NO_RIGS, RigList
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import document, web_files
+from porotwin_page.workers import Workers
 
 SECURITY_HEADERS = {
     'Content-Security-Policy': (
@@ -53,9 +55,6 @@ SECURITY_HEADERS = {
     'Cross-Origin-Resource-Policy': 'same-origin',
     'Cache-Control': 'no-store',
 }
-
-REPORT = 'report.html'
-"""Name of a report on a diagnosis: the only files that an offer may point to."""
 
 REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox"
 """Content security policy of a report, which holds its pictures and its style."""
@@ -146,6 +145,7 @@ class PageApplication:
 
     Attributes:
         streams: number of browsers that are served now.
+        workers: the threads that do the work of requests.
     """
 
     def __init__(
@@ -164,6 +164,7 @@ class PageApplication:
     ) -> None:
         self._rigs = rigs
         self.streams = 0
+        self.workers = Workers()
         self._store = store
         self._confirm = confirm
         self._ask = ask
@@ -232,7 +233,7 @@ class PageApplication:
     async def rigs(self, request: web.Request) -> web.Response:
         """Answer with the rigs to choose from: name, address, and which is this one."""
         host = request.url.host or DEFAULT_HOST
-        return web.json_response(await asyncio.to_thread(self._rigs.offered, host))
+        return web.json_response(await self.workers.run(self._rigs.offered, host))
 
     async def report(self, _: web.Request) -> web.Response:
         """Answer with the report on the newest offer; 404 if it is not on this machine."""
@@ -241,9 +242,7 @@ class PageApplication:
             raise web.HTTPNotFound(text='there is no report on an offer yet\n')
         path = Path(offer.report)
         try:
-            if path.name != REPORT:
-                raise FileNotFoundError
-            text = await asyncio.to_thread(path.read_text, encoding='utf-8')
+            text = await self.workers.run(read_report, path)
         except (OSError, ValueError):
             where = 'open it on the machine of the node diagnosis'
             raise web.HTTPNotFound(text=f'{path}: no report can be read here; {where}\n') from None
@@ -257,7 +256,7 @@ class PageApplication:
     async def map(self, request: web.Request) -> web.Response:
         """Answer with the map of a panel as PNG; 404 if there is none yet."""
         panel, theme = self._map_panel(request), _theme(request)
-        data = await asyncio.to_thread(panel.picture, self._snapshot_for(request), theme)
+        data = await self.workers.run(panel.picture, self._snapshot_for(request), theme)
         if data is None:
             raise self._no_map(request)
         return web.Response(body=data, content_type='image/png')
@@ -369,7 +368,7 @@ class PageApplication:
             async with asyncio.timeout(BODY_TIMEOUT_S):
                 body = await request.read()
             given = confirmation.parse(confirmation.decoded(body), self._store.snapshot)
-            return 200, {'message': await asyncio.to_thread(self._confirm, given)}
+            return 200, {'message': await self.workers.run(self._confirm, given)}
         except AccessRefused as refused:
             return 403, {'error': str(refused)}
         except web.HTTPRequestEntityTooLarge:
@@ -394,7 +393,7 @@ class PageApplication:
             if self._asking.locked():
                 return 429, {'error': 'another question is being answered; ask again'}
             async with self._asking:
-                return 200, expectation_view(await asyncio.to_thread(self._ask, rates))
+                return 200, expectation_view(await self.workers.run(self._ask, rates))
 
         return await self._with_token(request, 'proposal', outlook)
 
@@ -402,7 +401,7 @@ class PageApplication:
         """Pass the answer to an offer on."""
 
         async def answered(data: Any) -> tuple[int, Json]:
-            await asyncio.to_thread(self._mend, parse_mend_answer(data))
+            await self.workers.run(self._mend, parse_mend_answer(data))
             return 200, {}
 
         return await self._with_token(request, 'answer', answered)

@@ -115,8 +115,11 @@ class Hub(Node):
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__('guard', namespace='/porotwin', context=context)
         self.requests: list[ConfirmRates.Request] = []
+        self.operator = rclpy.create_node('operator', namespace='/porotwin', context=context)
         self.publishers_by_topic = {
-            topic: self.create_publisher(kind, topic, profile)
+            topic: (self.operator if topic == 'wells/measured' else self).create_publisher(
+                kind, topic, profile
+            )
             for topic, kind, profile in (
                 ('rig/description', RigDescription, qos.CONFIG),
                 ('asset/new_state', NewState, qos.FIELD),
@@ -350,6 +353,17 @@ def test_an_offer_without_a_confidence_does_not_stop_the_page(own_page) -> None:
     assert newest_event(address)['panels']['mend'] is None
     take(MendOffer(sequence=2, confidence=0.95, sentence='a leak'))
     assert newest_event(address)['panels']['mend']['confidence_percent'] == 95
+
+
+def test_a_page_without_a_free_thread_is_an_error(own_page, monkeypatch) -> None:
+    node, _ = own_page
+    told: list[tuple[bytes, str]] = []
+    monkeypatch.setattr(node._diagnostics, 'report', lambda level, text: told.append((level, text)))
+    node._update_nodes()
+    monkeypatch.setattr(node._application.workers, '_busy_since', time.monotonic() - 60.0)
+    node._update_nodes()
+    assert [level for level, _ in told] == [DiagnosticStatus.OK, DiagnosticStatus.ERROR]
+    assert 'at work for 60 s' in told[1][1]
 
 
 def test_a_clock_that_is_set_back_makes_no_setpoint_valid_for_longer(own_page, monkeypatch) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import os
 import socket
 import threading
 import urllib.request
@@ -152,6 +153,28 @@ def test_the_report_on_an_offer_is_served_and_no_other_file(tmp_path: Path) -> N
             policy = response.headers['Content-Security-Policy']
             assert "default-src 'none'" in policy
             assert 'sandbox' in policy or status == 404
+
+    with_client(work)
+
+
+def test_a_file_that_is_no_file_is_not_served_and_stops_nothing(tmp_path: Path) -> None:
+    fifo = tmp_path / 'report.html'
+    os.mkfifo(fifo)
+
+    async def work(scene: Scene, client: TestClient) -> None:
+        for path in (fifo, tmp_path / 'linked' / 'report.html', tmp_path / 'folder/report.html'):
+            path.parent.mkdir(exist_ok=True)
+            if path.parent.name == 'folder':
+                path.mkdir()
+            elif path is not fifo:
+                path.symlink_to('/dev/zero')
+            offer = snapshot.MendOffer(1, 'offered', True, START, 0.9, 'a leak', str(path))
+            scene.store.update(snapshot.with_offer, offer)
+            async with asyncio.timeout(20.0):
+                answers = await asyncio.gather(*(client.get('/report') for _ in range(20)))
+                assert [answer.status for answer in answers] == [404] * 20
+                assert (await client.get('/map/observed.png')).status == 200
+        assert scene.application.workers.busy_for == 0.0
 
     with_client(work)
 

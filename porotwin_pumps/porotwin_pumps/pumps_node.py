@@ -6,13 +6,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
 from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_rig, run
 from porotwin_core.ros.single_instance import only_one
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
@@ -24,7 +23,7 @@ TICK_PERIOD_S = 1.0
 """Time between two looks at the pumps [s]."""
 
 
-class PumpsNode(Node):
+class PumpsNode(TwinNode):
     """Sets real pumps for the guard, watches them, and measures their rates."""
 
     def __init__(self, **kwargs: Any) -> None:

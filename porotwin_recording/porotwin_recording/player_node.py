@@ -11,7 +11,6 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -19,7 +18,7 @@ from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY, declare, hardware_id, run
+from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY, TwinNode, declare, hardware_id, run
 from porotwin_recording.live.player import (
     CLOCK,
     LATCHED_LIMIT,
@@ -97,7 +96,7 @@ OpenBagFn = Callable[[str], BagReader]
 """Opens the bag at a path; raises InputError if that fails."""
 
 
-class PlayerNode(Node):
+class PlayerNode(TwinNode):
     """Publishes the messages of a bag, byte for byte, at their log times.
 
     The process ends with the bag unless the parameter `loop` is set. The parameter `lockstep`

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -22,7 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import Diagnostics, declare, run
+from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
@@ -56,7 +55,7 @@ class _Message(NamedTuple):
     sequence: int
 
 
-class RecorderNode(Node):
+class RecorderNode(TwinNode):
     """Subscribes to all topics, or to those in the parameter `topics`, and records them.
 
     Log times come from this node's clock, which is simulated with `use_sim_time`. Publish times
@@ -107,7 +106,7 @@ class RecorderNode(Node):
         self._publisher_counts: dict[str, int] = {}
         self._searches = 0
         self._before_clock: deque[_Message] = deque(maxlen=MOST_BEFORE_CLOCK)
-        self._is_simulated = bool(self.get_parameter('use_sim_time').value)
+        self._is_simulated = self.simulated
         self._simulated_time: int | None = None
         if self._is_simulated:
             self.create_subscription(

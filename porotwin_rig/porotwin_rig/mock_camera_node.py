@@ -6,13 +6,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import conversions, qos
-from porotwin_core.ros.node import declare, run
+from porotwin_core.ros.node import TwinNode, declare, run
 from porotwin_recording.tables.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
@@ -23,7 +22,7 @@ repeats an announcement that a busy machine lost after 3 s."""
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 
-class MockCameraNode(Node):
+class MockCameraNode(TwinNode):
     """Publishes a baseline, waits for a subscriber, publishes one photograph per period, and ends.
 
     In an experiment folder, imaging.csv gives times and roles. In a plain folder the first

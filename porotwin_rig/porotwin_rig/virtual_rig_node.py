@@ -14,7 +14,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock as RclpyClock
 from rclpy.clock import ClockType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
@@ -26,7 +25,15 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.node import Diagnostics, declare, declare_photo_interval, declare_rig, run
+from porotwin_core.ros.node import (
+    CLOCK,
+    Diagnostics,
+    TwinNode,
+    declare,
+    declare_photo_interval,
+    declare_rig,
+    run,
+)
 from porotwin_msgs.msg import CleanState, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_recording.tables.concentration import ConcentrationWriter
@@ -45,7 +52,7 @@ SETTLE_S = 4.0
 DDS repeats an announcement that a busy machine lost after 3 s."""
 
 
-class VirtualRigNode(Node):
+class VirtualRigNode(TwinNode):
     """The asset's devices: camera, pumps with flow meters, and the clock of the experiment."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -54,8 +61,9 @@ class VirtualRigNode(Node):
         Raises:
             InputError: a parameter, the rig or an effect is wrong.
         """
-        super().__init__('virtual_rig', **kwargs)
-        self.set_parameters([Parameter('use_sim_time', value=True)])
+        own = Parameter(CLOCK, value=True)
+        overrides = [*kwargs.pop('parameter_overrides', ()), own]
+        super().__init__('virtual_rig', parameter_overrides=overrides, **kwargs)
         rig = declare_rig(self)
         interval = declare_photo_interval(self)
         duration = declare(self, 'duration_s', 4800.0, 'end of the experiment [s]')

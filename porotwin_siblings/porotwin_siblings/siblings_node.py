@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.node import Node
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
@@ -35,6 +34,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     Diagnostics,
+    TwinNode,
     declare,
     declare_grid,
     declare_photo_interval,
@@ -95,7 +95,7 @@ class _Arrived(NamedTuple):
     photograph: Photograph
 
 
-class SiblingsNode(Node):
+class SiblingsNode(TwinNode):
     """An ensemble of twins: learns from photographs, forecasts (`siblings/forecast`, `what_if`)."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -123,7 +123,7 @@ class SiblingsNode(Node):
             self, also=f'; after {LONGEST_GAP_INTERVALS} without one, forecasts begin anew'
         )
         self._longest_gap = LONGEST_GAP_INTERVALS * interval
-        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        self._simulated = self.simulated
         self._doubt = stamp_doubts(interval, simulated=self._simulated)
         self._judges = declare(
             self,

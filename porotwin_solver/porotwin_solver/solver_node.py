@@ -2,15 +2,12 @@
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
@@ -35,7 +32,7 @@ from porotwin_core.ros.conversions import (
     tracer_from_msg,
     tracer_to_msg,
 )
-from porotwin_core.ros.node import declare, declare_grid, declare_rig, run
+from porotwin_core.ros.node import TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.senders import callers
 from porotwin_core.ros.single_instance import only_one
 from porotwin_msgs.msg import (
@@ -46,6 +43,7 @@ from porotwin_msgs.msg import (
     TracerField,
 )
 from porotwin_msgs.srv import (
+    Cancel,
     Correct,
     CostGradient,
     InitialCondition,
@@ -83,7 +81,7 @@ MOST_CELL_UPDATES = 2e8
 graph, as long as the hub waits; a prediction of ten minutes of the small rig needs 1e6."""
 
 
-class SolverNode(Node):
+class SolverNode(TwinNode):
     """Offers `solver/predict`, `residual`, `correct` and more for one rig, grid and preset.
 
     `solver/cost_gradient` and `solver/rollout` also take states on a coarser grid.
@@ -124,7 +122,7 @@ class SolverNode(Node):
         quick = MutuallyExclusiveCallbackGroup()
         self.create_service(Ping, 'solver/ping', self._ping, callback_group=quick)
         self.create_service(ModelInfo, 'solver/info', self._info, callback_group=quick)
-        self.create_service(Trigger, 'solver/cancel', self._cancel, callback_group=quick)
+        self.create_service(Cancel, 'solver/cancel', self._cancel, callback_group=quick)
         self._group = ReentrantCallbackGroup()
         self._serve(InitialCondition, 'solver/initial_condition', self._initial_condition)
         self._serve(Predict, 'solver/predict', self._predict)
@@ -169,7 +167,7 @@ class SolverNode(Node):
         as they were decided. Every replay begins with the model as described, and so does every
         repetition of one.
         """
-        self._replay = ReplayedEffects() if self.get_parameter('use_sim_time').value else None
+        self._replay = ReplayedEffects() if self.simulated else None
         self._in_force = ModelEffects(header=header_at(0.0), reason='the start of the solver')
         self._newest_photograph = 0.0
         self._told = self.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
@@ -198,7 +196,8 @@ class SolverNode(Node):
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
-                with self._turns.turn(abandoned=lambda: self.count_clients(name) == 0):
+                token = getattr(request, 'token', '')
+                with self._turns.turn(lambda: self.count_clients(name) == 0, token=token):
                     handler(request, response)
                 response.outcome = ok()
             except CancelledError as error:
@@ -214,10 +213,8 @@ class SolverNode(Node):
 
         self.create_service(kind, name, answer, callback_group=self._group)
 
-    def _cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        count = self._turns.cancel()
-        response.success = True
-        response.message = f'{count} requests cancelled' if count else 'nothing to cancel'
+    def _cancel(self, request: Cancel.Request, response: Cancel.Response) -> Cancel.Response:
+        response.cancelled = self._turns.cancel(request.token)
         return response
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
@@ -300,12 +297,8 @@ class SolverNode(Node):
             InputError: the model cannot be solved with them.
             BusyError: too many requests wait.
         """
-        changed = False
-        while not changed:
-            # a cancellation was meant for a prediction
-            with suppress(CancelledError), self._turns.turn():
-                self._models = self._models.with_effects(effects)
-                changed = True
+        with self._turns.turn():
+            self._models = self._models.with_effects(effects)
 
     def _tell(self, in_force: ModelEffects) -> None:
         self._in_force = in_force

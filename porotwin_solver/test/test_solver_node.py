@@ -23,7 +23,6 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porot
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
 
 from porotwin_core.ros import qos  # noqa: E402
 from porotwin_core.ros.conversions import (  # noqa: E402
@@ -39,6 +38,7 @@ from porotwin_core.ros.conversions import (  # noqa: E402
 )
 from porotwin_msgs.msg import Effect, ModelEffects, Outcome, StateRefreshed  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
+    Cancel,
     Correct,
     CostGradient,
     InitialCondition,
@@ -312,16 +312,20 @@ def test_predictions_are_cancelled_and_the_solver_is_free_again(
     wells = rates_to_msg(rates)
     service = client.node.create_client(Predict, 'solver/predict')
     assert service.wait_for_service(PATIENCE)
-    request = Predict.Request(previous=empty, wells=wells, time_step=2.9e7)
+    request = Predict.Request(previous=empty, wells=wells, time_step=2.9e7, token='mine')
     answers = [service.call_async(request) for _ in range(3)]
     deadline = time.monotonic() + PATIENCE
+    for stranger in ('', 'yours'):
+        assert client.call(Cancel, 'cancel', token=stranger).cancelled == 0
+    cancelled = 0
     while not all(answer.done() for answer in answers):
         assert time.monotonic() < deadline
-        assert client.call(Trigger, 'cancel').success
+        cancelled += client.call(Cancel, 'cancel', token='mine').cancelled
+    assert cancelled >= len(answers)
     for answer in answers:
         assert answer.result().outcome.code == Outcome.FAILED
         assert answer.result().outcome.message == 'cancelled'
-    assert client.call(Trigger, 'cancel').message == 'nothing to cancel'
+    assert client.call(Cancel, 'cancel', token='mine').cancelled == 0
     good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
     assert good.outcome.code == Outcome.OK
     client.node.destroy_client(service)

@@ -1,4 +1,4 @@
-"""Tests of the turns of requests: one works, a few wait, all can be cancelled."""
+"""Tests of the turns of requests: one works, a few wait, a client cancels its own."""
 
 import threading
 
@@ -12,9 +12,9 @@ PATIENCE = 60.0
 
 def test_a_request_that_works_is_cancelled_at_its_next_check() -> None:
     turns = Turns(2)
-    with pytest.raises(CancelledError), turns.turn():
+    with pytest.raises(CancelledError), turns.turn(token='mine'):
         turns.check()
-        assert turns.cancel() == 1
+        assert turns.cancel('mine') == 1
         turns.check()
     with turns.turn():
         turns.check()
@@ -25,17 +25,17 @@ def test_a_request_that_waits_for_a_cancelled_one_never_begins() -> None:
 
     def wait() -> None:
         try:
-            with turns.turn():
+            with turns.turn(token='mine'):
                 begun.append(True)
         except CancelledError as error:
             ended.append(str(error))
 
     waiting = threading.Thread(target=wait)
-    with turns.turn():
+    with turns.turn(token='mine'):
         waiting.start()
         cancelled = 1
         while cancelled == 1:
-            cancelled = turns.cancel()
+            cancelled = turns.cancel('mine')
     waiting.join(PATIENCE)
     assert (cancelled, ended, begun) == (2, ['cancelled'], [])
 
@@ -54,4 +54,12 @@ def test_a_request_that_nobody_waits_for_ends(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_nothing_is_here_to_be_cancelled() -> None:
-    assert Turns(1).cancel() == 0
+    assert Turns(1).cancel('mine') == 0
+
+
+@pytest.mark.parametrize(('own', 'foreign'), [('mine', 'yours'), ('mine', ''), ('', '')])
+def test_a_stranger_cancels_nothing(own: str, foreign: str) -> None:
+    turns = Turns(1)
+    with turns.turn(token=own):
+        assert turns.cancel(foreign) == 0
+        turns.check()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CompressedImage
@@ -18,8 +19,10 @@ from faults.stage import ENVIRONMENT, GRID, Stage
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.foreign_words import FEW
 from porotwin_hub.launching.graph import NAMESPACE
-from porotwin_msgs.msg import NewState, Setpoint, StateRefreshed, WellRates
+from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
+from porotwin_msgs.srv import Cancel
 
 REMOVED = 'end the foreign node'
 NO_SETPOINT = 'Ignores the state. No setpoint follows while a foreign node sends states.'
@@ -141,6 +144,56 @@ def foreign_setpoint(stage: Stage) -> Iterator[None]:
 
 
 @fault(
+    'Measured rates come from a foreign node.',
+    LogLine('hub', 'publishes wells/measured too'),
+    Remark('publishes wells/measured too'),
+    does='Uses no measured rates while the foreign node is there. Forecasts go by the setpoints.',
+    mends=REMOVED,
+)
+def forged_rates(stage: Stage) -> Iterator[None]:
+    rates = foreign_rates(stage, {'injector': WellRate(5e-8, 1.0)}, name='stranger')
+    next(rates)
+    stage.good_photograph()
+    yield
+    next(rates, None)
+
+
+@fault(
+    'A foreign node floods /diagnostics with errors that look like orders.',
+    LogLine('supervisor', 'says: "\\x1b[2Jsetpoint 777'),
+    LogLine('supervisor', 'more of other senders left out'),
+    does='Shows a few of them in one line each, with the name that their sender gives itself, and '
+    'the number of the others. No character acts on the terminal.',
+    mends=REMOVED,
+)
+def order_in_an_error(stage: Stage) -> Iterator[None]:
+    before = len(stage.graph.log('supervisor'))
+    with stage.foreign('/diagnostics', DiagnosticArray, 10) as send:
+        for number in range(1000):
+            status = DiagnosticStatus(level=DiagnosticStatus.ERROR, name=f'lamp {number}')
+            status.message = f'\x1b[2Jsetpoint 777\n  barrier1 {number} ml/h   <-- set'
+            send(DiagnosticArray(status=[status]))
+        yield
+    lines = stage.graph.log('supervisor')[before:].splitlines()
+    assert sum('<-- set' in line for line in lines) == FEW
+    assert all(line.isprintable() for line in lines)
+    assert not any(line.lstrip().startswith(('setpoint', 'barrier1')) for line in lines)
+
+
+@fault(
+    "A foreign node sends the hub's reports of cycles.",
+    LogLine('operator', 'publishes hub/cycle too'),
+    does='The operator neither shows nor speaks such reports. Control continues.',
+    mends=REMOVED,
+)
+def forged_report(stage: Stage) -> Iterator[None]:
+    with stage.foreign('hub/cycle', CycleReport, qos.FIELD) as send:
+        send(CycleReport(remarks=['no setpoint: set barrier1 to 1500 ml/h now']))
+        yield
+    assert 'barrier1 to 1500' not in stage.graph.log('operator')
+
+
+@fault(
     'Measured rates name a well that is not in rig.yaml.',
     LogLine('hub', "well 'elsewhere' is not in rig.yaml"),
     does='Ignores these rates.',
@@ -160,10 +213,12 @@ def wrong_unit_of_rates(stage: Stage) -> Iterator[None]:
     yield from foreign_rates(stage, {'injector': WellRate(5e-4, 1.0)})
 
 
-def foreign_rates(stage: Stage, rates: dict[str, WellRate]) -> Iterator[None]:
-    """Publish measured rates of this moment."""
+def foreign_rates(
+    stage: Stage, rates: dict[str, WellRate], *, name: str = 'pumps'
+) -> Iterator[None]:
+    """Publish measured rates of this moment as the node `name`."""
     header: Any = conversions.header_at(time.time())
-    with stage.foreign('wells/measured', WellRates, qos.FIELD) as send:
+    with stage.foreign('wells/measured', WellRates, qos.FIELD, name=name) as send:
         wells = conversions.rates_to_msg(rates)
         send(WellRates(header=header, start=header.stamp, wells=wells))
         yield
@@ -198,8 +253,63 @@ def second_hub(stage: Stage) -> None:
 )
 def parameter_out_of_range(stage: Stage) -> None:
     for name, value in (('horizon_s', -5.0), ('evaluations', -3), ('model_timeout_s', math.nan)):
-        request = SetParameters.Request()
-        request.parameters = [Parameter(name, value=value).to_parameter_msg()]
-        (result,) = stage.call(SetParameters, 'hub/set_parameters', request).results
+        result = set_while_it_runs(stage, 'hub', name, value)
         assert not result.successful
         assert 'it must be' in result.reason, result.reason
+
+
+def set_while_it_runs(stage: Stage, node: str, name: str, value: object) -> Any:
+    """Return the answer of `node` to another value of its parameter `name`."""
+    request = SetParameters.Request()
+    request.parameters = [Parameter(name, value=value).to_parameter_msg()]
+    (result,) = stage.call(SetParameters, f'{node}/set_parameters', request).results
+    return result
+
+
+@fault(
+    'Simulated time (`use_sim_time`) is set on the running guard.',
+    Answer('holds while it runs'),
+    does='Every node keeps its clock. The guard goes on to check ages.',
+    mends='nothing',
+)
+def other_clock(stage: Stage) -> None:
+    for node in ('guard', 'hub', 'operator'):
+        result = set_while_it_runs(stage, node, 'use_sim_time', True)
+        assert not result.successful
+        assert 'holds while it runs' in result.reason
+
+
+@fault(
+    'Control is switched off by a foreign node (parameter `control` of the hub).',
+    Answer('read-only'),
+    does='Refuses the value. Only a start of the hub chooses it.',
+    mends='nothing',
+)
+def control_switched_off(stage: Stage) -> None:
+    result = set_while_it_runs(stage, 'hub', 'control', False)
+    assert not result.successful
+    assert 'read-only' in result.reason
+
+
+@fault(
+    'Another parameter of the hub is set while it runs.',
+    LogLine('supervisor', 'the parameter horizon_s was set to'),
+    Remark('was set to 900.0 while the hub runs'),
+    does='Takes the value, and says so on the terminal and below the maps of the page.',
+    mends='set the parameter back',
+)
+def parameter_changed(stage: Stage) -> Iterator[None]:
+    assert set_while_it_runs(stage, 'hub', 'horizon_s', 900.0).successful
+    stage.good_photograph()
+    yield
+    assert set_while_it_runs(stage, 'hub', 'horizon_s', 1800.0).successful
+
+
+@fault(
+    'A foreign node asks the solver to cancel (`solver/cancel`).',
+    does='Ends only requests that bear the token of the asking node: none of the hub.',
+    mends='nothing',
+)
+def foreign_cancel(stage: Stage) -> None:
+    for token in ('', 'guessed'):
+        assert stage.call(Cancel, 'solver/cancel', Cancel.Request(token=token)).cancelled == 0

@@ -1,13 +1,15 @@
 """People. Confirmations and pages that somebody else could send."""
 
 import json
+import os
 import urllib.error
 import urllib.request
 
 from faults.fault import Answer, fault
 from faults.stage import Stage
 from porotwin_core.rates.wells import WellRate
-from porotwin_core.ros import conversions
+from porotwin_core.ros import conversions, qos
+from porotwin_msgs.msg import MendOffer
 from porotwin_msgs.srv import ConfirmRates
 
 NOTHING = 'nothing'
@@ -78,3 +80,26 @@ def impossible_confirmation(stage: Stage) -> None:
         request = ConfirmRates.Request(sequence=sequence, wells=conversions.rates_to_msg(rates))
         answer = stage.call(ConfirmRates, 'operator/confirm', request)
         assert answer.outcome.message, f'{rate:g} m3/s was accepted'
+
+
+@fault(
+    'The report of an offer is a FIFO, and a browser asks for it again and again.',
+    Answer('no report can be read here'),
+    does='Serves regular files only, and waits for none. Maps and confirmations go on.',
+    mends=NOTHING,
+)
+def report_that_never_ends(stage: Stage) -> None:
+    fifo = stage.folder / 'report.html'
+    fifo.unlink(missing_ok=True)
+    os.mkfifo(fifo)
+    with stage.foreign('mend/offer', MendOffer, qos.CONFIG, name='mend') as send:
+        send(MendOffer(sequence=1, sentence='a leak', confidence=0.9, report=str(fifo)))
+
+        def offered() -> bool:
+            return 'no report can be read here' in asked(stage, '/report')[1]
+
+        stage.wait_for('the offer on the page', offered)
+        for _ in range(20):
+            assert asked(stage, '/report')[0] == 404
+    status, text = asked(stage, '/rigs')
+    assert status == 200, text

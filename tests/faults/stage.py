@@ -247,16 +247,18 @@ class Stage:
         return time.time()
 
     @contextmanager
-    def foreign(self, topic: str, kind: Any, profile: Any) -> Iterator[Callable[[Any], None]]:
+    def foreign(
+        self, topic: str, kind: Any, profile: Any, *, name: str = 'stranger'
+    ) -> Iterator[Callable[[Any], None]]:
         """Return a function that publishes messages as a node does that is not of the twin.
 
         At the end of the block that node is gone.
         """
         context = Context()
         rclpy.init(context=context, domain_id=self.domain)
-        node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+        node = rclpy.create_node(name, namespace=NAMESPACE, context=context)
         publisher = node.create_publisher(kind, topic, profile)
-        full_name = f'{NAMESPACE}/{topic}'
+        full_name = node.resolve_topic_name(topic)
 
         def all_matched() -> bool:
             known = self.graph.listener.node.count_subscribers(full_name)

@@ -13,6 +13,7 @@ from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, pro
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.ros.foreign_words import in_short
 from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
 
@@ -277,4 +278,4 @@ def _live(output: Path, namespace: str, *, as_json: bool) -> None:
         print_json({'output': output, **summary})
         return
     print(f'{verdict_words(summary)}, with confidence {100 * result.confidence:.0f} %')
-    say(f'report: {result.report}')
+    say(f'report: {in_short(result.report)}')

@@ -8,6 +8,7 @@ import typer
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.foreign_words import in_short, said
 from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
 
@@ -67,5 +68,5 @@ def command(
     elif shown is None:
         print('nothing has been offered yet')
     else:
-        print(f'offer {shown.sequence}, {shown.state}: {shown.sentence}')
-        print(f'report: {shown.report}')
+        print(f'offer {shown.sequence}, {shown.state}: {said("mend", shown.sentence)}')
+        print(f'report: {in_short(shown.report)}')

@@ -43,6 +43,7 @@ from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
+from porotwin_core.ros.plain_log import PlainLogger
 from porotwin_core.ros.ros_environment import check_environment
 from porotwin_core.ros.senders import hearers
 
@@ -64,6 +65,30 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 OnChangeFn = Callable[[Any], None]
 """Takes a value of a parameter; raises InputError if it is wrong."""
+
+CLOCK = 'use_sim_time'
+"""Parameter of every node of ROS 2: whether its time is that of the topic /clock."""
+
+
+class TwinNode(Node):
+    """A node of the graph: its log is plain, and nobody gives it another clock while it runs."""
+
+    def __init__(self, name: str, **kwargs: Any) -> None:
+        """Make a node called `name`; `kwargs` are those of rclpy, such as `context`."""
+        super().__init__(name, **kwargs)
+        self._logger = PlainLogger(super().get_logger().name)
+        self.add_on_set_parameters_callback(self._keep_clock)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the node was started for simulated time."""
+        return bool(self.get_parameter(CLOCK).value)
+
+    def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse another clock: any node could publish it, and no age would be right any more."""
+        other = any(one.name == CLOCK and one.value != self.simulated for one in parameters)
+        reason = f"parameter '{CLOCK}' of {self.get_name()} holds while it runs; start it anew"
+        return SetParametersResult(successful=not other, reason=reason if other else '')
 
 
 def declare(

@@ -26,6 +26,9 @@ LEASE_S = 20.0
 NAME_PERIOD_S = 0.05
 """Time between two looks for that name [s]."""
 
+_nameless: set[str] = set()
+"""Identities of senders whose name never came: a flood of theirs must not be waited for again."""
+
 
 @dataclass(frozen=True, order=True)
 class Sender:
@@ -65,7 +68,7 @@ def check_only_mend_offers(node: Any) -> None:
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    _check_only(node, 'mend', 'mend/offer')
+    _check_only(node, 'mend/offer', 'mend')
 
 
 def check_only_solver_tells(node: Any) -> None:
@@ -74,14 +77,41 @@ def check_only_solver_tells(node: Any) -> None:
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    _check_only(node, 'solver', 'model/effects')
+    _check_only(node, 'model/effects', 'solver')
 
 
-def _check_only(node: Any, name: str, topic: str) -> None:
-    """Check that no node but `name` and the player of a recording publishes `topic`."""
-    player = full_name(node, 'player')
-    found = [sender for sender in publishers(node, topic) if sender.node != player]
-    refuse_others(found, full_name(node, name), f'publishes {topic}')
+def check_only_hub_reports(node: Any) -> None:
+    """Check that only the hub, or a replay of its messages, reports cycles.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, 'hub/cycle', 'hub')
+
+
+def check_only_pumps_measure(node: Any) -> None:
+    """Check that only pumps, the person at them, or a replay publish measured rates.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, 'wells/measured', 'operator', 'pumps', 'virtual_rig')
+
+
+def check_only_rig_keeps_time(node: Any) -> None:
+    """Check that only the virtual rig, or a replay, tells the simulated time.
+
+    Raises:
+        InputError: another node does so too; one line with its name.
+    """
+    _check_only(node, '/clock', 'virtual_rig')
+
+
+def _check_only(node: Any, topic: str, *names: str) -> None:
+    """Check that only nodes of these `names` and the player of a recording publish `topic`."""
+    allowed = {full_name(node, name) for name in (*names, 'player')}
+    found = [sender for sender in publishers(node, topic) if sender.node not in allowed]
+    refuse_others(found, full_name(node, ' or '.join(names)), f'publishes {topic}')
 
 
 def publishers(node: Any, topic: str) -> list[Sender]:
@@ -170,7 +200,8 @@ def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
             )
             for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
         ]
-        named = not any(UNKNOWN_NODE in sender.node for sender in found)
-        if named or time.monotonic() > deadline:
+        awaited = {one.identity for one in found if UNKNOWN_NODE in one.node} - _nameless
+        if not awaited or time.monotonic() > deadline:
+            _nameless.update(awaited)
             return sorted(found)
         time.sleep(NAME_PERIOD_S)

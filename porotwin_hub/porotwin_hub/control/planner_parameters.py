@@ -1,7 +1,7 @@
 """The parameters of the hub that tell how setpoints are chosen, and the planner that follows."""
 
 import math
-import threading
+import queue
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,11 +34,7 @@ class ControlSettings:
 
 
 class PlannerParameters:
-    """Declares the parameters at a node, and makes the planner from their present values.
-
-    Attributes:
-        changed: set by every change of a parameter; whoever takes the new planner clears it.
-    """
+    """Declares the parameters at a node, and makes the planner from their present values."""
 
     def __init__(
         self, node: Node, rig: Rig, grid: Grid, call: Caller, *, interval: float, simulated: bool
@@ -56,7 +52,7 @@ class PlannerParameters:
         Raises:
             InputError: a parameter or the objective of the rig is wrong.
         """
-        self.changed = threading.Event()
+        self._changes: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._declare(node)
         judge = declare(
             node,
@@ -92,14 +88,21 @@ class PlannerParameters:
             return constant
         return WithSubstitute(self._make_plan(horizon=settings.horizon), constant)
 
+    def take_changes(self) -> list[str]:
+        """Return the changes since the last call in words; the planner has changed with them."""
+        return [self._changes.get() for _ in range(self._changes.qsize())]
+
     def _declare(self, node: Node) -> None:
-        """Declare the parameters that may change at any time."""
+        """Declare the parameters.
+
+        All but `control` may change at any time: with plain DDS any node may set a parameter, and
+        none but a restart may switch control off.
+        """
         enabled = declare(
             node,
             'control',
             True,
             'choose setpoints when rig.yaml allows it',
-            on_change=self._change('enabled'),
         )
         horizon = declare(
             node,
@@ -135,6 +138,6 @@ class PlannerParameters:
 
         def change(value: Any) -> None:
             self._settings = replace(self._settings, **{name: value})
-            self.changed.set()
+            self._changes.put(f'the {name} of the optimiser was set to {value} while the hub runs')
 
         return change

@@ -19,6 +19,7 @@ from typing import IO, Any, Self
 import yaml
 
 from porotwin_core.basis.parent import PARENT, REFUSAL, WRONG_PARAMETERS
+from porotwin_core.ros.foreign_words import plain
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.liveness import RESTART_AFTER_S
 from porotwin_hub.launching.node_processes import kill, process_of
@@ -251,9 +252,9 @@ class GraphProcesses:
         return process
 
     def _report(self, text: str) -> None:
-        """Pass a line to the user; a terminal that is gone is no error."""
+        """Pass a line to the user, who may see it on a terminal; one that is gone is no error."""
         with contextlib.suppress(OSError):
-            self._say(text)
+            self._say(plain(text))
 
     def _tee(self, name: str, process: subprocess.Popen[bytes]) -> None:
         """Show and log the output of a node; read on even if the log cannot be written."""

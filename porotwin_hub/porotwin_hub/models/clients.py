@@ -5,12 +5,12 @@ executor spins in another. A blocking call in a callback would deadlock.
 """
 
 import math
+import uuid
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
@@ -24,13 +24,13 @@ from porotwin_core.ros.senders import servers
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
-from porotwin_msgs.srv import Control, Correct, CorrectiveSource, CostGradient, Predict
+from porotwin_msgs.srv import Cancel, Control, Correct, CorrectiveSource, CostGradient, Predict
 
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
 
 CANCEL = 'solver/cancel'
-"""The service that ends the predictions of the solver."""
+"""The service that ends the predictions of one client of the solver."""
 
 LEAST_PATIENCE_S = 0.5
 """Shortest wait for the cost of a plan [s]: a simulation on the grid of plans takes less."""
@@ -50,6 +50,8 @@ class Caller:
         """Use `node` for clients; a call that takes longer than `timeout` [s] has failed."""
         self._node = node
         self.timeout = timeout
+        self.token = uuid.uuid4().hex
+        """Marks the requests of this client, so that it can end its own and nobody else can."""
         self._clients: dict[str, Any] = {}
 
     def __call__(
@@ -65,8 +67,8 @@ class Caller:
         """Return the response to `request` from the service called `name`.
 
         The call has failed after its time limit, which is at least `least` [s], or after `patience`
-        [s] if that is shorter. It is then ended by the service called `cancel`, so that the model
-        is free for the next one.
+        [s] if that is shorter. The service called `cancel` then ends the requests with the token of
+        this client, so that the model is free for the next one.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
@@ -75,11 +77,13 @@ class Caller:
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
+        if cancel:
+            request.token = self.token
         response = self._answered(client, name, request, timeout)
         if response is None:
             if cancel:
-                canceller = self._client(Trigger, cancel)
-                self._answered(canceller, cancel, Trigger.Request(), CANCEL_WAIT_S)
+                own = Cancel.Request(token=self.token)
+                self._answered(self._client(Cancel, cancel), cancel, own, CANCEL_WAIT_S)
             raise ModelUnavailable(f"service '{name}' did not answer within {timeout:g} s")
         outcome = getattr(response, 'outcome', None)
         if outcome is not None and outcome.code != Outcome.OK:

@@ -7,6 +7,7 @@ from porotwin_core.basis.units import to_ml_h
 from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import PUMP_STEP_ML_H
+from porotwin_core.ros.foreign_words import in_short, plain
 
 NO_SETPOINT = 'no setpoint: '
 """Begin of the hub's remark that tells why no setpoint follows from a photograph."""
@@ -53,7 +54,7 @@ def announce(
         if well not in before or _step(rate, before[well]) >= step_ml_h - 0.5 * PUMP_STEP_ML_H
     )
     speech = ' '.join(_order(well, rates[well]) for well in changed) or 'No change.'
-    why = f'\n  why: {reason}' if reason else ''
+    why = f'\n  why: {in_short(reason)}' if reason else ''
     title = f'setpoint {sequence}{note}{why}'
     return Announcement(_table(title, rates, before, changed), speech, changed)
 
@@ -78,7 +79,7 @@ def _step(rate: WellRate, before: WellRate) -> float:
 def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, ...]) -> str:
     lines = [title]
     for well, rate in rates.items():
-        line = f'  {well:12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
+        line = f'  {plain(well):12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
         if well in changed:
             last = before.get(well)
             if last is None or _step(rate, last) < 0.5 * PUMP_STEP_ML_H:
@@ -92,7 +93,7 @@ def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, 
 def _order(well: str, rate: WellRate) -> str:
     """Return one short sentence that a voice reads well, such as 'Set control 2 to minus 740.'"""
     head = well.rstrip('0123456789')
-    name = f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
+    name = plain(f'{head} {well[len(head) :]}').replace('_', ' ').strip()
     value = round(to_ml_h(rate.rate), 1)
     if value == 0.0:
         return f'Switch {name} off.'
