@@ -174,9 +174,13 @@ def build_interfaces() -> None:
 
 
 def link_packages() -> None:
-    """Add the source folders of our packages to sys.path, and install the `porotwin` command."""
+    """Add our packages and the laboratory to sys.path, and install the `porotwin` command.
+
+    The checkout itself is on the path for `lab`, which is not installed.
+    """
     site = next((VENV / 'lib').glob('python3*/site-packages'))
-    (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
+    folders = (*(ROOT / name for name in PACKAGES), ROOT)
+    (site / 'porotwin.pth').write_text(''.join(f'{folder}\n' for folder in folders))
     command = VENV / 'bin' / 'porotwin'
     command.write_text(
         '#!/bin/sh\nunset PYTHONDONTWRITEBYTECODE\n'

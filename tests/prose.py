@@ -34,7 +34,7 @@ Text = tuple[int, str]
 def packages() -> list[str]:
     """Return the names of all packages and of the folders with tests, examples and documents."""
     names = [path.parent.name for path in ROOT.glob('porotwin_*/setup.py')]
-    more = ('tests', 'examples', 'docs', 'setup')
+    more = ('lab', 'tests', 'examples', 'docs', 'setup')
     return [*sorted(names), *(name for name in more if (ROOT / name).is_dir())]
 
 

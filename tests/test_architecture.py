@@ -11,6 +11,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 MODULES = sorted(path for package in PACKAGES for path in (ROOT / package / package).rglob('*.py'))
 
+LAB = 'lab'
+"""The laboratory: it may import every package and is not installed; nothing imports it."""
+
+LAB_MODULES = sorted(
+    path for path in (ROOT / LAB).rglob('*.py') if 'test' not in path.relative_to(ROOT).parts
+)
+
 ROS = {'rclpy', 'launch', 'launch_ros'}
 MESSAGES = {
     'porotwin_msgs', 'sensor_msgs', 'std_msgs', 'diagnostic_msgs', 'rosgraph_msgs',
@@ -52,10 +59,6 @@ MAY_IMPORT = {
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
     'porotwin_page': {'porotwin_core'},
     'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},
-    'porotwin_validation': {
-        'porotwin_core', 'porotwin_recording', 'porotwin_imaging', 'porotwin_solver',
-        'porotwin_rig', 'porotwin_diagnosis',
-    },
     'porotwin_cli': set(PACKAGES),
 }  # fmt: skip
 """Imports point one way; the virtual rig and the solver, above all, share no numerics."""
@@ -68,11 +71,11 @@ ROOMS = {
     'porotwin_imaging': (
         'numerics', 'photograph', 'sources', 'camera', 'geometry', 'tracer',
         'smoothing', 'light', 'baseline', 'photo_to_map', 'calibrating', 'live', 'measures',
-        'phases', 'camera_node', 'imaging_node', 'imaging_bench', 'laser_grid_check',
+        'phases', 'camera_node', 'imaging_node',
     ),
     'porotwin_solver': (
         'coefficients', 'effects', 'flow', 'transport', 'model', 'adjoint', 'service',
-        'solver_node', 'exact_solutions', 'large_grid_bench', 'solver_bench',
+        'solver_node',
     ),
     'porotwin_costa': (
         'data', 'networks', 'correction', 'physics', 'training', 'evaluation',
@@ -86,6 +89,14 @@ ROOMS = {
         'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision',
         'advice', 'diagnosis', 'report', 'examine', 'archive', 'diagnosis_node', 'mending',
         'mend_node', 'history',
+    ),
+    'porotwin_cli': (
+        'terminal', 'workspace', 'kernels', 'interrupts', 'options', 'recorded', 'checking',
+        'photographs', 'pictures', 'running', 'commands', 'app', '__main__',
+    ),
+    LAB: (
+        'study', 'budget', 'photographs', 'blind', 'benches', 'loop', 'faults', 'scaling',
+        'paper_experiments', 'commands',
     ),
 }  # fmt: skip
 """Sub-packages and modules of a package; each may import only those before it and itself."""
@@ -113,7 +124,8 @@ def imported(module: Path) -> set[str]:
 
 def name_of(module: Path) -> str:
     """Return the dotted name of a module; of an __init__.py the name of its package."""
-    parts = module.relative_to(ROOT).with_suffix('').parts[1:]
+    parts = module.relative_to(ROOT).with_suffix('').parts
+    parts = parts if parts[0] == LAB else parts[1:]
     return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 
 
@@ -123,7 +135,8 @@ def imports_within(package: str) -> dict[str, set[str]]:
 
     Imports under TYPE_CHECKING and within functions count too.
     """
-    modules = {name_of(path): path for path in (ROOT / package / package).rglob('*.py')}
+    paths = LAB_MODULES if package == LAB else (ROOT / package / package).rglob('*.py')
+    modules = {name_of(path): path for path in paths}
     graph: dict[str, set[str]] = {}
     for name, path in modules.items():
         found: set[str] = set()
@@ -165,7 +178,11 @@ def test_imports_point_one_way(package: str) -> None:
         assert ours <= allowed, f'{short(module)} imports {ours - allowed}'
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+def test_no_package_imports_the_laboratory() -> None:
+    assert not [short(module) for module in MODULES if LAB in imported(module)]
+
+
+@pytest.mark.parametrize('package', [*PACKAGES, LAB])
 def test_no_modules_import_each_other_in_a_circle(package: str) -> None:
     try:
         TopologicalSorter(imports_within(package)).prepare()
@@ -210,7 +227,8 @@ def test_allowed_shells_exist() -> None:
 
 
 def test_test_modules_have_names_of_their_own() -> None:
-    paths = [*ROOT.glob('porotwin_*/test/test_*.py'), *ROOT.glob('tests/test_*.py')]
+    folders = ('porotwin_*/test', 'lab/test', 'tests')
+    paths = [path for folder in folders for path in ROOT.glob(f'{folder}/**/test_*.py')]
     names = [path.name for path in paths]
     twice = sorted({name for name in names if names.count(name) > 1})
     assert not twice, f'pytest imports test modules by name; rename one of {twice}'

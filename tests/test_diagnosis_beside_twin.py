@@ -6,8 +6,8 @@ import pytest
 from graph import RunningGraph, running_graph
 from rclpy.action import ActionClient
 
-from porotwin_cli.live_diagnosis import diagnose_run_so_far
-from porotwin_cli.rehearsal import calibration_fit
+from porotwin_cli.running.live_diagnosis import diagnose_run_so_far
+from porotwin_cli.running.rehearsal import calibration_fit
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_diagnosis.progress import no_progress

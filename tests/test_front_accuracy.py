@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from lab.benches.bench_solver import bench_rig
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model.simulation import simulate
-from porotwin_solver.solver_bench import bench_rig
 
 TIMES = (900.0, 1500.0)
 """Times [s] of the compared maps: in the slug, and after it."""

@@ -2,10 +2,11 @@
 
 import errno
 import importlib
+import importlib.util
 import pkgutil
 import sys
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -21,13 +22,25 @@ DISK_FULL = 'no space left on a disk that this command writes to; remove somethi
 
 HELP_OPTIONS = ('-h', '--help')
 
+LAB = 'lab'
+"""The laboratory of a checkout, with the commands bench, blind-check and experiment."""
+
+
+def command_folders() -> Iterator[ModuleType]:
+    """Yield the packages whose modules are commands; an installed program has no laboratory."""
+    yield commands
+    if importlib.util.find_spec(LAB) is not None:
+        yield importlib.import_module(f'{LAB}.commands')
+
 
 def command_modules() -> dict[str, ModuleType]:
     """Return the module of each command by the name of the command, as `commands` explains."""
-    names = (module.name for module in pkgutil.iter_modules([str(Path(commands.__path__[0]))]))
     return {
-        name.strip('_').replace('_', '-'): importlib.import_module(f'{commands.__name__}.{name}')
-        for name in names
+        module.name.strip('_').replace('_', '-'): importlib.import_module(
+            f'{folder.__name__}.{module.name}'
+        )
+        for folder in command_folders()
+        for module in pkgutil.iter_modules(folder.__path__)
     }
 
 
@@ -45,21 +58,26 @@ def make_app() -> typer.Typer:
         rich_markup_mode=None,
         context_settings={'help_option_names': list(HELP_OPTIONS)},
     )
-    for name, module in command_modules().items():
-        if not callable(getattr(module, 'command', None)):
+    for name, module in sorted(command_modules().items()):
+        command = getattr(module, 'command', None)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        elif callable(command):
+            settings = getattr(module, 'CONTEXT_SETTINGS', None)
+            app.command(name, context_settings=settings)(command)
+        else:
             say(f'porotwin: {module.__file__}: no function `command`; see commands/__init__.py')
-            continue
-        app.command(name, context_settings=getattr(module, 'CONTEXT_SETTINGS', None))(
-            module.command
-        )
     return app
 
 
 app = make_app()
 
 
-def path_options(command: Callable[..., object]) -> set[str]:
-    """Return the options of a command that take a path, such as --output."""
+def path_options(command: typer.Typer | Callable[..., object]) -> set[str]:
+    """Return the options of a command, and of its parts, that take a path, such as --output."""
+    if isinstance(command, typer.Typer):
+        parts = (part.callback for part in command.registered_commands)
+        return {option for part in parts if part is not None for option in path_options(part)}
     hints = typing.get_type_hints(command)
     return {
         f'--{name.replace("_", "-")}'

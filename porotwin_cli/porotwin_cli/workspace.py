@@ -56,14 +56,3 @@ def _new_run(command: str) -> Path:
 
 def _cannot_be_made(folder: Path, error: OSError) -> InputError:
     return InputError(f'{folder}: {error.strerror}; name another --output')
-
-
-def continued_folder(output: Path | None, command: str, results: str) -> Path:
-    """Return `output` if it holds files of the pattern `results`, else a new `run_folder`.
-
-    Raises:
-        InputError: `output` holds something else.
-    """
-    if output is not None and any(output.glob(results)):
-        return output
-    return run_folder(output, command)

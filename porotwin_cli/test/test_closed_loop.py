@@ -1,11 +1,11 @@
-"""The demo on another rig than the paper's: what it needs, and what it chooses."""
+"""The demo on another rig than the paper's: its needs and its choices."""
 
 from pathlib import Path
 
 import pytest
 
-from porotwin_cli.closed_loop import DemoSettings, check_rig, usual_minutes
-from porotwin_cli.rehearsal import balanced, injected_tracer
+from porotwin_cli.running.closed_loop import DemoSettings, check_rig, usual_minutes
+from porotwin_cli.running.rehearsal import balanced, injected_tracer
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h

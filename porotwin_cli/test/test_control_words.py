@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from porotwin_cli.check_picture import check_picture
-from porotwin_cli.control_words import control_words
-from porotwin_cli.rig_check import check
+from porotwin_cli.checking.control_words import control_words
+from porotwin_cli.checking.rig_check import check
+from porotwin_cli.pictures.check_picture import check_picture
 from porotwin_core.rig import ObjectiveDescription, load_rig
 
 RIG_FILE = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from box_rig import box_rig
 
-from porotwin_cli.density_words import density_words
+from porotwin_cli.checking.density_words import density_words
 from porotwin_core.basis.units import GRAVITY
 from porotwin_core.rig import Rig, load_rig
 from porotwin_solver.effects.definition.words import number

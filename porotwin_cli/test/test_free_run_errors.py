@@ -1,6 +1,6 @@
 """The errors of a free run in words."""
 
-from porotwin_cli.free_run_errors import FreeRunErrors
+from porotwin_cli.recorded.free_run_errors import FreeRunErrors
 
 
 def test_a_free_run_without_the_tracer_of_the_first_map_is_told() -> None:

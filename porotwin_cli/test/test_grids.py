@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_cli.grids import coupled_flow_seconds, grid_of, tell_cost
+from porotwin_cli.options.grids import coupled_flow_seconds, grid_of, tell_cost
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig

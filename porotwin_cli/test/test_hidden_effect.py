@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_cli.hidden_effect import MENDABLE, as_text, hidden_effect
+from porotwin_cli.running.hidden_effect import MENDABLE, as_text, hidden_effect
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig

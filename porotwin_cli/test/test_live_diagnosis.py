@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from porotwin_cli.live_diagnosis import answer_of
+from porotwin_cli.running.live_diagnosis import answer_of
 from porotwin_cli.terminal import WorkFailed
 
 

@@ -6,7 +6,7 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from porotwin_cli.live_node import listening, live_node  # noqa: E402
+from porotwin_cli.running.live_node import listening, live_node  # noqa: E402
 from porotwin_core.ros import qos  # noqa: E402
 from porotwin_msgs.msg import CleanState  # noqa: E402
 

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from porotwin_cli.map_sureness import doubt_entry, plume_doubt, sureness_words, typical_doubt
+from porotwin_cli.photographs.map_sureness import (
+    doubt_entry,
+    plume_doubt,
+    sureness_words,
+    typical_doubt,
+)
 
 
 def test_the_doubt_is_that_of_the_plume() -> None:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from porotwin_cli.mended_loop import mending_lines
+from porotwin_cli.running.mended_loop import mending_lines
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,12 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from porotwin_cli.output_files import check_output, maker, maps_are_kept, one_call_for_each_output
+from porotwin_cli.options.output_files import (
+    check_output,
+    maker,
+    maps_are_kept,
+    one_call_for_each_output,
+)
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin

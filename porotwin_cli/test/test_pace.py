@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from porotwin_cli.pace import tell_pace
+from porotwin_cli.running.pace import tell_pace
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 

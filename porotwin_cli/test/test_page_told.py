@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from porotwin_cli.page_told import tell_page
+from porotwin_cli.running.page_told import tell_page
 
 
 def test_the_address_is_told_with_the_token_of_the_file(tmp_path: Path, capsys) -> None:

@@ -1,6 +1,6 @@
 """Remarks about photographs are told, but do not fill the screen."""
 
-from porotwin_cli.photo_remarks import MOST_TOLD, PhotoRemarks
+from porotwin_cli.photographs.photo_remarks import MOST_TOLD, PhotoRemarks
 
 
 def test_the_first_remarks_are_told_and_the_others_are_counted():

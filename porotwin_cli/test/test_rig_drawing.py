@@ -1,6 +1,6 @@
 """Drawings of maps on a rig."""
 
-from porotwin_cli.rig_drawing import MOST_MAPS, chosen_maps
+from porotwin_cli.pictures.rig_drawing import MOST_MAPS, chosen_maps
 
 
 def test_a_sheet_shows_the_first_and_the_last_map_and_some_between() -> None:

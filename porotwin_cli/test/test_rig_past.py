@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from porotwin_cli.rig_past import RigPast
+from porotwin_cli.checking.rig_past import RigPast
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig, load_rig
 from porotwin_recording.tables.concentration import VIRTUAL, MapOrigin

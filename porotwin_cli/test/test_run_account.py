@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_cli.run_account import RunAccount
+from porotwin_cli.recorded.run_account import RunAccount
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_cli.run_course import run_course
+from porotwin_cli.recorded.run_course import run_course
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from porotwin_cli.run_account import RunAccount, TrueTracer
-from porotwin_cli.run_pictures import course_picture, shown_minutes
+from porotwin_cli.pictures.run_pictures import course_picture, shown_minutes
+from porotwin_cli.recorded.run_account import RunAccount, TrueTracer
 from porotwin_core.rig import load_rig
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from porotwin_cli.same_photos import PhotoDigests, SameFiles, told
+from porotwin_cli.photographs.same_photos import PhotoDigests, SameFiles, told
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.tables.photos import Photo
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from porotwin_cli.bench_loop_scenarios import demo_scenario
-from porotwin_cli.what_if_picture import what_if_picture
-from porotwin_cli.what_if_study import (
+from lab.loop.bench_loop_scenarios import demo_scenario
+from porotwin_cli.running.what_if_picture import what_if_picture
+from porotwin_cli.running.what_if_study import (
     WhatIfStudy,
     later_steps,
     objections_to,
@@ -110,7 +110,7 @@ def test_without_a_zone_only_the_plumes_are_drawn(
     assert found.has_zone
     assert not study.has_zone
     drawn: list[Figure] = []
-    monkeypatch.setattr('porotwin_cli.what_if_picture.plt.close', drawn.append)
+    monkeypatch.setattr('porotwin_cli.running.what_if_picture.plt.close', drawn.append)
     what_if_picture(tmp_path / 'picture.png', study)
     assert [axis.get_title() for axis in drawn[0].axes] == [
         'present, at 55 min',

@@ -16,11 +16,11 @@ from diagnosis_examples import (
 from diagnosis_results import diagnosis_of_denser_sand
 from matplotlib.figure import Figure
 
+from lab.blind.blind_cases import SMALL
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_solver.effects.definition.candidate import Candidate
-from porotwin_validation.blind_cases import SMALL
 
 __all__ = ['denser_sand', 'quiet']
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from lab.blind.blind_cases import SMALL
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import SchedulerLost, crew
 from porotwin_core.rig import load_rig, write_rig
@@ -19,7 +20,6 @@ from porotwin_diagnosis.report.origin import origin_of
 from porotwin_diagnosis.report.report_folder import REPORT
 from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_validation.blind_cases import SMALL
 
 
 @pytest.fixture

@@ -11,13 +11,13 @@ import pytest
 from diagnosis_examples import DENSER, all_but, recorded
 from diagnosis_results import naming, twice
 
+from lab.blind.blind_cases import SMALL
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig, parse_rig, write_rig
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_validation.blind_cases import SMALL
 
 
 @pytest.mark.slow

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from lab.photographs.laser_grid_check import check_laser_grid
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.calibrating.calibration_fit import fit_calibration
 from porotwin_imaging.geometry.corners_and_lens import Geometry
-from porotwin_imaging.laser_grid_check import check_laser_grid
 from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, UNKNOWN, WATER
 from porotwin_imaging.phases.phase_study import PhaseStudy
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map

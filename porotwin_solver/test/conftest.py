@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from lab.benches.bench_solver import bench_rig
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_solver.solver_bench import bench_rig
 
 MakeRig = Callable[..., Rig]
 

@@ -7,6 +7,7 @@ grid.
 
 import math
 
+import exact_solutions
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import Boundaries, EffectDescription, Well
-from porotwin_solver import exact_solutions
+from porotwin_solver.coefficients.discs import radial_front
 from porotwin_solver.effects import described_physics
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.engine import State
@@ -62,7 +63,7 @@ def square_rig(make_rig, **changes):
 def test_the_front_of_a_single_injector_is_a_circle(make_rig, preset, slope, finest) -> None:
     rig = square_rig(make_rig)
     time, rate = 1800.0, from_ml_h(500.0)
-    radius = exact_solutions.radial_front(rate * time, thickness=0.010 * 0.375)
+    radius = radial_front(rate * time, thickness=0.010 * 0.375)
     # grids that the accurate preset refines by the same factor
     cells = [20, 40, 80] if preset == 'accurate' else [50, 100, 200]
     errors = []  # at a jump a scheme of order p has order p / (p + 1) in L1

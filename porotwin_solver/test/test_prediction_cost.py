@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lab.benches.bench_solver import bench_rig
 from porotwin_core.geometry.grid import Grid
 from porotwin_solver.model.engine import LONGEST_STEP, State
 from porotwin_solver.model.model import Model
@@ -13,7 +14,6 @@ from porotwin_solver.model.prediction_cost import (
     slowness_of_this_machine,
     working_rates,
 )
-from porotwin_solver.solver_bench import bench_rig
 from porotwin_solver.transport.local_time_steps import tape_length
 
 RIG = bench_rig()

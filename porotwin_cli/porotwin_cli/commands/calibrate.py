@@ -118,7 +118,7 @@ def _calibrated(
         InputError: the photographs or rates are wrong, or `target` may not be written.
         WorkFailed: the calibration cannot be trusted.
     """
-    from porotwin_cli.same_photos import PhotoDigests, told
+    from porotwin_cli.photographs.same_photos import PhotoDigests, told
     from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
     from porotwin_imaging.calibrating.calibration_pictures import write_fit
     from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused

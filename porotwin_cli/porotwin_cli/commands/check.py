@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output_files import check_output
+from porotwin_cli.options.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
@@ -40,8 +40,8 @@ def command(
 
     Example: ./porotwin check rig.yaml --output check.png
     """
-    from porotwin_cli.check_picture import check_picture
-    from porotwin_cli.rig_check import check, in_words
+    from porotwin_cli.checking.rig_check import check, in_words
+    from porotwin_cli.pictures.check_picture import check_picture
 
     if output.is_dir():
         output = output / PICTURE

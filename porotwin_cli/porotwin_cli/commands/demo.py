@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.seed_option import seed_option
+from porotwin_cli.options.seed_option import seed_option
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.basis.errors import InputError
@@ -104,8 +104,8 @@ def command(
     Example: ./porotwin demo --hidden-effect surprise --ask
     """
     prepare_environment()
-    from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures, usual_minutes
-    from porotwin_cli.hidden_effect import hidden_effect as draw_hidden
+    from porotwin_cli.running.closed_loop import DemoSettings, run_demo, show_figures, usual_minutes
+    from porotwin_cli.running.hidden_effect import hidden_effect as draw_hidden
     from porotwin_core.rig import load_rig
 
     if ask and not hidden_effect:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.rig_choice import Domain, Namespace
+from porotwin_cli.options.crew_options import Scheduler, Workers
+from porotwin_cli.options.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
@@ -84,8 +84,8 @@ def command(
 
     Example: ./porotwin diagnose runs/* --each --output archive --scheduler tcp://head:8786
     """
-    from porotwin_cli.given_twice import refuse_twice
-    from porotwin_cli.rig_past import RigPast
+    from porotwin_cli.checking.rig_past import RigPast
+    from porotwin_cli.recorded.given_twice import refuse_twice
     from porotwin_core.basis.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
@@ -268,7 +268,7 @@ def _verdict_words(row: dict[str, object]) -> tuple[str, str]:
 
 def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     """Print the diagnosis of the run so far."""
-    from porotwin_cli.live_diagnosis import diagnose_run_so_far
+    from porotwin_cli.running.live_diagnosis import diagnose_run_so_far
     from porotwin_diagnosis.report.named_rows import verdict_words
 
     with progress() as bar:

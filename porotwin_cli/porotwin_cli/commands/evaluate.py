@@ -33,7 +33,7 @@ def command(
 
     Example: ./porotwin evaluate models/monday run3 --output evaluation
     """
-    from porotwin_cli.costa_data import frames_of, open_all, source_name, with_effects
+    from porotwin_cli.recorded.costa_data import frames_of, open_all, source_name, with_effects
     from porotwin_core.model.learnt_physics import LearntPhysics
     from porotwin_core.rig import load_rig
     from porotwin_costa.correction.corrective_model import CorrectiveModel

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from porotwin_cli.conversion import convert
-from porotwin_cli.experiment_times import times_in
+from porotwin_cli.options.experiment_times import times_in
+from porotwin_cli.recorded.conversion import convert
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.basis.errors import InputError
 

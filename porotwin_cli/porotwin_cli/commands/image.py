@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.output_files import one_call_for_each_output
+from porotwin_cli.options.crew_options import Scheduler, Workers
+from porotwin_cli.options.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from porotwin_cli.imaged_maps import ExperimentPhotos
+    from porotwin_cli.photographs.imaged_maps import ExperimentPhotos
     from porotwin_core.geometry.grid import Grid
     from porotwin_core.rates.wells import Schedule
     from porotwin_core.rig import Rig
@@ -58,17 +58,17 @@ def command(
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
-    from porotwin_cli.grids import grid_of
-    from porotwin_cli.imaged_maps import ExperimentPhotos, write_maps
-    from porotwin_cli.map_sureness import (
+    from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
+    from porotwin_cli.photographs.imaged_maps import ExperimentPhotos, write_maps
+    from porotwin_cli.photographs.map_sureness import (
         doubt_entry,
         guessed_sands,
         sureness_words,
         typical_doubt,
     )
-    from porotwin_cli.output_files import check_output, maker, maps_are_kept
-    from porotwin_cli.rig_drawing import picture_beside
-    from porotwin_cli.same_photos import told
+    from porotwin_cli.photographs.same_photos import told
+    from porotwin_cli.pictures.rig_drawing import picture_beside
     from porotwin_core.basis.errors import writing
     from porotwin_core.basis.parallel import crew
     from porotwin_core.basis.whole_folder import whole_folder
@@ -234,7 +234,7 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
     Raises:
         InputError: the first baseline is no photograph; its file is named.
     """
-    from porotwin_cli.many_photos import read_photo
+    from porotwin_cli.photographs.many_photos import read_photo
     from porotwin_imaging.geometry.imaging_cost import map_cost
     from porotwin_imaging.photograph.photo_file import photo_size
     from porotwin_imaging.photograph.photo_names import named
@@ -248,7 +248,7 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
 
 def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
     """Draw some of the maps in the file `output` into `picture`."""
-    from porotwin_cli.rig_drawing import chosen_maps, sheet_of_maps
+    from porotwin_cli.pictures.rig_drawing import chosen_maps, sheet_of_maps
     from porotwin_recording.tables.concentration import open_maps
 
     maps = open_maps(output, rig)

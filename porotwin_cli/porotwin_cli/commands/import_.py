@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from porotwin_cli.conversion import convert
+from porotwin_cli.recorded.conversion import convert
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_core.basis.errors import InputError
 

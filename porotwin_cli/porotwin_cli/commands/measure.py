@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.output_files import check_output, write_rows
+from porotwin_cli.options.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent

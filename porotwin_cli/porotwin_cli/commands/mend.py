@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.rig_choice import Domain, Namespace
+from porotwin_cli.options.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short, said
@@ -43,7 +43,7 @@ def command(
 
     Example: ./porotwin mend accept
     """
-    from porotwin_cli.live_mend import MendDesk
+    from porotwin_cli.running.live_mend import MendDesk
 
     if offer is not None and offer > MOST_OFFER:
         raise InputError(

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.foreground import run_node
-from porotwin_cli.rig_choice import Domain, Namespace
+from porotwin_cli.options.rig_choice import Domain, Namespace
+from porotwin_cli.running.foreground import run_node
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_hub.launching.graph import NAMESPACE
 

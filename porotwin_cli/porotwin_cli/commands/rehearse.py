@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.experiment_times import SHORTEST_STEP_S, recorded_times
+from porotwin_cli.options.experiment_times import SHORTEST_STEP_S, recorded_times
 from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
 from porotwin_core.basis.discovery import module_names
 from porotwin_core.basis.errors import InputError
@@ -85,7 +85,7 @@ def command(
 
     Example: ./porotwin rehearse planned --output photographed --photo-width-px 1600
     """
-    from porotwin_cli.grids import grid_of
+    from porotwin_cli.options.grids import grid_of
     from porotwin_core.basis.whole_folder import whole_folder
     from porotwin_recording.experiment.experiment_folder import MAPS_FILE
     from porotwin_recording.experiment.recording import open_recording

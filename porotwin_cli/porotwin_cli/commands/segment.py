@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.output_files import one_call_for_each_output, write_rows
+from porotwin_cli.options.crew_options import Scheduler, Workers
+from porotwin_cli.options.output_files import one_call_for_each_output, write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
@@ -64,11 +64,11 @@ def command(
     Example: ./porotwin segment experiment --output phases.nc --gas 0.9,0.6,1.1,0.7@3600
     --dissolved 0.9,0.4,1.1,0.5@3600
     """
-    from porotwin_cli.grids import grid_of
-    from porotwin_cli.many_photos import read_photo
-    from porotwin_cli.output_files import check_output
-    from porotwin_cli.phase_picture import phase_sheet
-    from porotwin_cli.rig_drawing import picture_beside
+    from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.options.output_files import check_output
+    from porotwin_cli.photographs.many_photos import read_photo
+    from porotwin_cli.pictures.phase_picture import phase_sheet
+    from porotwin_cli.pictures.rig_drawing import picture_beside
     from porotwin_core.basis.parallel import crew
     from porotwin_imaging.baseline.baseline import make_baseline
     from porotwin_imaging.geometry.imaging_cost import map_cost
@@ -186,8 +186,8 @@ def _segment(
     states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 'Rig', pool: 'Crew'
 ) -> _Work:
     """Write the maps of all photographs; return their measures."""
-    from porotwin_cli.many_photos import each_photo
-    from porotwin_cli.rig_drawing import chosen_maps
+    from porotwin_cli.photographs.many_photos import each_photo
+    from porotwin_cli.pictures.rig_drawing import chosen_maps
     from porotwin_imaging.phases.phase_colours import PHASES
     from porotwin_recording.tables.phase_maps import PhaseMapWriter
 

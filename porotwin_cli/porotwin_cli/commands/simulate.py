@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.experiment_times import MOST_TIMES, recorded_times, times_in
-from porotwin_cli.output_files import one_call_for_each_output
+from porotwin_cli.options.experiment_times import MOST_TIMES, recorded_times, times_in
+from porotwin_cli.options.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.basis.discovery import module_names
 from porotwin_core.basis.errors import InputError
@@ -17,7 +17,7 @@ from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
 from porotwin_core.model.preset_names import PRESET_WORDS
 
 if TYPE_CHECKING:
-    from porotwin_cli.free_run_errors import LateMaps
+    from porotwin_cli.recorded.free_run_errors import LateMaps
     from porotwin_core.geometry.grid import FloatArray, Grid
     from porotwin_recording.experiment.recording import Recording
 
@@ -87,10 +87,10 @@ def command(
     """
     from scipy.ndimage import gaussian_filter
 
-    from porotwin_cli.grids import coupled_flow_seconds, grid_of, tell_cost
-    from porotwin_cli.output_files import check_output, maker, maps_are_kept
-    from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
-    from porotwin_cli.run_course import run_course
+    from porotwin_cli.options.grids import coupled_flow_seconds, grid_of, tell_cost
+    from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
+    from porotwin_cli.pictures.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
+    from porotwin_cli.recorded.run_course import run_course
     from porotwin_recording.experiment.recording import open_recording
     from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
     from porotwin_solver.effects import described_physics, parse_effects
@@ -187,7 +187,7 @@ def _diagnosis(recording: 'Recording') -> str:
 
 def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':
     """Return the maps to compare with; None: there are none at these times and cells."""
-    from porotwin_cli.free_run_errors import LateMaps
+    from porotwin_cli.recorded.free_run_errors import LateMaps
 
     if recording.maps is None or times or recording.grid != grid or len(recording.times) < 2:
         return None

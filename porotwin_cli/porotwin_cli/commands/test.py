@@ -82,7 +82,11 @@ def files_with_nodes() -> list[str]:
     """
     found = (
         path.relative_to(ROOT)
-        for pattern in ('porotwin_*/test/**/test_*.py', 'tests/**/test_*.py')
+        for pattern in (
+            'porotwin_*/test/**/test_*.py',
+            'lab/test/**/test_*.py',
+            'tests/**/test_*.py',
+        )
         for path in ROOT.glob(pattern)
         if MARK_OF_NODES in path.read_text(encoding='utf-8')
     )

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.seed_option import seed_option
+from porotwin_cli.options.crew_options import Scheduler, Workers
+from porotwin_cli.options.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.preset_names import PRESET_WORDS
@@ -49,7 +49,8 @@ def command(
     """
     import numpy as np
 
-    from porotwin_cli.costa_data import (
+    from porotwin_cli.options.grids import grid_of, tell_cost
+    from porotwin_cli.recorded.costa_data import (
         account_of,
         dataset_of,
         frames_of,
@@ -57,7 +58,6 @@ def command(
         train_on_runs,
         with_effects,
     )
-    from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
     from porotwin_costa.data.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named

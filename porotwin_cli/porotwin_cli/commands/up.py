@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.rig_choice import Domain, Namespace
+from porotwin_cli.options.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.basis.errors import InputError
@@ -97,9 +97,9 @@ def command(
 
     Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
     """
-    from porotwin_cli.grids import grid_of
-    from porotwin_cli.live_twin import check_early, run_until_stopped
-    from porotwin_cli.pace import tell_pace
+    from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.running.live_twin import check_early, run_until_stopped
+    from porotwin_cli.running.pace import tell_pace
     from porotwin_core.rig import load_rig
     from porotwin_core.ros.ros_environment import (
         DomainClaim,

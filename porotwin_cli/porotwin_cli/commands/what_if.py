@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 from porotwin_core.basis.errors import InputError, check_writable, refuse_file
 from porotwin_core.basis.units import percent
 from porotwin_core.rig.coarse_grid import COARSE_CELLS
 
 if TYPE_CHECKING:
-    from porotwin_cli.what_if_study import WhatIfStudy
+    from porotwin_cli.running.what_if_study import WhatIfStudy
     from porotwin_core.rates.wells import WellRate, WellRates
     from porotwin_siblings.outlook import Outlook
 
@@ -67,9 +67,9 @@ def command(
 
     Example: ./porotwin what-if sample --at 3min --rates control1=300 --rates 10min:control1=0
     """
-    from porotwin_cli.output_files import check_output
-    from porotwin_cli.what_if_picture import what_if_picture
-    from porotwin_cli.what_if_study import rate_steps, seconds_of, study_what_if
+    from porotwin_cli.options.output_files import check_output
+    from porotwin_cli.running.what_if_picture import what_if_picture
+    from porotwin_cli.running.what_if_study import rate_steps, seconds_of, study_what_if
     from porotwin_core.basis.parallel import crew
     from porotwin_recording.experiment.recording import open_recording
 
@@ -121,7 +121,7 @@ def _show(found: 'WhatIfStudy') -> None:
     """Print the rates of both plans, and their outlooks at some times."""
     import numpy as np
 
-    from porotwin_cli.what_if_study import NO_ZONE, REACHED
+    from porotwin_cli.running.what_if_study import NO_ZONE, REACHED
     from porotwin_core.basis.units import ML
 
     unit = found.time_unit

@@ -14,8 +14,7 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.check_picture import check_picture, shading, well_roles
-from porotwin_cli.rig_check import (
+from porotwin_cli.checking.rig_check import (
     CheckedRig,
     barriers_in_words,
     check,
@@ -26,6 +25,7 @@ from porotwin_cli.rig_check import (
     pumped_in,
     recorded_interval,
 )
+from porotwin_cli.pictures.check_picture import check_picture, shading, well_roles
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid

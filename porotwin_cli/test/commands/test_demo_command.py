@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from cli_examples import porotwin
 
-from porotwin_cli.closed_loop import DemoSettings
+from porotwin_cli.running.closed_loop import DemoSettings
 
 
 @pytest.mark.parametrize(

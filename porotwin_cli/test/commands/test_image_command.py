@@ -13,8 +13,8 @@ import pytest
 from cli_examples import porotwin
 from sparse_bags import SparseBag
 
-from porotwin_cli import imaged_maps
 from porotwin_cli.commands.image import command
+from porotwin_cli.photographs import imaged_maps
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig
 from porotwin_imaging.measures import mass_course

@@ -12,8 +12,8 @@ import pytest
 from cli_examples import porotwin
 
 from porotwin_cli.commands import record
-from porotwin_cli.foreground import run_node
 from porotwin_cli.interrupts import INTERRUPTED
+from porotwin_cli.running.foreground import run_node
 
 
 @pytest.mark.graph

@@ -9,8 +9,8 @@ import pytest
 import yaml
 from cli_examples import one_well_rig, porotwin
 
-from porotwin_cli import rig_drawing
 from porotwin_cli.commands import simulate
+from porotwin_cli.pictures import rig_drawing
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from cli_examples import TIMEOUT_S, porotwin
 
-from porotwin_cli import live_twin
+from porotwin_cli.running import live_twin
 from porotwin_core.rig import load_rig
 from porotwin_core.ros.ros_environment import DomainClaim, domain_of
 
@@ -40,7 +40,7 @@ def test_up_checks_arguments_before_it_starts_a_node(
 
 
 def test_a_twin_without_a_network_starts_without_torch() -> None:
-    script = "import sys, porotwin_cli.live_twin; sys.exit('torch' in sys.modules)"
+    script = "import sys, porotwin_cli.running.live_twin; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, '-c', script], check=False).returncode == 0
 
 

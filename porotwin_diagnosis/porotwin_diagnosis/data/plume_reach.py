@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER
 from porotwin_recording.experiment.recording import Recording
-from porotwin_solver.exact_solutions import radial_front
+from porotwin_solver.coefficients.discs import radial_front
 
 REACH = 2.5
 """Reach of a plume over the radius of a disc of its volume [-]."""

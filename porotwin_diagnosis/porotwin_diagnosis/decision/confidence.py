@@ -2,7 +2,7 @@
 
 A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The rules below give the
 log-odds. Their limits were fitted to blinded cases, one kind of statement at a time:
-`porotwin_validation.decided_again` shows how stated confidences and right verdicts differ.
+`lab.blind.decided_again` shows how stated confidences and right verdicts differ.
 """
 
 import math

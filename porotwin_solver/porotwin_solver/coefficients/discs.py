@@ -1,5 +1,6 @@
 """Distribution of a well's disc, at its true position, over the cells of a grid."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -80,3 +81,11 @@ def _overlapped(centre: float, radius: float, size: float, count: int) -> CellAr
     low = max(int(np.floor((centre - radius) / size)), 0)
     high = min(int(np.floor((centre + radius) / size)), count - 1)
     return np.arange(low, high + 1)
+
+
+def radial_front(volume: float, *, thickness: float) -> float:
+    """Return the radius [m] of the front about a single injector in an unbounded rig.
+
+    pi r^2 thickness = volume. `volume`: injected [m^3]; `thickness`: depth times porosity [m].
+    """
+    return math.sqrt(volume / (math.pi * thickness))

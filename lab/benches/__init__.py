@@ -1,0 +1,1 @@
+"""Speed and accuracy of single parts: a module is a part of `./porotwin bench`."""

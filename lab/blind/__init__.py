@@ -1,0 +1,1 @@
+"""The blind check: cases with a hidden truth, their diagnosis and its score."""

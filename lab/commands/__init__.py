@@ -1,0 +1,1 @@
+"""Commands of a checkout, as `porotwin_cli.commands` explains."""

@@ -1,0 +1,1 @@
+"""The running twin over a day, with killed nodes and damaged files."""

@@ -1,0 +1,1 @@
+"""The closed loop under several controllers, and with hidden effects that it finds."""

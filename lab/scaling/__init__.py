@@ -1,0 +1,1 @@
+"""Many processes: measured with two, and simulated with more."""

@@ -1,0 +1,1 @@
+"""Checks of a rig and a recording before work begins."""

@@ -1,0 +1,531 @@
+"""Checks a rig or a recording: odd and impossible values, and the cost of a prediction."""
+
+import io
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from porotwin_cli.checking.control_words import control_words
+from porotwin_cli.checking.density_words import density_words
+from porotwin_cli.terminal import gathered_warnings
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT, Remark
+from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule
+from porotwin_core.rig import EffectDescription, Rig, read_rig
+from porotwin_core.rig.coarse_grid import coarse_grid
+from porotwin_core.rig.control_zones import unwanted_tracer
+from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
+from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
+from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
+from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
+from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
+from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
+from porotwin_recording.experiment.bag import read_bag
+from porotwin_recording.experiment.experiment_folder import FILES, folder_data
+from porotwin_recording.experiment.odd_recording import remarks_about_recording
+from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.mcap.bag_folder import is_bag
+from porotwin_recording.tables.photos import Photo
+from porotwin_recording.tables.recorded_data import RecordedData
+from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
+from porotwin_solver.effects.water_level import with_true_levels
+from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.model.engine import BALANCE_TOLERANCE
+from porotwin_solver.model.prediction_cost import (
+    PredictionCost,
+    prediction_cost,
+    slowness_of_this_machine,
+)
+
+MUCH_INJECTED = 100.0
+"""Injected volume over the pore volume above which rates or times are probably wrong [-]."""
+
+LITTLE_INJECTED = 0.01
+"""Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
+
+STEP_TOLERANCE_ML_H = 1e-3
+"""Difference from a step of the pump that is rounding [ml/h]: far below any display."""
+
+Kind = Literal['rig', 'experiment folder', 'bag']
+
+OUTSIDE_PHOTOGRAPH = 0.02
+"""Distance of a corner beyond the edge of a photograph that is odd, over its width."""
+
+FAR_OUTSIDE = 0.5
+"""The same distance, too large for corners of this photograph."""
+
+
+class PhotoInterval(NamedTuple):
+    """The time from one photograph to the next [s], and its origin in words."""
+
+    seconds: float
+    origin: str = ''
+
+
+EFFECTS_KEY = 'effects'
+"""Key of a remark about effects that the model refuses."""
+
+
+@dataclass(frozen=True)
+class CheckedRig:
+    """The result of a check.
+
+    path, kind: the checked thing.
+    rig: its description.
+    grid: the grid for the cost.
+    remarks: all remarks, the impossible values first.
+    interval: from one photograph to the next.
+    cost: of a prediction to the next photograph; None where none can be made.
+    data: the recording, if there is one.
+    photograph: the pixels (rows, columns, 3) of the first baseline photograph, if there is one.
+    """
+
+    path: Path
+    kind: Kind
+    rig: Rig
+    grid: Grid
+    remarks: tuple[Remark, ...]
+    interval: PhotoInterval
+    cost: PredictionCost | None
+    data: RecordedData | None = None
+    photograph: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def runs(self) -> bool:
+        """Whether work with it makes sense."""
+        return not any(remark.refused for remark in self.remarks)
+
+    @property
+    def effects(self) -> Sequence[EffectDescription]:
+        """The effects of the description; none if the model refuses them."""
+        refused = any(remark.refused and remark.key == EFFECTS_KEY for remark in self.remarks)
+        return () if refused else self.rig.effects
+
+
+def check(
+    path: Path, *, grid: str = '', preset: str = 'fast', interval: float | None = None
+) -> CheckedRig:
+    """Check a `rig.yaml`, a folder with one, an experiment folder, or a bag.
+
+    Args:
+        path: the thing to check.
+        grid: columns x rows, such as 187x112; by default square cells of 5 mm.
+        preset: preset of the prediction.
+        interval: time to predict, from one photograph to the next [s]; None: the usual one of the
+            recording, and 30 s without one.
+
+    Raises:
+        InputError: it cannot be read at all.
+    """
+    rig, found, data, kind = _read(path)
+    remarks = list(found)
+    if data is not None:
+        remarks += remarks_about_recording(data)
+        if data.maps is not None:
+            with gathered_warnings() as unread:
+                remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
+            remarks += [_told(text, kind) for text in unread]
+        remarks += [_told(text, kind) for text in data.remarks]
+    cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    photograph = None
+    if not any(remark.refused for remark in remarks):
+        remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
+    if not any(remark.refused for remark in remarks):
+        remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
+        remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
+        photograph, pixels = _photographs(rig, data)
+        remarks += pixels
+        if photograph is not None and not any(remark.refused for remark in remarks):
+            remarks += _corners_off(rig, photograph)
+    levelled = _with_true_levels(rig)
+    if levelled.boundaries != rig.boundaries:
+        remarks += remarks_about_heads(levelled)
+    runs = not any(remark.refused for remark in remarks)
+    chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
+    cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
+    ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
+    return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph)
+
+
+def _with_true_levels(rig: Rig) -> Rig:
+    """Return `rig` with the heads that its effects make; as it is if one of them is refused."""
+    try:
+        return with_true_levels(rig)
+    except InputError:
+        return rig
+
+
+def resting_water(rig: Rig) -> bool:
+    """Return whether no heads drive water through `rig`, its effects included."""
+    return not _with_true_levels(rig).boundaries.raised_heads
+
+
+def recorded_interval(data: RecordedData | None) -> PhotoInterval:
+    """Return the usual time between the photographs of a recording, or between its maps."""
+    if data is None:
+        return PhotoInterval(USUAL_PHOTO_INTERVAL_S)
+    maps = [] if data.maps is None else data.maps.times.tolist()
+    states = [photo.time for photo in data.photos if photo.role == 'state']
+    for times, origin in ((states, 'photographs'), (maps, 'maps')):
+        if len(times) > 1 and (step := float(np.median(np.diff(times)))) > 0.0:
+            return PhotoInterval(step, f', as between the recorded {origin},')
+    return PhotoInterval(USUAL_PHOTO_INTERVAL_S)
+
+
+def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
+    if path.suffix == '.mcap' or (
+        path.is_dir() and not (path / 'rig.yaml').is_file() and is_bag(path)
+    ):
+        data = read_bag(path, None)
+        return data.rig, remarks_about(data.rig), data, 'bag'
+    rig, remarks = read_rig(path)
+    others = [name for name in FILES if name != 'rig.yaml' and (path / name).is_file()]
+    if not path.is_dir() or not others:
+        return rig, remarks, None, 'rig'
+    try:
+        return rig, remarks, folder_data(path, rig), 'experiment folder'
+    except InputError as error:
+        return rig, (*remarks, _as_remark('recording', error)), None, 'experiment folder'
+
+
+def _as_remark(key: str, error: InputError) -> Remark:
+    """Return the message of a refusal as a remark."""
+    why, _, remedy = str(error).rpartition('; ')
+    return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
+
+
+def _told(text: str, kind: Kind) -> Remark:
+    """Return the remark for a line of a reader; the remedy of a bag is the log of its run."""
+    why, _, remedy = text.partition('; ')
+    if kind == 'bag' or not remedy:
+        why, remedy = text, 'see the log of the run'
+    return Remark('recording', '', why, remedy)
+
+
+def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
+    """Yield the remarks about the grid of plans and siblings, which is coarser than `grid`."""
+    coarse = coarse_grid(rig, grid)
+    if rig.control is not None and coarse != grid:
+        for remark in remarks_about_barriers(coarse, rig):
+            remedy = 'trust no forecast across it; a barrier as wide as two cells is closed'
+            yield replace(remark, key='grid of plans and siblings', remedy=remedy)
+
+
+def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
+    """Yield the refusals of those who use the rig: controller, model, imaging."""
+    uses: dict[str, Callable[[], object]] = {
+        EFFECTS_KEY: lambda: (described_physics(rig, grid), observation_operator(rig.effects))
+    }
+    if rig.control is not None:
+        uses['control'] = lambda: (Limits.of(rig).safe(), make_objective(rig, grid))
+    if rig.camera is not None:
+        uses['camera'] = lambda: Geometry.of(rig)
+    for key, use in uses.items():
+        try:
+            use()
+        except InputError as error:
+            yield _as_remark(key, error)
+
+
+def _camera_effects(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about every effect of the camera: nothing takes it out of photographs."""
+    for number, described in enumerate(rig.effects, start=1):
+        if described.name in EFFECTS and EFFECTS[described.name].is_of_camera:
+            yield Remark(
+                f'effects.{number}',
+                described.name,
+                'simulations show this effect of the camera, but the twin does not take it out of '
+                'photographs',
+                'correct the camera or calibrate it again',
+            )
+
+
+def _stock_in_zone(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about every fixed well that injects tracer where none must be."""
+    fixed = {} if rig.control is None else rig.control.fixed
+    for name, well in fixed.items():
+        place = np.array([[rig.wells[name].x_m, rig.wells[name].z_m]])
+        unwanted = unwanted_tracer(rig, place)
+        if well.rate_ml_h > 0.0 and well.concentration > 0.0 and unwanted is not None and unwanted:
+            yield Remark(
+                'control.objective',
+                '',
+                f'well {name} injects tracer where it wants none',
+                'compare the zone in the picture of this check with the rig; a picture of a zone '
+                'shows the zone bright',
+            )
+
+
+class Pumped(NamedTuple):
+    """What all wells inject [m^3], how much tracer stock is in it [m^3], until when [s]."""
+
+    volume: float
+    stock: float
+    end: float
+
+
+def delivered_rates(data: RecordedData) -> Schedule:
+    """Return the rates that drive the model: measured ones where there are any; empty: none."""
+    return Recording(source=Path(), **vars(data)).known_rates or Schedule()
+
+
+def pumped_in(data: RecordedData) -> Pumped:
+    """Return what all wells inject until the last time of the recording, by the delivered rates."""
+    schedule = delivered_rates(data)
+    times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
+    end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
+    injected = [
+        (high - low, well)
+        for low, high, rates in schedule.intervals(0.0, end)
+        for well in rates.values()
+        if well.rate > 0.0
+    ]
+    volume = math.fsum(seconds * well.rate for seconds, well in injected)
+    stock = math.fsum(seconds * well.rate * well.concentration for seconds, well in injected)
+    return Pumped(volume, stock, end)
+
+
+def in_words(checked: CheckedRig) -> list[str]:
+    """Return the lines of a check beside its remarks."""
+    lines = effects_in_words(checked.effects) + barriers_in_words(checked.rig)
+    if checked.cost is not None:
+        seconds, origin = checked.interval
+        lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
+    if checked.data is not None and (checked.data.commanded or checked.data.measured):
+        pumped = pumped_in(checked.data)
+        share = pumped.volume / checked.rig.pore_volume
+        lines.append(
+            f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
+            f'until {pumped.end:g} s; the fluid is {share:.2g} pore volumes'
+        )
+        if checked.runs and pumped.stock > 0.0 and resting_water(checked.rig):
+            lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
+    if checked.data is not None and checked.data.maps is not None:
+        lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
+    lines += control_words(checked.rig)
+    if checked.runs and (checked.rig.boundaries.raised_heads or not resting_water(checked.rig)):
+        lines.append(heads_in_words(checked.rig, checked.grid))
+    if checked.rig.camera is None:
+        lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
+    return lines
+
+
+def heads_in_words(rig: Rig, grid: Grid) -> str:
+    """Return how much water the heads of open sides drive through the rig without the wells.
+
+    The effects of the rig count.
+    """
+    physics = described_physics(rig, grid)
+    if physics.boundaries.corners_with_a_jump:
+        return 'heads: the rate between sides that meet in a corner is not determined'
+    flux = background_flux(physics)
+    if flux is None:
+        return 'heads: with its effects the rig has equal water levels, which drive no water'
+    through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])
+    rate = float(through[through > 0.0].sum())
+    seconds = float(physics.mobile_water.sum()) / rate
+    return (
+        f'heads: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, the water of its '
+        f'pores in {seconds / 60.0:.3g} min'
+    )
+
+
+def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:
+    """Return one line with the `effects` of a description; empty without any."""
+    told = [
+        f'{one.name}: {EFFECTS[one.name].in_words(one.parameters)}'
+        for one in effects
+        if one.name in EFFECTS
+    ]
+    return [f'the model has these effects: {"; ".join(told)}'] if told else []
+
+
+def barriers_in_words(rig: Rig) -> list[str]:
+    """Return one line about the sands that conduct less than any sand; empty without any.
+
+    Beside other sand they are no mistake if they are clay, so that they are no remarks.
+    """
+    least = PERMEABILITY.usual[0]
+    known = {name: rig.permeability_of_sand(name) for name in rig.sands}
+    tight = [f'{name} ({one:.2g} m2)' for name, one in known.items() if one < least]
+    told = (
+        f'barriers: {", ".join(tight)}; this is right for clay. Sand has at least {least:g} m2: '
+        f'for sand correct the unit; 1 darcy is {DARCY:.3g} m2, and 1 cm/s of water is '
+        f'{1e-2 / WATER_WEIGHT:.3g} m2'
+    )
+    return [told] if tight else []
+
+
+def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
+    """Return how many maps there are, of which times and cells, and what that means."""
+    words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
+    if len(times) < FEWEST_FRAMES:
+        words += f'; a diagnosis needs {FEWEST_FRAMES} maps'
+    elif min(grid.shape) < FEWEST_CELLS:
+        words += f'; a diagnosis needs {FEWEST_CELLS} columns and rows'
+    elif max(grid.shape) < SCANT_CELLS:
+        words += (
+            f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
+            f'most {percent(SCANT_CONFIDENCE)}'
+        )
+    return words
+
+
+def _pumped(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about the rates of all wells together."""
+    running: dict[str, float] = {}
+    rows = data.commanded.rows if data.commanded else ()
+    for time, changes in itertools.groupby(rows, attrgetter('time')):
+        running |= {row.well: row.rate.rate for row in changes}
+        net = math.fsum(running.values())
+        if data.rig.closed and abs(net) > BALANCE_TOLERANCE * math.fsum(map(abs, running.values())):
+            why = f'the rates add up to {to_ml_h(net):.6g} ml/h, but all sides are closed'
+            remedy = 'balance injection and production, or open a side in rig.yaml'
+            yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
+            break
+    volume, _, end = pumped_in(data)
+    pores = data.rig.pore_volume
+    # a pulse of dye into the water of reservoirs is small
+    if 0.0 < volume < LITTLE_INJECTED * pores and resting_water(data.rig):
+        share = percent(volume / pores, 2)
+        why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
+        yield Remark(
+            'rates.csv',
+            '',
+            why,
+            'were the rates in ml/min? Write ml/h, 60 times as much. Times in minutes? Write s',
+        )
+    if volume > MUCH_INJECTED * pores:
+        why = f'all wells inject {volume / pores:.3g} times the pore volume until {end:.4g} s'
+        yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
+
+
+def _off_steps(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark about commanded rates that the pumps of control wells cannot be set to."""
+    control = data.rig.control
+    if control is None or data.commanded is None:
+        return
+    step = control.rate_step_ml_h
+    off = [
+        row
+        for row in data.commanded.rows
+        if row.well in control.wells
+        and abs(math.remainder(to_ml_h(row.rate.rate), step)) > STEP_TOLERANCE_ML_H
+    ]
+    if off:
+        first = off[0]
+        why = f'no multiple of control.rate_step_ml_h {step:g}'
+        if len(off) > 1:
+            why += f', like {len(off) - 1} more'
+        yield Remark(
+            f'rates.csv at {first.time:g} s',
+            f'{first.well} {to_ml_h(first.rate.rate):.6g} ml/h',
+            why,
+            'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it',
+        )
+
+
+def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:
+    if not rig.wells:
+        return None
+    slowness = slowness_of_this_machine(rig, preset)
+    return prediction_cost(rig, grid, preset=preset, duration=interval, slowness=slowness)
+
+
+def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None, list[Remark]]:
+    """Return the first baseline photograph and the remarks about all photographs."""
+    photos = data.photos if data is not None else ()
+    if not photos:
+        return None, []
+    if rig.camera is None:
+        why = 'there are photographs, but no place of the rig in them'
+        return None, [Remark('camera', '', why, 'add camera.corners_px to rig.yaml', refused=True)]
+    remarks: list[Remark] = []
+    files = {photo.name: _looked_at(photo) for photo in photos}
+    sizes = {name: file.size for name, file in files.items()}
+    unreadable = [name for name, size in sizes.items() if size is None]
+    if unreadable:
+        why = f'{unreadable[0]} is no readable picture'
+        remarks.append(Remark('photographs', '', why, 'copy it again or remove its line'))
+    cut = [photo.name for photo in photos if photo.role == 'state' and files[photo.name].is_cut]
+    if cut:
+        why = f'{cut[0]} ends before its picture does'
+        if len(cut) > 1:
+            why = f'{len(cut)} end before their pictures do, the first is {cut[0]}'
+        remarks.append(Remark('photographs', '', why, 'copy them from the camera again'))
+    known = {size for size in sizes.values() if size is not None}
+    if len(known) > 1:
+        shown = ', '.join(f'{width} x {height} px' for width, height in sorted(known))
+        why = f'they have several sizes, {shown}'
+        remarks.append(Remark('photographs', '', why, 'corners_px fit one size only'))
+    baseline = next((photo for photo in photos if photo.role == 'baseline'), photos[0])
+    size = sizes[baseline.name]
+    if size is None:
+        return None, remarks
+    remarks += _corners_in(rig, baseline.name, size)
+    try:
+        with Image.open(io.BytesIO(baseline.read())) as picture:
+            return np.asarray(picture.convert('RGB')), remarks
+    except (OSError, ValueError, SyntaxError) as damage:
+        why = f'it is damaged: {damage}'
+        damaged = Remark('photographs', baseline.name, why, 'copy it from the camera again')
+        return None, [*remarks, damaged]
+
+
+def _corners_off(rig: Rig, photograph: np.ndarray) -> list[Remark]:
+    """Return the remark about corners off the sand in a photograph, red-green-blue."""
+    assert rig.camera is not None
+    if small_rig(rig.camera.corners_px, (photograph.shape[1], photograph.shape[0])):
+        return []  # told already, and the edges lie far away
+    off = corners_off_the_sand(rig, np.ascontiguousarray(photograph[..., ::-1]), reduction=1)
+    return [off] if off else []
+
+
+class _LookedAt(NamedTuple):
+    """A file of a photograph: its size [px], None if unreadable, and whether it lacks its end."""
+
+    size: tuple[int, int] | None
+    is_cut: bool
+
+
+def _looked_at(photo: Photo) -> _LookedAt:
+    """Return what one reading of a file shows; the end of a TIFF is not judged."""
+    try:
+        data = photo.read()
+    except OSError:
+        return _LookedAt(None, is_cut=False)
+    is_cut = data.startswith((JPEG_START, PNG_START)) and not is_complete(data)
+    try:
+        with Image.open(io.BytesIO(data)) as picture:
+            return _LookedAt(picture.size, is_cut)
+    except (UnidentifiedImageError, OSError):
+        return _LookedAt(None, is_cut)
+
+
+def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
+    """Yield the remarks about the corners of the rig in a photograph of `size` [px]."""
+    assert rig.camera is not None
+    corners, extent = np.array(rig.camera.corners_px), np.array(size)
+    beyond = float(np.max(np.maximum(-corners, corners - extent)))
+    shown = f'{name} of {size[0]} x {size[1]} px'
+    key, remedy = 'camera.corners_px', REMEDY
+    if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
+        why = f'a corner lies {beyond:.0f} px outside {shown}'
+        yield Remark(key, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
+    if odd := small_rig(rig.camera.corners_px, size):
+        yield Remark(key, '', odd, remedy)

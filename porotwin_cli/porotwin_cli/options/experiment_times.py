@@ -1,0 +1,57 @@
+"""The times of maps: the length of a recording gives them, or the user."""
+
+import math
+from typing import TYPE_CHECKING
+
+from porotwin_core.basis.errors import InputError
+
+if TYPE_CHECKING:
+    from porotwin_recording.experiment.recording import Recording
+
+SHORTEST_STEP_S = 30.0
+"""Time between two maps where only the rates are known [s]: the paper's photo interval."""
+
+MOST_TIMES = 200
+"""Most maps where only the rates are known; a longer experiment gets longer steps."""
+
+
+def recorded_times(recording: 'Recording', *, option: str) -> list[float]:
+    """Return the times [s] of the maps, else of the photographs, else of the schedule.
+
+    `option` is the option of the command that tells the times instead, with an example.
+
+    Raises:
+        InputError: the recording does not say how long the experiment lasts.
+    """
+    if recording.maps is not None:
+        return [float(time) for time in recording.times]
+    photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
+    if photographs:
+        return photographs
+    end = max((row.time for row in recording.delivered.rows), default=0.0)
+    if not end > 0.0:
+        raise InputError(
+            f'{recording.source}: its rates do not say when the experiment ends; add a row with '
+            f'the last time to rates.csv, or give {option}'
+        )
+    step = SHORTEST_STEP_S
+    while end / step > MOST_TIMES:
+        step *= 2.0
+    return [*_steps(end, step), end]
+
+
+def _steps(end: float, step: float) -> list[float]:
+    """Return 0, step, ... before `end`."""
+    return [index * step for index in range(math.ceil(end / step - 1e-9))]
+
+
+def times_in(text: str, count: int) -> tuple[float, ...]:
+    """Return the `count` numbers that colons divide in `text`; NaN for all if it has no such form.
+
+    A comparison with NaN is false, so that the check of the numbers refuses a wrong form too.
+    """
+    try:
+        times = tuple(map(float, text.split(':')))
+    except ValueError:
+        times = ()
+    return times if len(times) == count else (math.nan,) * count

@@ -1,0 +1,1 @@
+"""The way from photographs to maps, and remarks about the result."""

@@ -1,0 +1,1 @@
+"""Drawings of rigs, maps and runs."""

@@ -1,0 +1,220 @@
+"""Training of COSTA from recordings: the one place where it meets the solver."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_cli.recorded.given_twice import refuse_twice
+from porotwin_cli.terminal import progress
+from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.units import percent
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rig import Rig
+from porotwin_costa.correction.corrective_model import CorrectiveModel
+from porotwin_costa.correction.free_run_gate import Judge, kept_runs
+from porotwin_costa.data.dataset import Dataset
+from porotwin_costa.data.dataset_builder import build_dataset
+from porotwin_costa.data.frames import Frames, resampled
+from porotwin_costa.networks import Architecture
+from porotwin_costa.physics.learnt_account import gap_shares, look_alikes
+from porotwin_costa.training.rollout_training import CURRICULUM, Stage
+from porotwin_costa.training.run_training import Experiments, train_from_runs
+from porotwin_costa.training.training import TrainingProgress, train
+from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_solver.adjoint.learnt_coefficients import LearntModels
+from porotwin_solver.effects import parse_effect
+from porotwin_solver.model.presets import IMPLICIT
+
+PRECISE_PRESET = 'accurate'
+"""Scheme that missing physics is found with, whichever scheme COSTA corrects; learnt physics runs
+with it where free runs gain enough. The paper's implicit model keeps its own."""
+
+
+def source_name(recording: Recording) -> str:
+    """Return the name under which a model remembers a recording that it learned from."""
+    return str(recording.source.resolve())
+
+
+def frames_of(recording: Recording, grid: Grid) -> Frames:
+    """Return the maps of a recording on `grid`, with the measured rates or else the commanded."""
+    maps = recording.maps
+    return resampled(
+        Frames(
+            times=np.asarray(recording.times),
+            concentration=recording.concentration,
+            schedule=recording.delivered,
+            deviation=None if maps is None or maps.deviation is None else maps.deviation[:],
+            name=source_name(recording),
+        ),
+        grid,
+    )
+
+
+def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
+    """Return the recordings at `paths`, with `rig` or, if None, the rig of each recording.
+
+    Raises:
+        InputError: one of them is no recording, has no maps, or is named twice.
+    """
+    recordings = [open_recording(path, rig=rig) for path in paths]
+    refuse_twice(recordings)
+    return recordings
+
+
+def dataset_of(
+    experiments: Sequence[Frames], rig: Rig, *, grid: Grid, time_step: float, preset: str
+) -> Dataset:
+    """Return the training pairs of all experiments, with a progress display.
+
+    Args:
+        experiments: observed maps on `grid`.
+        rig: the rig of the physics-based model.
+        grid: the grid of all maps.
+        time_step: time between the maps of a pair [s].
+        preset: numerical scheme of the physics-based model.
+
+    Raises:
+        InputError: no pair of frames is `time_step` apart.
+    """
+    model = LearntModels(rig, grid, preset).model(LearntPhysics())
+    total = sum(len(frames.times) - 1 for frames in experiments)
+    with progress() as bar:
+        task = bar.add_task('training pairs', total=total)
+        return build_dataset(
+            experiments,
+            rig,
+            grid=grid,
+            time_step=time_step,
+            predict=model.predict,
+            residual=model.residual,
+            preset=preset,
+            progress=lambda count: bar.update(task, completed=count),
+        )
+
+
+@dataclass(frozen=True)
+class SolverOnGrids:
+    """Solvers of one rig and preset on any grid; it can be sent to other processes."""
+
+    rig: Rig
+    preset: str
+
+    def __call__(self, grid: Grid) -> LearntModels:
+        """Return the solver on `grid`."""
+        return LearntModels(self.rig, grid, self.preset)
+
+
+def train_on_runs(
+    experiments: Sequence[Frames],
+    rig: Rig,
+    *,
+    grid: Grid,
+    time_step: float,
+    preset: str,
+    architecture: Architecture,
+    epochs: int = 0,
+    seed: int,
+    workers: int | None = None,
+    scheduler: str = '',
+    curriculum: Sequence[Stage] = CURRICULUM,
+) -> CorrectiveModel:
+    """Return a model trained on single steps and through free runs, with a progress display.
+
+    `dataset_of` and `train_from_runs` explain the arguments. So many `workers` make free runs and
+    prepare the pairs, here or at the Dask `scheduler`; see `porotwin_core.basis.parallel.crew`.
+
+    Raises:
+        InputError: too few maps, or the model cannot run.
+    """
+    with crew(workers=workers, scheduler=scheduler, threads=True) as pool, progress() as bar:
+        solver, precise = SolverOnGrids(rig, preset), SolverOnGrids(rig, PRECISE_PRESET)
+        sharper = '' if preset in (IMPLICIT, PRECISE_PRESET) else PRECISE_PRESET
+        data = Experiments(
+            rig, grid, experiments, time_step, preset, solver, precise, pool, sharper
+        )
+        task = bar.add_task('training COSTA', total=None)
+        return train_from_runs(
+            data,
+            architecture,
+            seed=seed,
+            epochs=epochs,
+            curriculum=curriculum,
+            progress=lambda state: bar.update(
+                task, total=state.epochs, completed=state.epoch, description='training the network'
+            ),
+            say=bar.console.print,
+        )
+
+
+def account_of(
+    model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, rig: Rig, preset: str
+) -> dict[str, Any]:
+    """Return the account of a training in words of physics; see `learnt_account`.
+
+    Args:
+        model: the trained model.
+        experiments: the maps that it learnt from.
+        bare: the rig without the effects that were named.
+        rig: the rig of the model to correct.
+        preset: its numerical scheme.
+
+    `gap_shares` is empty if no effect was named.
+
+    Raises:
+        InputError: the model cannot run.
+    """
+    solver = LearntModels(rig, model.grid, preset)
+    alike = look_alikes(model, experiments, rig, solver)
+    shares = {}
+    if bare != rig:
+        _, kept = kept_runs(experiments, model.architecture.training.validation_share)
+        bare_judge, judge = (
+            Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
+            for one in (bare, rig)
+        )
+        shares = gap_shares(bare_judge, judge, model)
+    return {
+        'looks_like': dict(alike.shares),
+        'looks_like_nothing': alike.unexplained,
+        'gap_shares': shares,
+        'says': [alike.text, *_shares_in_words(shares)],
+    }
+
+
+def _shares_in_words(shares: Mapping[str, float]) -> list[str]:
+    if not shares:
+        return []
+    parts = ', '.join(f'{name} {percent(share)}' for name, share in shares.items())
+    return [f'squared gap of the kept free runs: {parts}']
+
+
+def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:
+    """Return `rig` with further effects, each written as `NAME:PARAM=VALUE,PARAM=VALUE`.
+
+    Raises:
+        InputError: an unknown effect or parameter.
+    """
+    return rig.with_effects([parse_effect(text) for text in effects])
+
+
+def train_with_progress(
+    dataset: Dataset, architecture: Architecture, *, epochs: int = 0, seed: int
+) -> CorrectiveModel:
+    """Return a trained model, with a progress display; `epochs` 0 keeps the usual number.
+
+    Raises:
+        InputError: the data set is too small, or the training diverged.
+    """
+    settings = architecture.training.with_epochs(epochs)
+    with progress() as bar:
+        task = bar.add_task('training COSTA', total=settings.epochs)
+
+        def on_epoch(state: TrainingProgress) -> None:
+            text = f'training COSTA, loss {state.validation_loss:.3f}'
+            bar.update(task, completed=state.epoch, description=text)
+
+        return train(dataset, architecture, settings, seed=seed, progress=on_epoch)

@@ -1,0 +1,1 @@
+"""Twins that run: beside a rig, in the demo, and in simulated loops."""

@@ -1,0 +1,133 @@
+"""Shows and answers the offers of a running graph to mend its model."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any, Self
+
+from porotwin_cli.running.live_node import listening, live_node
+from porotwin_cli.terminal import WorkFailed
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import qos
+from porotwin_hub.launching.graph import NAMESPACE
+from porotwin_msgs.msg import MendOffer, Outcome
+from porotwin_msgs.srv import AnswerMend
+
+SEARCH_S = 10.0
+"""Longest search for the mend node of the graph [s]."""
+
+OFFER_S = 2.0
+"""Longest wait for the newest offer once the node is found [s]: it is latched."""
+
+ANSWER_S = 60.0
+"""Longest wait for the answer of the mend node [s]; a large model takes ten to change."""
+
+STATES = {
+    MendOffer.OFFERED: 'offered',
+    MendOffer.ACCEPTED: 'accepted',
+    MendOffer.REFUSED: 'refused',
+    MendOffer.TAKEN_BACK: 'taken back',
+    MendOffer.EXPIRED: 'expired',
+}
+"""States of an offer in words."""
+
+
+@dataclass(frozen=True)
+class OfferShown:
+    """The newest offer: its number, its state in words, whether it can be answered, its words."""
+
+    sequence: int
+    state: str
+    open: bool
+    sentence: str
+    report: str
+
+
+class MendDesk:
+    """Listens to offers and answers them; a context manager with a thread of its own."""
+
+    def __init__(
+        self,
+        on_offer: Callable[['MendDesk', MendOffer], None] | None = None,
+        *,
+        namespace: str = NAMESPACE,
+    ) -> None:
+        """Prepare to listen; `on_offer` is called with this desk and every offer."""
+        self._namespace = namespace
+        self._on_offer = on_offer
+        self._listening = ExitStack()
+        self._arrived = threading.Event()
+        self.newest: MendOffer | None = None
+
+    def __enter__(self) -> Self:
+        node = live_node('mend_desk', namespace=self._namespace)
+        node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
+        self._client = node.create_client(AnswerMend, 'mend/answer')
+        self._listening.enter_context(listening(node))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.close()
+
+    def _take(self, message: MendOffer) -> None:
+        self.newest = message
+        self._arrived.set()
+        if self._on_offer is not None:
+            self._on_offer(self, message)
+
+    def send(self, sequence: int, *, accept: bool) -> Any:
+        """Send an answer, and return the future of its outcome."""
+        return self._client.call_async(AnswerMend.Request(sequence=sequence, accept=accept))
+
+    def wait_for_node(self) -> None:
+        """Return when the mend node answers.
+
+        Raises:
+            WorkFailed: there is none.
+        """
+        if not self._client.wait_for_service(SEARCH_S):
+            raise WorkFailed(
+                'no mend node answers; start the twin with ./porotwin up --mend ask, on this '
+                'machine and with the same --domain or ROS_DOMAIN_ID'
+            )
+
+    def offer(self) -> OfferShown | None:
+        """Return the newest offer; None if nothing has been offered."""
+        self._arrived.wait(OFFER_S)
+        newest = self.newest
+        if newest is None:
+            return None
+        return OfferShown(
+            newest.sequence,
+            STATES.get(newest.state, 'unknown'),
+            newest.state == MendOffer.OFFERED and bool(newest.effects),
+            newest.sentence,
+            newest.report,
+        )
+
+    def answer(self, sequence: int, *, accept: bool) -> None:
+        """Answer an offer.
+
+        Raises:
+            InputError: the offer is not open, or the solver refuses its effects.
+            WorkFailed: no answer came, or the solver is silent.
+        """
+        future = self.send(sequence, accept=accept)
+        deadline = time.monotonic() + ANSWER_S
+        while not future.done():
+            if time.monotonic() > deadline:
+                raise WorkFailed(f'the mend node did not answer within {ANSWER_S:g} s; try again')
+            time.sleep(0.05)
+        outcome = future.result().outcome
+        if outcome.code == Outcome.INVALID_INPUT:
+            raise InputError(outcome.message)
+        if outcome.code != Outcome.OK:
+            raise WorkFailed(outcome.message)
+
+
+def accept_all(desk: MendDesk, message: MendOffer) -> None:
+    """Accept every offer at once: the operator of a demo."""
+    if message.state == MendOffer.OFFERED and message.effects:
+        desk.send(message.sequence, accept=True)

@@ -1,1 +1,0 @@
-"""Validation of the diagnosis: blinded cases of the virtual rig, a baseline method, a benchmark."""
