@@ -31,7 +31,7 @@ JobProgress = Callable[[float, str], None]
 """Called with the jobs that are done, parts of jobs included, and the event."""
 
 
-class Job(ABC):
+class StudyJob(ABC):
     """One run of a study; it is sent to a process of its own.
 
     Attributes:
@@ -56,7 +56,7 @@ class Job(ABC):
         return 0.0
 
 
-class FiguresJob(Job, Generic[Figures]):
+class FiguresJob(StudyJob, Generic[Figures]):
     """A run whose file holds its figures, a dataclass, as JSON.
 
     Attributes:
@@ -98,7 +98,7 @@ class Study:
     scheduler: str = ''
     tell: Callable[[str], None] = say
 
-    def do(self, jobs: Sequence[Job], *, seconds_per_job: float) -> None:
+    def do(self, jobs: Sequence[StudyJob], *, seconds_per_job: float) -> None:
         """Do all `jobs` that have left no file yet, in the order given, and show the progress.
 
         `seconds_per_job` is the usual time of one run [s], for the estimate.
@@ -133,13 +133,13 @@ class Study:
             yield pool
 
 
-def missing_jobs(jobs: Sequence[Job]) -> list[Job]:
+def missing_jobs(jobs: Sequence[StudyJob]) -> list[StudyJob]:
     """Return the jobs that have left no file yet."""
     return [job for job in jobs if not job.file.exists()]
 
 
 def work_through(
-    jobs: Sequence[Job],
+    jobs: Sequence[StudyJob],
     pool: Executor,
     progress: JobProgress,
     *,

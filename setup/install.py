@@ -190,6 +190,9 @@ def link_packages() -> None:
 
 
 def compile_kernels() -> None:
+    """Compile the kernels anew: a kept one may name a module that has moved since."""
+    for kept in ROOT.glob('porotwin_*/**/__pycache__/*.nb[ci]'):
+        kept.unlink()
     run([str(PYTHON), '-m', 'porotwin_cli.kernels'])
 
 

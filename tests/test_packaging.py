@@ -36,6 +36,7 @@ def test_the_wheel_holds_every_package_with_its_types(wheel: Path) -> None:
         assert f'{package}/py.typed' in names
         modules = (ROOT / package / package).rglob('*.py')
         assert {str(path.relative_to(ROOT / package)) for path in modules} <= names
+    assert not {name for name in names if name.startswith('lab/')}
 
 
 def test_the_wheel_holds_the_web_page_and_the_sample_rig(wheel: Path) -> None:

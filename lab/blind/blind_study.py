@@ -30,7 +30,7 @@ from lab.blind.blind_truth import CaseTruth, truth_of
 from lab.blind.calibration_absorption import MapFigures, absorption_table, map_figures
 from lab.blind.case_progress import CaseProgress, Share, no_share, part_of, share_done
 from lab.photographs.photo_cases import baseline_of
-from lab.study import Job, Study, missing_jobs, work_through
+from lab.study import Study, StudyJob, missing_jobs, work_through
 from porotwin_core.basis.errors import InputError, refuse_file
 from porotwin_core.basis.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
@@ -64,7 +64,7 @@ CLEAN_MAPS = 'clean.nc'
 
 
 @dataclass(frozen=True)
-class CaseJob(Job):
+class CaseJob(StudyJob):
     """A case that `do` makes and diagnoses, in the folder of its file `COMPARISON`."""
 
     case: BlindCase

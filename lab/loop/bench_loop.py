@@ -16,7 +16,7 @@ from lab.loop import bench_loop_table
 from lab.loop.bench_loop_draw import draw_scenario
 from lab.loop.bench_loop_eyes import BenchSettings, make_eyes
 from lab.loop.bench_loop_run import RUNS, TWINS, run_free, run_optimum
-from lab.study import FiguresJob, Job, Study, study_folder
+from lab.study import FiguresJob, Study, StudyJob, study_folder
 from porotwin_cli.running.loop_run import RUN_BYTES, LoopFigures, run_closed
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
@@ -37,7 +37,7 @@ SECONDS_PER_DRAW = 20.0
 
 
 @dataclass(frozen=True)
-class DrawJob(Job):
+class DrawJob(StudyJob):
     """Draws one scenario; `file` receives it."""
 
     number: int
