@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
-from porotwin_imaging.baseline.photo_cells import log_ratio_below, photo_cells
+from porotwin_imaging.baseline.photo_cells import Look, accept_all, log_ratio_below, photo_cells
 from porotwin_imaging.baseline.validity import unclipped_cells, visible_cells
 from porotwin_imaging.geometry.alignment import ALIGNMENT, Alignment, alignment_remarks
 from porotwin_imaging.light.colour_correction import light_at_chart
@@ -109,14 +109,14 @@ class LogRatioMap:
     suspicious: bool
 
 
-def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
-    """Return the map of the photograph `data` (bytes of the file).
+def concentration_map(data: bytes, baseline: Baseline, look: Look = accept_all) -> ConcentrationMap:
+    """Return the map of the photograph `data` (bytes of the file), which `look` may refuse.
 
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
     watch = Stopwatch()
-    compared = compare_with_baseline(data, baseline, watch)
+    compared = compare_with_baseline(data, baseline, watch, look)
     with watch.stage('signal'):
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
@@ -146,18 +146,19 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
 
 
 def compare_with_baseline(
-    data: bytes, baseline: Baseline, watch: Stopwatch | None = None
+    data: bytes, baseline: Baseline, watch: Stopwatch | None = None, look: Look = accept_all
 ) -> LogRatioMap:
     """Return the photograph `data` (bytes of the file) relative to the baseline.
 
-    The calibration starts from this. `watch` collects the duration of each stage.
+    The calibration starts from this. `watch` collects the duration of each stage. `look` may refuse
+    the decoded photograph.
 
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
     watch = watch or Stopwatch()
     sampling = baseline.sampling
-    cells = photo_cells(data, baseline, watch)
+    cells = photo_cells(data, baseline, watch, look)
     pixels, alignment, sums = cells.pixels, cells.alignment, cells.sums
     with watch.stage('average'):
         ratio = sums.log_ratio

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from faults.fault import LogLine, Remark, Status, fault
-from faults.stage import Stage, decoded, encoded
+from faults.stage import CYCLES, Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
 NEXT_GOOD_COUNTS = 'the next good photograph counts'
@@ -121,6 +121,19 @@ def hands(stage: Stage) -> None:
 def repeated(stage: Stage) -> None:
     stage.wait_for_control()
     stage.put(stage.newest, good=False)
+
+
+@fault(
+    'The camera is frozen: it sends its last picture again and again, each with a new EXIF time.',
+    Status('imaging', 'ERROR', 'the camera is frozen'),
+    does='Leaves out the photographs, because their noise is not fresh. No state and no setpoint '
+    'follow, and the asset goes to its safe rates in the end.',
+    mends=f'restart the camera; {NEXT_GOOD_COUNTS}',
+)
+def frozen_camera(stage: Stage) -> None:
+    stage.wait_for_control()
+    for _ in range(CYCLES):
+        stage.put(stage.frozen_picture(), good=False)
 
 
 @fault(

@@ -116,12 +116,16 @@ class Stage:
         self._count += 1
         z, x = np.mgrid[0:0.562:57j, 0:0.934:95j]
         radius = radius_m + 0.0002 * self._count
-        plume = (np.hypot(x - 0.235, z - 0.235) < radius).astype(float)
+        self._plume = (np.hypot(x - 0.235, z - 0.235) < radius).astype(float)
+        return self.frozen_picture(ahead_s=ahead_s)
+
+    def frozen_picture(self, *, ahead_s: float = 0.0) -> bytes:
+        """Return the newest photograph with the time of this moment, `ahead_s` [s] added."""
         moment = float(self._count)
         # the light, the noise and the shake follow the number, the EXIF time this moment
         self._taken = math.floor(1000.0 * time.time()) / 1000.0
         self._photographer.start = datetime.fromtimestamp(self._taken - moment + ahead_s, UTC)
-        return self._photographer.photograph(plume, time=moment)
+        return self._photographer.photograph(self._plume, time=moment)
 
     def baseline(self) -> bytes:
         """Return a photograph of this moment without tracer."""

@@ -3,6 +3,7 @@
 Maps of tracer (`photo_to_map.py`) and of phases (`colour_change.py`) start from this.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,12 +18,19 @@ from porotwin_imaging.light.light_check import refuse_grey
 from porotwin_imaging.numerics.cell_sums import CellSums, cell_sums
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
-from porotwin_imaging.photograph.photo_file import DECODING
+from porotwin_imaging.photograph.photo_file import DECODING, DecodedPhoto
 
 Array = NDArray[Any]
 
 Veil = tuple[float, float, float]
 """Linear red, green and blue of haze, in colours of the camera."""
+
+Look = Callable[[DecodedPhoto], None]
+"""Looks at a photograph that is decoded, and raises InputError if it is refused."""
+
+
+def accept_all(photo: DecodedPhoto) -> None:
+    """Look at nothing."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +52,21 @@ class PhotoCells:
     remarks: list[str]
 
 
-def photo_cells(data: bytes, baseline: Baseline, watch: Stopwatch) -> PhotoCells:
+def photo_cells(
+    data: bytes, baseline: Baseline, watch: Stopwatch, look: Look = accept_all
+) -> PhotoCells:
     """Return the cells of the photograph `data` (bytes of the file).
 
-    `watch` collects the duration of each stage.
+    `watch` collects the duration of each stage. `look` may refuse the decoded photograph.
 
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
     sampling = baseline.sampling
     with watch.stage('decode'):
-        pixels = baseline.decode(data).pixels
+        photo = baseline.decode(data)
+        look(photo)
+        pixels = photo.pixels
     with watch.stage('align'):
         alignment = align(pixels, baseline.features)
     with watch.stage('remap'):

@@ -13,6 +13,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.geometry.corners_and_lens import Geometry
+from porotwin_imaging.live.frozen_camera import FrozenCamera
 from porotwin_imaging.live.photo_sequence import Placement, SequenceState, accept, place
 from porotwin_imaging.live.waiting_photos import WaitingPhotos
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
@@ -82,6 +83,7 @@ class ImagingSession:
         self._longest_gap_s = longest_gap_s
         self._replayed = replayed
         self._sequence = SequenceState()
+        self._frozen = FrozenCamera()
         self._states = 0
         self._baselines_taken: set[str] = set()
         self._waiting = WaitingPhotos(WAITING_PHOTOS)
@@ -109,6 +111,7 @@ class ImagingSession:
         if new_experiment:
             self._states = 0
             self._sequence = SequenceState()
+            self._frozen = FrozenCamera()
         return self._waiting.release()
 
     def leave_out_baseline(self, data: bytes) -> None:
@@ -119,8 +122,8 @@ class ImagingSession:
         """Return the state that the photograph `data`, exposed at `time` [s], shows.
 
         Raises:
-            InputError: there is no baseline, the photograph is a duplicate or late, or it cannot be
-                used.
+            InputError: there is no baseline, the photograph is a duplicate or late, the camera is
+                frozen, or it cannot be used.
         """
         if self.baseline is None:
             raise InputError('no baseline yet: give a photograph taken before the injection')
@@ -134,7 +137,11 @@ class ImagingSession:
         )
         if placement.action == 'ignore':
             raise InputError(placement.reason)
-        found = concentration_map(data, self.baseline)
+        if (
+            placement.action == 'start'
+        ):  # a recording that is played again may show its last picture
+            self._frozen.last = None
+        found = concentration_map(data, self.baseline, self._frozen.check)
         self._sequence = accept(time, digest, placement, self._sequence)
         state = ImagedState(time, self._states, placement, found)
         self._states += 1
