@@ -167,7 +167,7 @@ class CostaNode(TwinNode):
             return ''
         return 'the effects of the solver have changed; COSTA must learn the remainder first'
 
-    def _loaded(self, path: str) -> 'CorrectiveModel':
+    def _loaded(self, path: str | Path) -> 'CorrectiveModel':
         from porotwin_costa.correction.corrective_model import CorrectiveModel
 
         self._limit_threads()
@@ -277,7 +277,7 @@ class CostaNode(TwinNode):
 
     def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
         try:
-            self._use(self._loaded(request.path), request.path)
+            self._use(self._loaded(path_from_msg(request.path)), request.path)
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'model not loaded: {error}')
@@ -295,7 +295,7 @@ class CostaNode(TwinNode):
             )
             return response
         try:
-            self._model.save(Path(request.path))
+            self._model.save(path_from_msg(request.path))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             return response
@@ -353,7 +353,7 @@ class CostaNode(TwinNode):
         self._limit_threads()
         goal = handle.request
         begun = time.perf_counter()
-        dataset = _training_pairs(Path(goal.dataset))
+        dataset = _training_pairs(path_from_msg(goal.dataset))
         chosen = self._chosen_architecture(goal.architecture)
         self.get_logger().info(f'training the {chosen.name} network on {dataset.summary}')
 
@@ -379,7 +379,7 @@ class CostaNode(TwinNode):
         )
         model.for_physics(self._present_rig, self._grid, self._preset)
         if goal.output:
-            output = Path(goal.output)
+            output = path_from_msg(goal.output)
             model.save(output if is_better else not_used(output))
         if is_better:
             self._use(model, goal.output)

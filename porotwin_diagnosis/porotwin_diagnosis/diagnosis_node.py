@@ -183,7 +183,7 @@ class DiagnosisNode(TwinNode):
             InputError: the recording cannot be judged, or the folder of the run exists already.
         """
         if goal.request.recording:
-            return self._diagnose_recording(goal, Path(goal.request.recording), output)
+            return self._diagnose_recording(goal, path_from_msg(goal.request.recording), output)
         recording = output / RUN_FOLDER
         if recording.exists():
             raise InputError(f'{recording}: exists already; name another folder for the report')
@@ -227,7 +227,7 @@ class DiagnosisNode(TwinNode):
     def _folder(self, requested: str) -> Path:
         """Return the folder of a diagnosis: the requested one, or a new one."""
         if requested:
-            return Path(requested)
+            return path_from_msg(requested)
         if not self._output:
             return Path(tempfile.mkdtemp(prefix='diagnosis_'))
         number = 1

@@ -21,6 +21,7 @@ from typing import Any, get_args
 
 import numpy as np
 from aiohttp import web
+from aiohttp.web_protocol import RequestHandler
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import WellRates
@@ -62,8 +63,8 @@ REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; s
 MAX_CONFIRMATION = 16 * 1024
 """Largest request of a browser [bytes]: rates of some hundred wells."""
 
-BODY_TIMEOUT_S = 10.0
-"""Longest time for the body of a confirmation [s]."""
+PATIENCE_S = 10.0
+"""Longest time for a request, for the body of a confirmation, and between two requests [s]."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -365,7 +366,7 @@ class PageApplication:
         token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
         try:
             self._access.check_change(request.headers.get('Origin'), request.host, token)
-            async with asyncio.timeout(BODY_TIMEOUT_S):
+            async with asyncio.timeout(PATIENCE_S):
                 body = await request.read()
             given = confirmation.parse(confirmation.decoded(body), self._store.snapshot)
             return 200, {'message': await self.workers.run(self._confirm, given)}
@@ -374,7 +375,7 @@ class PageApplication:
         except web.HTTPRequestEntityTooLarge:
             return 413, {'error': f'confirmation: longer than {MAX_CONFIRMATION} bytes'}
         except TimeoutError:
-            return 408, {'error': f'confirmation: not complete within {BODY_TIMEOUT_S:g} s'}
+            return 408, {'error': f'confirmation: not complete within {PATIENCE_S:g} s'}
         except InputError as error:
             return 400, {'error': str(error)}
         except ConfirmationDoubt as doubt:
@@ -415,7 +416,7 @@ class PageApplication:
         token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
         try:
             self._access.check_change(request.headers.get('Origin'), request.host, token)
-            async with asyncio.timeout(BODY_TIMEOUT_S):
+            async with asyncio.timeout(PATIENCE_S):
                 body = await request.read()
             status, answer = await act(confirmation.decoded(body))
         except AccessRefused as refused:
@@ -465,12 +466,42 @@ class ServerThread:
             await self._serving
 
     async def _serve(self, application: web.Application, listening: socket.socket) -> None:
-        runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1)
+        silent: dict[object, asyncio.TimerHandle] = {}
+
+        @web.middleware
+        async def first(request: web.Request, handler: Handler) -> web.StreamResponse:
+            if timer := silent.pop(request.protocol, None):
+                timer.cancel()
+            if 'Content-Encoding' in request.headers:
+                return _error(415, 'send the request without compression')
+            return await handler(request)
+
+        application.middlewares.insert(0, first)
+        runner = web.AppRunner(
+            application,
+            access_log=None,
+            shutdown_timeout=0.1,
+            auto_decompress=False,
+            keepalive_timeout=PATIENCE_S,
+        )
         await runner.setup()
+        server = runner.server
+        assert server is not None
+
+        def connected() -> asyncio.Protocol:
+            connection = server()
+            silent[connection] = self._loop.call_later(PATIENCE_S, end, connection)
+            return connection
+
+        def end(connection: RequestHandler[web.Request]) -> None:
+            del silent[connection]
+            connection.force_close()
+
+        serving = await self._loop.create_server(connected, sock=listening)
         try:
-            await web.SockSite(runner, listening).start()
             await asyncio.Event().wait()
         finally:
+            serving.close()
             await runner.cleanup()
 
     def close(self) -> None:

@@ -1,11 +1,13 @@
 """The Cartesian grid of a rig, and maps on it: resampling, errors, unseen cells."""
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 
 FloatArray = NDArray[np.floating]
@@ -43,6 +45,18 @@ class Grid:
     def shape(self) -> tuple[int, int]:
         """Shape of a cell field, (nz, nx)."""
         return (self.nz, self.nx)
+
+    @classmethod
+    def of_squares(cls, side: float, most: int, width: float, height: float) -> Self:
+        """Return squares of `side` [m] over `width` x `height` [m]; larger ones if `most` are less.
+
+        Raises:
+            InputError: the rig is far longer than high, or the other way round.
+        """
+        side = max(side, math.sqrt(width / most * height))
+        counts = [max(1.0, size / side) for size in (width, height)]
+        check_declared(f'a rig of {width:g} x {height:g} m', counts, most=2 * most, unit='squares')
+        return cls(*(round(count) for count in counts), width, height)
 
     def covers_the_same(self, other: 'Grid') -> bool:
         """Return whether both grids have the same width and height, within SIZE_TOLERANCE."""

@@ -1,7 +1,5 @@
 """Polygons in the plane: points inside, signed area, and outlines that cross themselves."""
 
-import itertools
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,13 +11,17 @@ def inside(points: FloatArray, polygon: FloatArray) -> NDArray[np.bool_]:
 
     A horizontal ray from a point inside crosses the outline an odd number of times.
     """
-    x, z = points[:, 0], points[:, 1]
+    upward = np.argsort(points[:, 1])
+    x, z = points[upward].T
     odd = np.zeros(len(points), dtype=bool)
     for (x0, z0), (x1, z1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if z0 != z1:
-            crosses = (z0 > z) != (z1 > z)
-            odd ^= crosses & (x < x0 + (z - z0) * (x1 - x0) / (z1 - z0))
-    return odd
+            beside = slice(*np.searchsorted(z, sorted((z0, z1))))
+            with np.errstate(over='ignore'):  # the rig may claim any size
+                odd[beside] ^= x[beside] < x0 + (z[beside] - z0) * (x1 - x0) / (z1 - z0)
+    within = np.empty_like(odd)
+    within[upward] = odd
+    return within
 
 
 def signed_area(polygon: FloatArray) -> float:
@@ -30,21 +32,23 @@ def signed_area(polygon: FloatArray) -> float:
 
 def crosses_itself(polygon: FloatArray) -> bool:
     """Return whether two sides of `polygon` (m, 2) that are not neighbours cross."""
-    corners = np.asarray(polygon, dtype=float)
-    sides = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    count = len(sides)
+    begins = np.asarray(polygon, dtype=float)
+    ends = np.roll(begins, -1, axis=0)
+    count = len(begins)
     return any(
-        _cross(*sides[first], *sides[second])
-        for first, second in itertools.combinations(range(count), 2)
-        if second - first not in (1, count - 1)
+        _cross(begins[first], ends[first], begins[others], ends[others]).any()
+        for first in range(count - 2)
+        for others in [slice(first + 2, count - (first == 0))]
     )
 
 
-def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
-    """Return whether the segments ab and cd cross at a point inside both."""
-    return _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0
+def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> NDArray[np.bool_]:
+    """Return whether the segment ab (2,) and each cd (n, 2) cross at a point inside both, (n,)."""
+    across = _side(a, b, c) * _side(a, b, d) < 0
+    return np.asarray(across & (_side(c, d, a) * _side(c, d, b) < 0))
 
 
-def _side(a: FloatArray, b: FloatArray, point: FloatArray) -> float:
-    """Return twice the area of a triangle: positive to the left of the line from a to b."""
-    return float((b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]))
+def _side(a: FloatArray, b: FloatArray, point: FloatArray) -> FloatArray:
+    """Return twice the area of triangles: positive to the left of the line from a to b."""
+    along, to_point = b - a, point - a
+    return along[..., 0] * to_point[..., 1] - along[..., 1] * to_point[..., 0]

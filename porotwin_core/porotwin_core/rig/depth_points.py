@@ -1,7 +1,6 @@
 """The depth of a rig from measured points: linear on triangles, the nearest point beyond them."""
 
 import csv
-import math
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +28,7 @@ def depth_map(points: FloatArray, width: float, height: float) -> FloatArray:
         width: width of the rig [m].
         height: height of the rig [m].
     """
-    side = max(DEPTH_SQUARE_M, math.sqrt(width * height / MOST_DEPTH_SQUARES))
-    columns, rows = (max(1, round(size / side)) for size in (width, height))
-    grid = Grid(columns, rows, width, height)
+    grid = Grid.of_squares(DEPTH_SQUARE_M, MOST_DEPTH_SQUARES, width, height)
     x, z = np.meshgrid(grid.x, grid.z)
     return interpolated(points, np.column_stack([x.ravel(), z.ravel()])).reshape(grid.shape)
 

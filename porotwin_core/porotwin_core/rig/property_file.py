@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig.sections import MapReference
@@ -50,6 +51,7 @@ def read_map(
     try:
         with netCDF4.Dataset(file) as dataset:
             _check_axes(file, dataset, variable, size)
+            check_variable(file, dataset.variables[variable])
             values: FloatArray = np.ma.filled(
                 np.ma.asarray(dataset.variables[variable][:], dtype=float), np.nan
             )
@@ -64,6 +66,23 @@ def read_map(
     if values.ndim != 2:
         raise InputError(f'{file}: {variable} has {values.ndim} dimensions, needs (z, x)')
     return values
+
+
+def check_variable(file: Path, variable: 'netCDF4.Variable', at_once: int | None = None) -> None:
+    """Check the size that a variable claims, in double precision, and that of its chunks.
+
+    Args:
+        file: the file, for the message.
+        variable: of a NetCDF file or a zarr folder.
+        at_once: values along the first dimension that are read at once; None: all.
+
+    Raises:
+        InputError: it claims more than is read at once.
+    """
+    shape = variable.shape if at_once is None else (at_once, *variable.shape[1:])
+    chunks = variable.chunking()
+    for sizes in (shape, chunks if isinstance(chunks, list) else ()):
+        check_declared(f'{file}: {variable.name}', (*sizes, np.float64().itemsize))
 
 
 def _check_axes(

@@ -1,10 +1,13 @@
 """Pictures of the whole rig, in which sands or a zone are painted."""
 
 import io
+import warnings
 from pathlib import Path
 
+import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import UPRIGHT, orientation
 
@@ -36,7 +39,11 @@ def rig_picture(
             'it; turn its pixels, and save it without EXIF'
         )
     try:
-        with Image.open(io.BytesIO(content)) as opened:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of a large picture; its size is judged here
+            opened = Image.open(io.BytesIO(content))
+        with opened:
+            check_declared(file, (*opened.size, len(mode), np.float64().itemsize))
             picture = opened.convert(mode)
     except Image.DecompressionBombError as error:
         raise InputError(f'{file}: {error}; save it smaller') from None

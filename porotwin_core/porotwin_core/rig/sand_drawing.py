@@ -4,7 +4,6 @@ Every square takes the sand at its centre, so an interface is misplaced by at mo
  Grids average the raster over their cells, by area (see `Rig.field`).
 """
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +35,7 @@ LabelArray = NDArray[np.integer]
 
 def sand_raster(width: float, height: float) -> Grid:
     """Return the raster over a rig of `width` x `height` [m]."""
-    side = max(SAND_SQUARE_M, math.sqrt(width * height / MOST_SAND_SQUARES))
-    return Grid(max(1, round(width / side)), max(1, round(height / side)), width, height)
+    return Grid.of_squares(SAND_SQUARE_M, MOST_SAND_SQUARES, width, height)
 
 
 def draw_layers(layers: tuple[SandLayer, ...], names: tuple[str, ...], raster: Grid) -> LabelArray:

@@ -35,15 +35,20 @@ Point = tuple[Number, Number]
 LEAST_CORNERS = 3
 """Fewest corners of a polygon."""
 
+MOST_CORNERS = 1000
+"""Most corners of a polygon: maps take a time and a memory that grow with them."""
+
 
 def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
     """Return `points` (x, z) [m] after a check that they form a polygon.
 
     Raises:
-        ValueError: fewer than three points.
+        ValueError: too few or too many points.
     """
     if len(points) < LEAST_CORNERS:
         raise ValueError('needs at least three (x, z) points')
+    if len(points) > MOST_CORNERS:
+        raise ValueError(f'has {len(points)} points; leave out all but {MOST_CORNERS}')
     return points
 
 

@@ -10,7 +10,11 @@ from typing import Any
 
 import yaml
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+
+LARGEST_TEXT = 2 << 20
+"""Longest document [bytes], and most values in it with those that aliases repeat: 20 s of work."""
 
 _FLOAT = re.compile(
     r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'
@@ -25,6 +29,13 @@ _TEXT = 'tag:yaml.org,2002:str'
 
 class _Loader(yaml.SafeLoader):
     """A safe loader with the numbers and truth values of YAML 1.2."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        """Return the document as nodes; refuse one that its aliases make too large."""
+        node: yaml.Node | None = super().get_single_node()
+        if node is not None:
+            check_declared('it', (_values(node, {}),), most=LARGEST_TEXT, unit='values')
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Return the section `node` with its keys as texts; refuse a repeated key."""
@@ -41,6 +52,19 @@ class _Loader(yaml.SafeLoader):
             seen[key] = line
             key_node.tag = _TEXT
         return super().construct_mapping(node, deep=deep)
+
+
+def _values(node: yaml.Node, known: dict[int, int]) -> int:
+    """Return the number of values in a node, repeated ones counted again; `known` by identity."""
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = LARGEST_TEXT + 1  # inside itself it has no end
+        below = node.value
+        if isinstance(node, yaml.MappingNode):
+            below = [part for pair in node.value for part in pair]
+        known[id(node)] = 1 + sum(_values(part, known) for part in below)
+    return known[id(node)]
 
 
 def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
@@ -77,7 +101,9 @@ def read_yaml(text: str) -> Any:
 
     Raises:
         yaml.YAMLError: no YAML, or a repeated key in a section.
+        InputError: it is too large.
     """
+    check_declared('it', (len(text),), most=LARGEST_TEXT)
     return yaml.load(text, Loader=_Loader)  # a safe loader
 
 
@@ -92,6 +118,7 @@ def read_yaml_file(path: Path, *, remedy: str) -> Any:
         InputError: the file is missing, not readable, or no YAML; one line with the remedy.
     """
     try:
+        check_declared(path, (path.stat().st_size,), most=LARGEST_TEXT)
         return read_yaml(path.read_text(encoding='utf-8-sig'))
     except IsADirectoryError:
         raise InputError(f'{path}: is a folder; name a file in it') from None

@@ -8,6 +8,8 @@ names, finite numbers.
 import json
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,9 @@ RIG_FRAME = 'rig'
 ZONE_FILE = {'file': 'zone.nc'}
 """Reference to a zone that came with a message; `write_rig` writes the file."""
 
+LONGEST_QUOTE = 200
+"""Most characters of a path that a refusal repeats."""
+
 LOWEST_CONCENTRATION, HIGHEST_CONCENTRATION = -2.0, 3.0
 """Range of the values of a map [-]. Noise and an uncalibrated scale lead to -0.5 and 1.5 (settings
 of imaging), the largest correction of COSTA to -1.5 and 2.5. Numbers beyond the range are no
@@ -36,6 +41,22 @@ concentrations."""
 def time_from_msg(stamp: Any) -> float:
     """Return the time of a stamp [s], since the epoch of the clock that made it."""
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def path_from_msg(text: str) -> Path:
+    """Return the path in a request.
+
+    Raises:
+        InputError: no file can have it, or one may not look there.
+    """
+    try:
+        with suppress(FileNotFoundError):
+            Path(text).lstat()
+    except (OSError, ValueError) as error:  # the latter: a zero in it
+        reason = getattr(error, 'strerror', None) or error
+        shown = text if len(text) < LONGEST_QUOTE else f'{text[:LONGEST_QUOTE]}...'
+        raise InputError(f'{shown!r}: no path ({reason}); name another file or folder') from None
+    return Path(text)
 
 
 def grid_from_msg(message: Any) -> Grid:

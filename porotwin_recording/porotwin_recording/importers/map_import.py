@@ -17,7 +17,9 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rig.property_file import check_variable
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -443,7 +445,12 @@ def _chosen(path: Path, names: list[str], quantity: str) -> str | None:
 def _npz(path: Path) -> _Arrays:
     try:
         with np.load(path, allow_pickle=False) as archive:
+            for member in archive.zip.infolist():
+                for sizes in ((member.file_size,), _npy_sizes(archive.zip, member)):
+                    check_declared(f'{path}: {member.filename}', sizes)
             found = {name: archive[name] for name in archive.files}
+    except InputError:
+        raise
     except (OSError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
         reason = 'it is damaged' if isinstance(error, OSError | zipfile.BadZipFile) else 'no npz'
         raise InputError(
@@ -460,6 +467,15 @@ def _npz(path: Path) -> _Arrays:
     )
 
 
+def _npy_sizes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:
+    """Return the sizes whose product is the size of an array in a npz file [bytes]."""
+    with archive.open(member) as stream:
+        major, _ = np.lib.format.read_magic(stream)
+        read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+        shape, _, kind = read[min(major, 2)](stream)
+        return (*shape, kind.itemsize)
+
+
 def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     """Return the maps of a long table; a value that is empty or not there is missing (NaN)."""
     table = read_foreign_table(path, decimal)
@@ -471,6 +487,7 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     needed = {quantity: seen if quantity == 'concentration' else () for quantity in NAMES}
     columns = {q: np.array(table.numbers(titles[q], needed[q])) for q in NAMES}
     axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
+    check_declared(path, (*(len(axes[name][0]) for name in axes), np.float32().itemsize))
     values = np.full([len(axes[name][0]) for name in axes], np.nan, dtype=np.float32)
     places = tuple(axes[name][1] for name in axes)
     _refuse_repeated(path, axes, places)
@@ -510,6 +527,8 @@ def _netcdf(path: Path) -> _Arrays:
             dimensions = _dimensions(path, maps)
             order = [_axis(path, dimensions, quantity) for quantity in ('time', 'z', 'x')]
             found = {q: dataset.variables[name] for q, name in names.items() if name}
+            for each in found.values():
+                check_variable(path, each)
             units = {q: str(getattr(each, 'units', '')).lower() for q, each in found.items()}
             return _Arrays(
                 np.transpose(_without_gaps(maps[:]), order),

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 import zstandard
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rig.yaml_reader import read_yaml_file
 
 METADATA = 'metadata.yaml'
 """Description of a rosbag2 folder."""
@@ -17,12 +18,6 @@ COMPRESSED = '.zstd'
 
 _OTHERS = ('.db3', f'.db3{COMPRESSED}', '.bag')
 """Suffixes of bags in other formats: SQLite, and ROS 1."""
-
-LARGEST_METADATA = 16 << 20
-"""Largest size of metadata.yaml that is read [bytes]: 1000 topics in 1000 files need 1 MB."""
-
-LARGEST_MESSAGE = 1 << 30
-"""Largest size of an uncompressed message [bytes]; the compressed one claims it."""
 
 _PIECE = 1 << 20
 """Bytes that are unpacked at once."""
@@ -194,13 +189,10 @@ def metadata_of(path: Path) -> dict[str, Any]:
         InputError: it is not readable.
     """
     try:
-        if path.stat().st_size > LARGEST_METADATA:
-            raise ValueError
-        text = path.read_text(encoding='utf-8')
-        information = yaml.safe_load(text)['rosbag2_bagfile_information']
+        information = read_yaml_file(path, remedy='')['rosbag2_bagfile_information']
         if not isinstance(information['relative_file_paths'], list):
             raise TypeError
-    except (OSError, ValueError, yaml.YAMLError, LookupError, TypeError, RecursionError):
+    except (OSError, ValueError, LookupError, TypeError):
         raise InputError(f'{path}: not the metadata of a bag; remove or replace it') from None
     assert isinstance(information, dict)
     return information
@@ -234,9 +226,11 @@ def plain_data(path: Path, data: bytes) -> bytes:
         InputError: it is damaged.
     """
     try:
-        size = zstandard.get_frame_parameters(data).content_size
-        if LARGEST_MESSAGE < size != zstandard.CONTENTSIZE_UNKNOWN:
-            raise zstandard.ZstdError(f'it claims {size} bytes')
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    except (zstandard.ZstdError, MemoryError) as error:
+        plain = bytearray()
+        with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+            while piece := reader.read(_PIECE):
+                plain += piece
+                check_declared('it', (len(plain),))
+        return bytes(plain)
+    except (zstandard.ZstdError, MemoryError, InputError) as error:
         raise InputError(f'{path}: a compressed message is damaged: {error}') from None

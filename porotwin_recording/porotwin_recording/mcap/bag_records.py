@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 import yaml
 
+from porotwin_core.rig.yaml_reader import read_yaml
+
 History = Literal['keep_last', 'keep_all']
 Reliability = Literal['reliable', 'best_effort']
 Durability = Literal['volatile', 'transient_local']
@@ -97,7 +99,7 @@ def qos_profiles(qos: TopicQos) -> list[dict[str, Any]]:
 def qos_from_yaml(text: str) -> TopicQos:
     """Return the first profile in a text of `offered_qos_profiles`, or the default profile."""
     try:
-        profiles = yaml.safe_load(text)
+        profiles = read_yaml(text)
     except (yaml.YAMLError, ValueError, RecursionError):
         profiles = None
     if not (isinstance(profiles, list) and profiles and isinstance(profiles[0], dict)):

@@ -7,9 +7,10 @@ import io
 import re
 import struct
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import IO
 
+import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -28,6 +29,7 @@ from mcap.records import (
 from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.summary import Summary
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_recording.mcap.mcap_writer import MAGIC
 
 RECORD_HEADER = struct.Struct('<BQ')
@@ -46,8 +48,8 @@ DAMAGE = (
 )
 """Exceptions of the libraries that indicate damaged bytes."""
 
-LARGEST_CHUNK = 1 << 30
-"""Largest size of an uncompressed chunk [bytes]; writers close chunks at about a megabyte."""
+MOST_RECORDS = 1_000_000
+"""Most records in a chunk: they take seconds, and writers close chunks at about a megabyte."""
 
 NO_PLACE = 0
 """Place of a message index that is not known."""
@@ -126,13 +128,39 @@ def chunk_records(stream: IO[bytes], position: int) -> list[McapRecord]:
     if opcode != Opcode.CHUNK:
         raise ValueError('there is no chunk where the index says')
     chunk = Chunk.read(ReadDataStream(io.BytesIO(stream.read(length))))
-    if chunk.uncompressed_size > LARGEST_CHUNK:
-        raise ValueError(f'its chunk claims {chunk.uncompressed_size} bytes')
+    check_declared('its chunk', (chunk.uncompressed_size,))
+    if chunk.compression == 'lz4':
+        data = lz4.frame.LZ4FrameDecompressor().decompress(
+            chunk.data, max_length=chunk.uncompressed_size + 1
+        )
+        chunk = replace(chunk, compression='', data=data)
     if chunk.compression == 'zstd':
         size = zstandard.get_frame_parameters(chunk.data).content_size
         if size not in (chunk.uncompressed_size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError('two sizes of its chunk differ')
+        data = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+        chunk = replace(chunk, compression='', data=data)
+    if len(chunk.data) != chunk.uncompressed_size:
+        raise ValueError('its chunk has another size than it says')
+    _check_records(chunk.data)
     return breakup_chunk(chunk, validate_crc=True)
+
+
+def _check_records(data: bytes) -> None:
+    """Check the records of a chunk by their headers.
+
+    Raises:
+        ValueError: they are no records, or too many.
+    """
+    place = 0
+    for _ in range(MOST_RECORDS):
+        if place >= len(data):
+            return
+        opcode, length = RECORD_HEADER.unpack_from(data, place)
+        if not opcode:
+            raise ValueError('its chunk holds no records')
+        place += RECORD_HEADER.size + length
+    raise ValueError(f'its chunk has more than {MOST_RECORDS} records')
 
 
 def message_heads(
@@ -190,8 +218,9 @@ class _ChunkContent:
         opcode, length, channel, sequence, log_time, publish_time = _MESSAGE_BEGIN.unpack(
             self._read(_MESSAGE_BEGIN.size)
         )
-        if opcode != Opcode.MESSAGE or length > LARGEST_CHUNK:
+        if opcode != Opcode.MESSAGE:
             raise ValueError('there is no message where the index says')
+        check_declared('its message', (length,))
         size = length + RECORD_HEADER.size - _MESSAGE_BEGIN.size
         data = self._read(size if limit is None else min(size, limit))
         return Message(channel, log_time, data, publish_time, sequence)

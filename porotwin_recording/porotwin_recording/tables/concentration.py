@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rig.property_file import check_variable
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.map_writer import MapWriter
 
@@ -31,9 +32,6 @@ PACKED_STEP = 0.004
 
 PACKED_NAN = 255
 """Code of NaN in packed maps."""
-
-LARGEST_DIMENSION = 10_000_000
-"""Largest size of a dimension: photographs of ten years at one per half minute."""
 
 LEAST_CONCENTRATION, LARGEST_CONCENTRATION = -1.0, 1e6
 """Concentrations [-] beyond these are no measured values in any unit, but codes for none, such as
@@ -180,7 +178,6 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
             over the whole `rig`, or its times do not increase, or are a year from the start.
     """
     with _damage_named(path), _dataset(path) as dataset:
-        _check_sizes(dataset, path)
         _check_maps(dataset, path, 'concentration')
         deviations = [name for name in DEVIATIONS if name in dataset.variables]
         for name in deviations:
@@ -237,6 +234,7 @@ def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:
     variable = _variable(dataset, path, name, ('time', 'z', 'x'))
     if not np.issubdtype(variable.dtype, np.number):
         raise InputError(f'{path}: {name} is {variable.dtype}; write float32')
+    check_variable(path, variable, _MAPS_AT_ONCE)
     unit = _unit(variable)
     if unit.lower() not in _NO_UNIT:
         stock = '100 %' if unit == '%' else f'the stock in {unit}'
@@ -272,14 +270,6 @@ def _damage_named(path: Path) -> Iterator[None]:
         raise InputError(f'{path}: claims more data than memory can hold; write it again') from None
 
 
-def _check_sizes(dataset: netCDF4.Dataset, path: Path) -> None:
-    for name, dimension in dataset.dimensions.items():
-        if len(dimension) > LARGEST_DIMENSION:
-            raise InputError(
-                f'{path}: the dimension {name} claims {len(dimension)} values; write it again'
-            )
-
-
 def _dataset(path: Path) -> netCDF4.Dataset:
     if not path.is_file():
         raise InputError(f'{path}: no such file; it holds the concentration maps')
@@ -310,6 +300,7 @@ def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.f
     # 'seconds since 2024-05-06' counts seconds too
     if unit.split(' since ')[0].lower() not in _COORDINATE_UNITS[needed]:
         raise InputError(f"{path}: the units of {name} are '{unit}'; write {name} in {needed}")
+    check_variable(path, variable)
     values = variable[:]
     filled: NDArray[np.float64] = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
     if filled.size == 0:
