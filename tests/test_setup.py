@@ -92,3 +92,18 @@ def test_all_files_state_one_version() -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert len(set(module.stated().values())) == 1
+
+
+def test_a_folder_that_is_gone_is_named_as_such(tmp_path: Path) -> None:
+    gone = tmp_path / 'gone'
+    gone.mkdir()
+    done = subprocess.run(
+        ['/bin/sh', '-c', f'rmdir {gone} && {ROOT / "porotwin"} --help'],
+        cwd=gone,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert 'the folder that you are in is gone' in done.stderr
+    assert 'Python' not in done.stderr

@@ -139,6 +139,9 @@ def run() -> None:
     except InputError as error:
         print(f'porotwin: {plain(str(error))}', file=sys.stderr)
         sys.exit(2)
+    except MemoryError:
+        print('porotwin: the memory is full; give less at once, or more memory', file=sys.stderr)
+        sys.exit(1)
     except ModuleNotFoundError as error:
         print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
         sys.exit(1)

@@ -264,3 +264,28 @@ def test_keys_that_differ_are_named() -> None:
     )
     assert one.keys_that_differ(same) == []
     assert one.keys_that_differ(other) == ['porosity']
+
+
+def test_a_polygon_with_more_corners_than_a_person_draws_is_refused() -> None:
+    zone = [[0.5 + 0.001 * i, 0.4] for i in range(1000)] + [[0.5, 0.5]]
+    control = {**CONTROL, 'disallowed_zone_m': zone}
+    with pytest.raises(InputError, match='has 1001 points; leave out'):
+        parse_rig({**SMALL, 'control': control}, Path('rig.yaml'))
+
+
+@pytest.mark.parametrize('size', ['width_m', 'height_m'])
+@pytest.mark.parametrize('metres', [1e12, 1e308])
+@pytest.mark.parametrize(
+    'part',
+    [
+        {'sands': {'fine': {'porosity': 0.4, 'permeability_m2': 1e-9}},
+         'sand_layers': [{'sand': 'fine'}]},
+        {'depth_m': {'points': [[0.1, 0.1, 0.01], [0.5, 0.1, 0.01], [0.5, 0.4, 0.01]]}},
+        {'control': CONTROL},
+    ],
+)  # fmt: skip
+def test_a_rig_as_large_as_a_typing_error_is_refused(size, metres, part) -> None:
+    data = {key: value for key, value in SMALL.items() if 'sands' not in part or key not in
+            ('porosity', 'permeability_m2')}  # fmt: skip
+    with pytest.raises(InputError, match=size.partition('_')[0] if 'control' in part else 'rig of'):
+        parse_rig({**data, **part, size: metres}, Path('rig.yaml'))

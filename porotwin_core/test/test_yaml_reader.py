@@ -1,11 +1,14 @@
 """Tests of the YAML reader: numbers and words are read as they look, no key stands twice."""
 
+from itertools import pairwise
+from pathlib import Path
+
 import pytest
 import yaml
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig.rig_file import rig_file
-from porotwin_core.rig.yaml_reader import read_yaml, read_yaml_file, yaml_text
+from porotwin_core.rig.yaml_reader import LARGEST_TEXT, read_yaml, read_yaml_file, yaml_text
 
 
 @pytest.mark.parametrize(
@@ -85,3 +88,31 @@ def test_a_folder_is_no_yaml(tmp_path):
 def test_a_name_that_is_too_long_is_no_yaml(tmp_path):
     with pytest.raises(InputError, match=r'cannot be read \(File name too long\)'):
         read_yaml_file(rig_file(tmp_path / ('x' * 300)), remedy='write one')
+
+
+def test_a_document_that_repeats_itself_without_end_is_refused(tmp_path: Path) -> None:
+    names = 'abcdefghij'
+    nine = [(name, ', '.join([f'*{before}'] * 9)) for before, name in pairwise(names)]
+    for lines in (
+        ['a: &a {x: 1}', *(f'{name}: &{name}\n  <<: [{parts}]' for name, parts in nine)],
+        ['a: &a {x: 1}', *(f'{name}: &{name} [{parts}]' for name, parts in nine)],
+        ['a: &a', '  inside: *a'],
+    ):
+        file = tmp_path / 'rig.yaml'
+        file.write_text('\n'.join(lines))
+        with pytest.raises(InputError, match='values'):
+            read_yaml_file(file, remedy='')
+
+
+def test_a_file_that_is_far_too_long_is_refused_unread(tmp_path: Path) -> None:
+    file = tmp_path / 'rig.yaml'
+    with file.open('wb') as stream:
+        stream.truncate(LARGEST_TEXT + 1)
+    with pytest.raises(InputError, match='bytes'):
+        read_yaml_file(file, remedy='')
+
+
+def test_aliases_that_people_write_are_read() -> None:
+    found = read_yaml('sand: &sand {porosity: 0.4}\nfine: {<<: *sand, name: x}\nlist: [*sand]')
+    assert found['fine'] == {'porosity': 0.4, 'name': 'x'}
+    assert found['list'] == [{'porosity': 0.4}]

@@ -25,6 +25,7 @@ from porotwin_core.model.correction import Correction
 from porotwin_core.model.learnt_solver import LearntSolver, solver_named
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.ros import conversions
+from porotwin_core.ros.from_messages import path_from_msg
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.single_instance import only_one

@@ -124,6 +124,11 @@ def test_costa_answers_like_the_model_that_it_loaded(
     refused = client.call(LoadModel, 'costa/load', LoadModel.Request(path=str(broken)))
     assert refused.outcome.code == Outcome.INVALID_INPUT
     assert 'pickle' in refused.outcome.message
+    for path in ('/' + 5000 * 'a', 'model\0.safetensors', str(broken / 'below')):
+        for kind, name in ((LoadModel, 'costa/load'), (SaveModel, 'costa/save')):
+            refused = client.call(kind, name, kind.Request(path=path))
+            assert refused.outcome.code == Outcome.INVALID_INPUT
+            assert len(refused.outcome.message) < 400
     request.wells[0].well = 'nobody'
     refused = client.call(CorrectiveSource, 'costa/corrective_source', request)
     assert refused.outcome.code == Outcome.INVALID_INPUT

@@ -20,6 +20,7 @@ from porotwin_core.basis.parallel import crew
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.rates.wells import WellRates as Rates
 from porotwin_core.ros import conversions
+from porotwin_core.ros.from_messages import path_from_msg
 from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     TwinNode,

@@ -493,7 +493,7 @@ class ServerThread:
             silent[connection] = self._loop.call_later(PATIENCE_S, end, connection)
             return connection
 
-        def end(connection: RequestHandler[web.Request]) -> None:
+        def end(connection: RequestHandler) -> None:
             del silent[connection]
             connection.force_close()
 

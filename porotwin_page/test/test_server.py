@@ -8,6 +8,7 @@ import socket
 import threading
 import urllib.request
 from collections.abc import AsyncIterator, Callable
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from page_examples import (
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import WellRates
 from porotwin_page import graph_snapshot as snapshot
+from porotwin_page import server
 from porotwin_page.access import Access
 from porotwin_page.address import listen
 from porotwin_page.confirmation import Confirmation
@@ -521,3 +523,26 @@ def test_a_question_beyond_the_limits_is_refused() -> None:
         assert scene.asked == []
 
     with_client(work)
+
+
+def test_a_compressed_request_is_refused_unread_and_silent_connections_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server, 'PATIENCE_S', 0.3)
+    listening = listen('127.0.0.1:0')
+    port = listening.getsockname()[1]
+    running = ServerThread(Scene().application.make(), listening)
+    with contextlib.closing(running):
+        silent = socket.create_connection(('127.0.0.1', port), timeout=10.0)
+        slow = socket.create_connection(('127.0.0.1', port), timeout=10.0)
+        slow.sendall(b'GET / HTTP/1.1\r\nHost:')
+        kept = HTTPConnection('127.0.0.1', port, timeout=10.0)
+        for packed, status in ((False, 200), (True, 415)):
+            kept.request('GET', '/', headers={'Content-Encoding': 'br'} if packed else {})
+            answer = kept.getresponse()
+            assert answer.status == status
+            answer.read()
+        assert kept.sock is not None
+        for connection in (silent, slow, kept.sock):
+            assert connection.recv(1) == b''  # the page has ended it
+            connection.close()

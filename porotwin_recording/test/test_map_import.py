@@ -1,5 +1,7 @@
 """Tests of imported maps: npz, CSV, NetCDF and zarr."""
 
+import io
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -409,3 +411,32 @@ def test_two_values_at_one_place_and_a_file_that_is_no_npz_are_named(tmp_path: P
         np.save(file, np.zeros(3))
     with pytest.raises(InputError, match='not readable as npz'):
         imported(tmp_path / 'one.npz')
+
+
+def npz_of_header(path: Path, shape: tuple[int, ...]) -> None:
+    """Write a npz whose maps claim a shape, without values."""
+    with zipfile.ZipFile(path, 'w') as archive:
+        for name, claimed in (('maps', shape), ('times', (2,))):
+            header = io.BytesIO()
+            np.lib.format.write_array_header_1_0(
+                header, {'shape': claimed, 'fortran_order': False, 'descr': '<f8'}
+            )
+            archive.writestr(f'{name}.npy', header.getvalue())
+
+
+def test_a_file_that_claims_more_than_memory_is_refused_by_its_header(tmp_path: Path) -> None:
+    npz_of_header(tmp_path / 'maps.npz', (6000, 1000, 1000))
+    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as dataset:
+        for name, size in (('time', 1200), ('z', 1000), ('x', 1000)):
+            dataset.createDimension(name, size)
+            dataset.createVariable(name, 'f8', (name,))
+        maps = dataset.createVariable(
+            'concentration', 'f8', ('time', 'z', 'x'), zlib=True, chunksizes=(1, 1000, 1000)
+        )
+        maps[0] = 0.0
+    lines = ['time [s],x [m],z [m],c', *(f'{n},{n},{n},0.1' for n in range(2000))]
+    (tmp_path / 'maps.csv').write_text('\n'.join(lines))
+    for name in ('maps.npz', 'maps.nc', 'maps.csv'):
+        assert (tmp_path / name).stat().st_size < 200_000
+        with pytest.raises(InputError, match='claims'):
+            import_maps(tmp_path / name, tmp_path / 'made', bench_rig(), PLAIN)

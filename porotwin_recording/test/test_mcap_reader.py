@@ -1,11 +1,15 @@
 """Tests of the MCAP reader: files that a crash cut off, damaged files, files of another kind."""
 
 import random
+import struct
 import tracemalloc
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
+from mcap.opcode import Opcode
 from recording_examples import STRING
 from std_msgs.msg import String
 
@@ -190,3 +194,35 @@ def test_memory_does_not_grow_with_the_length_of_a_file(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert (tmp_path / 'run.mcap').stat().st_size > 100 * 200_000
     assert peak < 8 * CHUNK_SIZE
+
+
+ZEROS = bytes(200_000_000)
+
+
+@pytest.mark.parametrize(
+    ('compression', 'packed', 'claimed'),
+    [
+        ('zstd', zstandard.compress(ZEROS), len(ZEROS)),  # no records
+        ('zstd', zstandard.compress(b'\x7f' + bytes(8)) , 9 << 30),
+        ('lz4', lz4.frame.compress(ZEROS), 1000),  # more than it claims
+        ('lz4', lz4.frame.compress((b'\x7f' + bytes(8)) * 1_000_001), 9 * 1_000_001),
+    ],
+)  # fmt: skip
+def test_a_chunk_that_claims_or_holds_too_much_is_damaged(
+    tmp_path: Path, compression: str, packed: bytes, claimed: int
+) -> None:
+    path = tmp_path / 'run.mcap'
+    write_words(path, chunks=1)
+    chunk = struct.pack('<QQQII', 0, 0, claimed, 0, len(compression)) + compression.encode()
+    chunk += struct.pack('<Q', len(packed)) + packed
+    content = path.read_bytes()
+    end = content.rindex(struct.pack('<BQ', Opcode.DATA_END, 4))
+    record = struct.pack('<BQ', Opcode.CHUNK, len(chunk)) + chunk
+    path.write_bytes(content[:end] + record)  # the recorder was killed
+    tracemalloc.start()
+    bag = BagReader(path)
+    assert len(list(bag.messages())) == 5
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert any('damaged at byte' in remark for remark in bag.remarks)
+    assert most < 2.5 * len(ZEROS)

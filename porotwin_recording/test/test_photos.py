@@ -52,3 +52,23 @@ def test_a_dilution_keeps_its_concentration(tmp_path: Path) -> None:
     read = read_photos(tmp_path)
     assert [photo.concentration for photo in read if photo.role == 'dilution'] == [0.5]
     assert all(photo.concentration is None for photo in read if photo.role != 'dilution')
+
+
+def test_a_photograph_behind_a_link_lies_in_the_folder(tmp_path: Path) -> None:
+    folder, secret = tmp_path / 'experiment', tmp_path / 'secret.jpg'
+    secret.write_bytes(b'of somebody else')
+    write_photos(folder, two_photos())
+    first = folder / 'photos' / 'first.jpg'
+    inside = first.rename(folder / 'photos' / 'original.jpg')
+    first.symlink_to(inside.name)
+    assert read_photos(folder)[0].read() == inside.read_bytes()
+    first.unlink()
+    first.symlink_to('../../secret.jpg')
+    with pytest.raises(InputError, match=r"'photos/first\.jpg' is a link that leads out"):
+        read_photos(folder)
+    first.unlink()
+    (folder / 'photos').rename(tmp_path / 'elsewhere')
+    inside = (tmp_path / 'elsewhere' / 'original.jpg').rename(tmp_path / 'elsewhere' / 'first.jpg')
+    (folder / 'photos').symlink_to(tmp_path / 'elsewhere')
+    with pytest.raises(InputError, match='leads out'):
+        read_photos(folder)

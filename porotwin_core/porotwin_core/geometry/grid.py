@@ -56,7 +56,8 @@ class Grid:
         side = max(side, math.sqrt(width / most * height))
         counts = [max(1.0, size / side) for size in (width, height)]
         check_declared(f'a rig of {width:g} x {height:g} m', counts, most=2 * most, unit='squares')
-        return cls(*(round(count) for count in counts), width, height)
+        columns, rows = (round(count) for count in counts)
+        return cls(columns, rows, width, height)
 
     def covers_the_same(self, other: 'Grid') -> bool:
         """Return whether both grids have the same width and height, within SIZE_TOLERANCE."""

@@ -33,6 +33,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import yaml_text
+from porotwin_imaging.photograph.photo_file import photo_size
 from porotwin_imaging.tracer.calibration_keys import read_content
 from porotwin_imaging.tracer.tracer_signal import Contrast, TracerSignal
 
@@ -395,7 +396,11 @@ def _picture(path: Path, key: str, name: Any) -> Labels | None:
             f'{key.partition(".")[0]}.png'
         )
     file = path.with_name(name)
-    picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if file.is_file() else None
+    picture = None
+    if file.is_file():
+        data = file.read_bytes()
+        photo_size(data)
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     if picture is None:
         fault = 'cannot be read' if file.is_file() else 'is not beside it'
         raise InputError(

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig.property_file import check_variable
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
+from porotwin_core.rig.property_file import check_variable
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.importers.foreign_table import Decimal, read_foreign_table
 from porotwin_recording.importers.foreign_units import LENGTHS, time_factor, unit_in

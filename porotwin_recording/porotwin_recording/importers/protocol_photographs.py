@@ -19,7 +19,7 @@ from porotwin_recording.importers.protocol_answers import (
     protocol_moments,
 )
 from porotwin_recording.tables.csv_table import number_text, write_table
-from porotwin_recording.tables.photos import HEADER, IMAGING_FILE, Photo
+from porotwin_recording.tables.photos import HEADER, IMAGING_FILE, Photo, refuse_link_outside
 
 IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
@@ -68,12 +68,17 @@ def protocol_photographs(
 
 
 def visible_files(folder: Path) -> Iterator[Path]:
-    """Yield the files in and below a folder that no program has put out of sight."""
+    """Yield the files in and below a folder that no program has put out of sight.
+
+    Raises:
+        InputError: one is a link that leads out of the folder.
+    """
     for path in folder.rglob('*'):
         parts = path.relative_to(folder).parts
         if path.is_file() and not any(
             part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts
         ):
+            refuse_link_outside(path, folder, folder)
             yield path
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rig.property_file import check_variable
 from porotwin_core.rig import Rig
+from porotwin_core.rig.property_file import check_variable
 from porotwin_recording.tables.map_writer import MapWriter
 
 Maps = NDArray[np.float32]

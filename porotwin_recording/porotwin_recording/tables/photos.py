@@ -80,7 +80,21 @@ def _photo(words: list[str], where: str, folder: Path) -> Photo:
             f"{where}: photograph '{name}' is not there; add it or remove the line"
             + _likely_name(path, name)
         )
+    refuse_link_outside(path, folder, where)
     return Photo(time, role, name, path.read_bytes, path, concentration)  # type: ignore[arg-type]
+
+
+def refuse_link_outside(path: Path, folder: Path, where: object) -> None:
+    """Check that the file `path` in `folder` lies there; `where` opens the message.
+
+    Raises:
+        InputError: it is a link, or lies behind one, that leads out of the folder.
+    """
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"{where}: '{path.relative_to(folder)}' is a link that leads out of the folder; put a "
+            'copy of the file there'
+        )
 
 
 def _likely_name(path: Path, name: str) -> str:
