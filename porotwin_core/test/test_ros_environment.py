@@ -1,15 +1,20 @@
 """Tests of the variables of ROS 2, and of one graph per domain."""
 
 import os
+import shutil
 import socket
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.ros_environment import (
+    LEAST_SHARED_BYTES,
     DomainClaim,
     check_environment,
+    check_shared_memory,
     claim_domain,
     domain_of,
     prepare_environment,
@@ -85,3 +90,12 @@ def test_a_domain_with_nodes_of_another_program_is_not_chosen(
         node.bind(('', first + 250 * free.domain))
         with claim_domain() as claim:
             assert claim.domain != free.domain
+
+
+def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeypatch) -> None:
+    check_shared_memory(tmp_path / 'none')
+    for free, fits in ((LEAST_SHARED_BYTES, True), (LEAST_SHARED_BYTES - 1, False)):
+        usage = SimpleNamespace(free=free)
+        monkeypatch.setattr(shutil, 'disk_usage', lambda _, usage=usage: usage)
+        with nullcontext() if fits else pytest.raises(InputError, match='MB left, and nodes need'):
+            check_shared_memory(tmp_path)

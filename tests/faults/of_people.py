@@ -10,17 +10,21 @@ from faults.stage import Stage
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
 from porotwin_msgs.msg import MendOffer
-from porotwin_msgs.srv import ConfirmRates
+from porotwin_msgs.srv import ConfirmRates, LoadModel
 
 NOTHING = 'nothing'
 
 
-def asked(stage: Stage, path: str, *, host: str = '', body: object = None) -> tuple[int, str]:
+def asked(
+    stage: Stage, path: str, *, host: str = '', body: object = None, encoding: str = ''
+) -> tuple[int, str]:
     """Return status and text of a request to the page."""
     address = stage.graph.wait_for_log('page', 'page: http', timeout=60.0).split('page: ')[1]
     request = urllib.request.Request(address.split('#')[0].split()[0].rstrip('/') + path)
     if host:
         request.add_header('Host', host)
+    if encoding:
+        request.add_header('Content-Encoding', encoding)
     if body is not None:
         request.data = json.dumps(body).encode()
         request.add_header('Content-Type', 'application/json')
@@ -54,6 +58,29 @@ def no_token(stage: Stage) -> None:
     status, text = asked(stage, '/confirm', body={'sequence': sequence, 'rates_ml_h': {}})
     assert status == 403, text
     assert 'confirming needs the token' in text
+
+
+@fault(
+    'Somebody sends a compressed request to the page, which would grow to any size.',
+    Answer('without compression'),
+    does='Refuses the request with status 415, unread. Ends connections that stay silent.',
+    mends=NOTHING,
+)
+def compressed_request(stage: Stage) -> None:
+    status, text = asked(stage, '/confirm', body={}, encoding='deflate')
+    assert status == 415, text
+    assert 'without compression' in text
+
+
+@fault(
+    'Somebody asks COSTA to load a model from a path of 5000 characters.',
+    Answer('no path'),
+    does='Refuses the request. The node goes on.',
+    mends='name a file',
+)
+def endless_path(stage: Stage) -> None:
+    answer = stage.call(LoadModel, 'costa/load', LoadModel.Request(path='/' + 5000 * 'a'))
+    assert 'no path' in answer.outcome.message
 
 
 @fault(

@@ -44,7 +44,7 @@ from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import check_environment
+from porotwin_core.ros.ros_environment import check_environment, check_shared_memory
 from porotwin_core.ros.senders import hearers
 
 DIAGNOSTICS = '/diagnostics'
@@ -324,6 +324,10 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         check_environment(os.environ)
     except InputError as error:
         _refuse(error)
+    try:
+        check_shared_memory()
+    except InputError as error:
+        sys.exit(f'not started: {error}')  # with status 1: the launcher tries it again
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = executor_of(1 if threads == 1 else threads + 1)
     node = None

@@ -6,9 +6,11 @@ ROS aborts deep in a library at a wrong value, or ignores the value.
 import errno
 import os
 import re
+import shutil
 import socket
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
@@ -41,6 +43,12 @@ DOMAIN_PORTS = 250
 FIRST_PORTS = (7400, 7410)
 """Ports that the first node of domain 0 opens: for all nodes, and its own (RTPS 2.2, 9.6.1)."""
 
+SHARED_MEMORY = Path('/dev/shm')
+"""Folder through which the nodes of a machine exchange messages."""
+
+LEAST_SHARED_BYTES = 16 << 20
+"""Free space in it that a graph needs [B]: 0.7 MB for each of 16 nodes."""
+
 RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
 """The nodes of a graph find each other in these discovery ranges."""
 
@@ -51,9 +59,10 @@ def prepare_environment() -> None:
     Nodes find those of this machine only, and their lines have a readable date.
 
     Raises:
-        InputError: one line with the variable and its allowed values.
+        InputError: one line with the variable and its allowed values, or the shared memory is full.
     """
     check_environment(os.environ)
+    check_shared_memory()
     if not os.environ.get(RANGE):
         os.environ[RANGE] = 'LOCALHOST'
     os.environ.setdefault(CONSOLE_FORMAT, READABLE_LINES)
@@ -72,6 +81,22 @@ def check_environment(environ: Mapping[str, str]) -> None:
         raise InputError(f'{RANGE} is {found}: {why}; set it to one of {", ".join(RANGES)}')
     _check_middleware(environ)
     _check_peers(environ.get(PEERS, ''))
+
+
+def check_shared_memory(folder: Path = SHARED_MEMORY) -> None:
+    """Check the free space in the `folder` of the shared memory: ROS crashes where it is full.
+
+    Raises:
+        InputError: a graph does not fit.
+    """
+    with suppress(FileNotFoundError):  # ROS does without
+        free = shutil.disk_usage(folder).free
+        if free < LEAST_SHARED_BYTES:
+            raise InputError(
+                f'{folder}: has {free / 1e6:.1f} MB left, and nodes need '
+                f'{LEAST_SHARED_BYTES / 1e6:.0f} MB; remove what programs left there, or give it '
+                'more (docker run --shm-size)'
+            )
 
 
 def domain_of(environ: Mapping[str, str]) -> int:
