@@ -1,4 +1,4 @@
-"""Tests of the limit for what a file claims."""
+"""Tests of the limit of claimed sizes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""How much data a file may claim: its reader asks here before it makes room.
+"""The size that a file may claim. Its reader asks here, and then makes room.
 
 A few bytes can claim any size, in a header, a compressed part or a sparse table.
 """
@@ -22,7 +22,7 @@ def check_declared(
         label: the file or the part of it, which opens the message.
         sizes: of an array and of its elements, for example; they may be any numbers.
         most: the limit.
-        unit: what is counted.
+        unit: of the sizes, for the message.
 
     Raises:
         InputError: it claims more than `most`.

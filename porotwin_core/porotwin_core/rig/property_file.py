@@ -69,7 +69,7 @@ def read_map(
 
 
 def check_variable(file: Path, variable: 'netCDF4.Variable', at_once: int | None = None) -> None:
-    """Check the size that a variable claims, in double precision, and that of its chunks.
+    """Check the claimed size of a variable, in double precision, and of its chunks.
 
     Args:
         file: the file, for the message.

@@ -14,7 +14,7 @@ from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 
 LARGEST_TEXT = 2 << 20
-"""Longest document [bytes], and most values in it with those that aliases repeat: 20 s of work."""
+"""Longest document [bytes], and most values in it, repeated aliases included: 20 s of work."""
 
 _FLOAT = re.compile(
     r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'
@@ -31,7 +31,7 @@ class _Loader(yaml.SafeLoader):
     """A safe loader with the numbers and truth values of YAML 1.2."""
 
     def get_single_node(self) -> yaml.Node | None:
-        """Return the document as nodes; refuse one that its aliases make too large."""
+        """Return the document as nodes; refuse one with too many repeated aliases."""
         node: yaml.Node | None = super().get_single_node()
         if node is not None:
             check_declared('it', (_values(node, {}),), most=LARGEST_TEXT, unit='values')

@@ -44,7 +44,7 @@ FIRST_PORTS = (7400, 7410)
 """Ports that the first node of domain 0 opens: for all nodes, and its own (RTPS 2.2, 9.6.1)."""
 
 SHARED_MEMORY = Path('/dev/shm')
-"""Folder through which the nodes of a machine exchange messages."""
+"""Folder of the messages between the nodes of a machine."""
 
 LEAST_SHARED_BYTES = 16 << 20
 """Free space in it that a graph needs [B]: 0.7 MB for each of 16 nodes."""
@@ -84,7 +84,7 @@ def check_environment(environ: Mapping[str, str]) -> None:
 
 
 def check_shared_memory(folder: Path = SHARED_MEMORY) -> None:
-    """Check the free space in the `folder` of the shared memory: ROS crashes where it is full.
+    """Check the free space in the `folder` of the shared memory. ROS crashes in a full one.
 
     Raises:
         InputError: a graph does not fit.
@@ -94,7 +94,7 @@ def check_shared_memory(folder: Path = SHARED_MEMORY) -> None:
         if free < LEAST_SHARED_BYTES:
             raise InputError(
                 f'{folder}: has {free / 1e6:.1f} MB left, and nodes need '
-                f'{LEAST_SHARED_BYTES / 1e6:.0f} MB; remove what programs left there, or give it '
+                f'{LEAST_SHARED_BYTES / 1e6:.0f} MB; remove old files there, or give it '
                 'more (docker run --shm-size)'
             )
 
