@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from diagnosis_examples import all_but, commanded, recorded
 
+from lab.blind.blind_cases import SMALL
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import write_diagnosis
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_validation.blind_cases import SMALL
 
 SCRIPT = '<script>alert(1)</script>'
 
