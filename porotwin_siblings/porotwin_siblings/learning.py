@@ -6,16 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.geometry.map_blocks import Blocks
+from porotwin_core.geometry.map_blocks import Blocks, error_variance
+from porotwin_core.rates.delivered_rates import MEMORY_S
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.traits import Traits, Unknowns
-
-MEMORY_S = 7200.0
-"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
-
-MODEL_DEVIATION = 0.02
-"""Error of the mean of a block that no sibling knows a cause of [-]."""
 
 FEATURE_FLOOR = 0.005
 """Difference of the mean of a block that means nothing [-]."""
@@ -25,9 +20,6 @@ INFLATION_SHARE = 0.5
 
 LEAST_INFLATION, MOST_INFLATION = 1.0, 4.0
 """Range of the inflation: the belief itself, and as far as the effects stay linear."""
-
-RELATED_BLOCKS = 4.0
-"""Blocks whose errors are alike: they count as one observation."""
 
 
 class Learning:
@@ -107,7 +99,7 @@ class Learning:
         if not observed.size:  # a hand before the camera: no block shows enough
             return
         noise = self._blocks.means(random, seen)
-        variance = RELATED_BLOCKS * max(1.0, alike) * (noise + MODEL_DEVIATION**2)
+        variance = error_variance(noise, alike=max(1.0, alike))
         self.belief = self.belief.updated(
             self.inflation * self._scores, predicted, observed, variance
         )

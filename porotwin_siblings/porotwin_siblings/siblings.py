@@ -12,6 +12,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
+from porotwin_core.rates.delivered_rates import WINDOW_S
 from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
@@ -33,10 +34,6 @@ from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
-
-WINDOW_S = 900.0
-"""Length of the course that a photograph is compared with [s]. Short: the plume has not moved far
-enough to tell causes apart. Long: unknown causes have piled up."""
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a

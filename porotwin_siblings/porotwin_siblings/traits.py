@@ -8,12 +8,9 @@ import numpy as np
 
 from porotwin_core.basis.units import GRAVITY, HOUR_S
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
-
-RATE_DEVIATION = 0.06
-"""Standard deviation of the log of a rate factor, before any photograph: pumps of a laboratory
-deliver a few percent off; one in a hundred is off by 15 %."""
 
 POROSITY_DEVIATION = 0.04
 """Standard deviation of the log of the factor on the porosity [-]."""

@@ -14,8 +14,24 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 BLOCK_M = 0.03
 """Side of a block [m]: some fronts thick, a third of the way between wells."""
 
+MODEL_DEVIATION = 0.02
+"""Error of the mean of a block that neither pumps nor known physics cause [-]."""
+
+RELATED_BLOCKS = 4.0
+"""Blocks whose errors are alike: they count as one observation."""
+
 LEAST_SEEN = 0.5
 """Share of its cells that a block must show to count."""
+
+
+def error_variance(noise: FloatArray, *, alike: float = 1.0) -> FloatArray:
+    """Return the variance of the differences between photograph and model, (blocks,).
+
+    Args:
+        noise: mean variance of the photograph in each block, (blocks,).
+        alike: photographs that judge nearly the same course, this one included.
+    """
+    return RELATED_BLOCKS * alike * (noise + MODEL_DEVIATION**2)
 
 
 @dataclass(frozen=True)

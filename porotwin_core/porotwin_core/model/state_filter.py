@@ -2,8 +2,9 @@
 
 A Kalman filter with one variance for each cell. Its gain is the share of the prediction's error in
 the difference between photograph and prediction (Evensen et al., Data Assimilation Fundamentals,
-2022, ch. 6). The filter learns the error of predictions from these differences. A second filter
-estimates the volume of tracer from pumps, photographs, and the scale of the photographs.
+2022, ch. 6). The filter learns the error of predictions from these differences. The volume of
+tracer and the scale of the photographs follow from all photographs so far (`tracer_volume.py`). In
+each cell the state lies between the prediction and the photograph without the error of its scale.
 """
 
 import math
@@ -15,6 +16,8 @@ from scipy.ndimage import uniform_filter
 from scipy.optimize import nnls
 
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
+from porotwin_core.model.tracer_volume import OUTLIER_DEVIATIONS, Balance, Volume
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 
 USUAL_RANDOM = 0.015
 """Random deviation of a photograph that states none [-]."""
@@ -35,18 +38,8 @@ concentration, and 0.001 everywhere."""
 FIRST_WEIGHT = 0.2
 """Weight of that guess beside the first differences."""
 
-OUTLIER_DEVIATIONS = 4.0
-"""A difference counts as at most so many standard deviations: bubbles and reflections are none of
-the prediction's errors."""
-
-PUMP_DEVIATION = 0.04
-"""Standard deviation of the rate factor of the tracer's pump [-]."""
-
 RELATED_CELLS = 10.0
 """Neighbouring cells whose random errors are alike."""
-
-RESPONSE_DEVIATION = 0.01
-"""Error of a shown volume that is no error of scale, relative to it: the bend of the response."""
 
 SIGNIFICANT = 2.0
 """A concentration counts from so many of its random deviations on: below, noise that cannot fall
@@ -60,7 +53,7 @@ EMPTY_SHARE = 0.1
 """Random deviation of a cell that a first photograph shows empty, relative to its noise."""
 
 FULL_ROUNDS = 3
-"""Rounds of spreading a difference of volume: cells at 0 and 1 take no more."""
+"""Rounds of spreading a difference of volume: cells at their bounds take no more."""
 
 
 @dataclass(frozen=True)
@@ -88,18 +81,6 @@ class Seen:
         total = np.hypot(USUAL_RANDOM, systematic) if deviation is None else deviation
         random = np.sqrt(np.maximum(np.nan_to_num(total) ** 2 - np.nan_to_num(systematic) ** 2, 0))
         return cls(concentration, np.maximum(random, LEAST_RANDOM), np.nan_to_num(systematic))
-
-
-@dataclass(frozen=True)
-class Volume:
-    """The estimated volume of tracer.
-
-    `scale` is the error of the photographs, in their systematic deviations; `covariance` (3, 3) is
-    that of the volume [m^3], of the scale, and of the factor of the tracer's pump.
-    """
-
-    scale: float
-    covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -148,11 +129,8 @@ class StateFilter:
         state = fill_unseen(shown_tracer, expected)
         variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
         variance = np.where(shown_tracer == 0.0, (EMPTY_SHARE * seen.random) ** 2, variance)
-        shown = float(np.sum(self.pore_volume * seen.systematic))
-        noise = self._noise(seen)
-        covariance = np.zeros((3, 3))
-        covariance[:2, :2] = [[shown**2 + noise, -shown], [-shown, 1.0]]
-        return Estimate(state, variance, Volume(0.0, covariance), seen.concentration)
+        volume = Volume.begun(self._balance(seen, state, np.isfinite(seen.concentration)))
+        return Estimate(state, variance, volume, seen.concentration)
 
     def update(
         self,
@@ -160,7 +138,8 @@ class StateFilter:
         predicted: FloatArray,
         seen: Seen,
         injected: float,
-        pump_deviation: float = PUMP_DEVIATION,
+        pump_deviation: float = RATE_DEVIATION,
+        assumed: float = 1.0,
     ) -> Estimate:
         """Return the state after a photograph.
 
@@ -168,15 +147,19 @@ class StateFilter:
             last: the state that the prediction started from.
             predicted: the prediction for the photograph, (nz, nx) [-].
             seen: the photograph.
-            injected: tracer that the pumps injected since `last` [m^3].
+            injected: tracer that the pumps were told to inject since `last` [m^3].
             pump_deviation: standard deviation of the rate factor of their pump [-].
+            assumed: share of `injected` that the prediction injected [-].
         """
         known = np.isfinite(seen.concentration)
-        volume, surplus = self._volume(last.volume, predicted, seen, injected, pump_deviation)
-        observed = seen.concentration - volume.scale * seen.systematic
-        difference = np.where(known, observed - predicted, 0.0)
         # where neither shows tracer, noise that cannot fall below 0 must not become tracer
         tells = known & (_shows(seen) | (predicted > SIGNIFICANT * seen.random))
+        balance = self._balance(seen, predicted, tells)
+        volume = last.volume.updated(
+            balance._replace(injected=injected, assumed=assumed, deviation=pump_deviation)
+        )
+        observed = seen.concentration - volume.scale * seen.systematic
+        difference = np.where(known, observed - predicted, 0.0)
         difference = np.where(tells, difference, np.minimum(difference, 0.0))
         causes = self._causes(predicted)
         random = last.variance + seen.random**2
@@ -184,10 +167,12 @@ class StateFilter:
         self._learn(causes, difference, random, tells)
         variance = np.minimum(last.variance + causes @ self._error, 1.0)
         gain = np.where(known, variance / (variance + seen.random**2), 0.0)
-        state = np.clip(predicted + gain * difference, 0.0, 1.0)
+        ends = np.clip(np.stack([predicted, predicted + difference]), 0.0, 1.0)
         left = (1.0 - gain) * variance
-        wanted = float(np.sum(self.pore_volume * predicted)) + surplus
-        state = self._with_volume(state, np.where(known & ~tells, 0.0, left), wanted)
+        uncertain = np.where(known & ~tells, 0.0, left)
+        before = self._held(predicted)
+        state = self._between(ends, gain, uncertain, before + volume.surplus)
+        volume = volume.taken(self._held(state) - before)
         return Estimate(state, left, volume, observed, expected_error)
 
     def _causes(self, predicted: FloatArray) -> FloatArray:
@@ -223,65 +208,53 @@ class StateFilter:
         share, _ = nnls(root.T, np.linalg.solve(root, self._target))
         self._error = scale * share
 
-    def _volume(
-        self,
-        last: Volume,
-        predicted: FloatArray,
-        seen: Seen,
-        injected: float,
-        pump_deviation: float,
-    ) -> tuple[Volume, float]:
-        """Return what is known of the volume, and what the prediction lacks of it [m^3].
-
-        The factor of the pump stays as doubtful as it is told to be (`pump_deviation`), because
-        others learn it; its error is the same all the time (a consider filter; Schmidt, 1966).
-        """
-        known = np.isfinite(seen.concentration)
-        counts = known & (_shows(seen) | (predicted > SIGNIFICANT * seen.random))
+    def _balance(self, seen: Seen, predicted: FloatArray, counts: NDArray[np.bool_]) -> Balance:
+        """Return the volumes of tracer of a photograph and a prediction in the cells that count."""
         pores = np.where(counts, self.pore_volume, 0.0)
-        shown = float(np.sum(pores * seen.systematic))
-        found = float(np.sum(pores * np.nan_to_num(seen.concentration)))
-        covariance = _with_pump(last.covariance, pump_deviation)
-        step = np.eye(3)
-        step[0, 2] = injected
-        covariance = step @ covariance @ step.T
-        looks_at = np.array([1.0, shown, 0.0])
-        noise = self._noise(seen) + (RESPONSE_DEVIATION * found) ** 2
-        gain = covariance @ looks_at / (looks_at @ covariance @ looks_at + noise)
-        gain[2] = 0.0
-        difference = found - float(np.sum(pores * predicted)) - shown * last.scale
-        moved = gain * difference
-        left = np.eye(3) - np.outer(gain, looks_at)
-        covariance = left @ covariance @ left.T + noise * np.outer(gain, gain)
-        return Volume(last.scale + float(moved[1]), covariance), float(moved[0])
+        return Balance(
+            found=float(np.sum(pores * np.nan_to_num(seen.concentration))),
+            predicted=float(np.sum(pores * predicted)),
+            unseen=float(np.sum((self.pore_volume - pores) * predicted)),
+            shown=float(np.sum(pores * seen.systematic)),
+            noise=self._noise(seen),
+        )
 
     def _noise(self, seen: Seen) -> float:
         """Return the variance of the shown volume by random errors [m^6]."""
         known = np.isfinite(seen.concentration)
         return RELATED_CELLS * float(np.sum((self.pore_volume * seen.random)[known] ** 2)) + 1e-18
 
-    def _with_volume(self, state: FloatArray, variance: FloatArray, wanted: float) -> FloatArray:
-        """Return `state` with the `wanted` volume [m^3]; uncertain cells change most."""
+    def _held(self, state: FloatArray) -> float:
+        """Return the volume of tracer in a `state` (nz, nx) [m^3]."""
+        return float(np.sum(self.pore_volume * state))
+
+    def _between(
+        self, ends: FloatArray, gain: FloatArray, variance: FloatArray, wanted: float
+    ) -> FloatArray:
+        """Return the state between two `ends`, with a volume between theirs [m^3].
+
+        Args:
+            ends: prediction and photograph, (2, nz, nx).
+            gain: share of the way from the first to the second, (nz, nx).
+            variance: of each cell; uncertain cells change most for the volume, (nz, nx).
+            wanted: volume [m^3].
+        """
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        state = np.clip(ends[0] + gain * (ends[1] - ends[0]), low, high)
+        little, much = sorted(ends, key=self._held)
+        wanted = min(max(wanted, self._held(little)), self._held(much))
         for _ in range(FULL_ROUNDS):
-            lacking = wanted - float(np.sum(self.pore_volume * state))
-            free = state < 1.0 if lacking > 0.0 else state > 0.0
+            lacking = wanted - self._held(state)
+            free = state < high if lacking > 0.0 else state > low
             weight = np.where(free, variance, 0.0) * self.pore_volume
             total = float(np.sum(weight * self.pore_volume))
             if total <= 0.0:
                 break
-            state = np.clip(state + lacking / total * weight, 0.0, 1.0)
-        return state
-
-
-def _with_pump(covariance: FloatArray, deviation: float) -> FloatArray:
-    """Return the `covariance` of a volume (3, 3) with another `deviation` of the pump's factor."""
-    before = math.sqrt(covariance[2, 2])
-    if before == 0.0:
-        changed = covariance.copy()
-        changed[2, 2] = deviation**2
-        return changed
-    factor = np.array([1.0, 1.0, deviation / before])
-    return covariance * np.outer(factor, factor)
+            state = np.clip(state + lacking / total * weight, low, high)
+        lacking = wanted - self._held(state)
+        end = much if lacking > 0.0 else little
+        room = self._held(end) - self._held(state)
+        return state if room == 0.0 else state + lacking / room * (end - state)
 
 
 def _shows(seen: Seen) -> NDArray[np.bool_]:

@@ -1,9 +1,23 @@
-"""The rates that pumps deliver if they deliver a constant share of the commanded rates."""
+"""The rates that pumps deliver if they deliver a constant share of the commanded rates.
+
+A laboratory knows this share by some percent only. Hub, siblings and state filter doubt it alike.
+"""
 
 import math
 from collections.abc import Mapping
 
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate
+
+RATE_DEVIATION = 0.06
+"""Standard deviation of the log of a pump's rate factor before any photograph: pumps of a
+laboratory deliver a few percent off; one in a hundred is off by 15 %."""
+
+MEMORY_S = 7200.0
+"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
+
+WINDOW_S = 900.0
+"""Length of the course that a photograph is compared with [s]. Short: a pump wrong by some percent
+has not moved the plume by a cell. Long: unknown causes have piled up."""
 
 
 def delivered(

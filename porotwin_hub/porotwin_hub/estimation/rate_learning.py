@@ -17,41 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.geometry.map_blocks import Blocks
+from porotwin_core.geometry.map_blocks import Blocks, error_variance
 from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.state_filter import Estimate, Seen
-from porotwin_core.rates.delivered_rates import delivered
-from porotwin_core.rates.rates_in_force import SAME_RATE, RatePeriod, same_rates
+from porotwin_core.model.tracer_volume import Volume
+from porotwin_core.rates.delivered_rates import MEMORY_S, RATE_DEVIATION, WINDOW_S, delivered
+from porotwin_core.rates.rates_in_force import SAME_RATE, RatePeriod, injected_tracer, same_rates
 from porotwin_core.rates.wells import WellRate, WellRates
-from porotwin_hub.estimation.pump_watch import WATCH_S, WATCH_WINDOW_S, Expectations, PumpWatch
+from porotwin_hub.estimation.pump_watch import (
+    MOST_SHARE,
+    WATCH_S,
+    WATCH_WINDOW_S,
+    Expectations,
+    PumpWatch,
+)
 from porotwin_hub.models.forecast import PhysicsModel
 
-WINDOW_S = 900.0
-"""Time over which a prediction is compared with the photograph [s]: long enough that a pump wrong
-by some percent moves the plume by a cell."""
-
 LEAST_WINDOW_S = 300.0
-"""Shortest such time [s]."""
+"""Shortest course that a photograph is compared with [s]."""
 
 PERIOD_S = 300.0
 """Time between two updates [s]; each takes a prediction for every well."""
 
-PRIOR_DEVIATION = 0.06
-"""Standard deviation of the log of a factor before any photograph: one pump in a hundred is off by
-15 %."""
-
-MEMORY_S = 7200.0
-"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
-
 CHANGE = 0.05
 """Change of the log of a factor for a derivative: large beside round-off, small beside 1."""
-
-MODEL_DEVIATION = 0.02
-"""Error of the mean of a block by causes other than pumps [-]."""
-
-RELATED_BLOCKS = 4.0
-"""Blocks whose errors are alike: they count as one observation."""
-
 
 METER_SHARE = 0.5
 """Weight of a new measurement in the factor by a meter."""
@@ -156,7 +145,7 @@ class RateLearner:
         self._unset: dict[str, _Unset] = {}
         self._metered = dict.fromkeys(self._wells, 1.0)
         self._mean = np.zeros(len(self._wells))
-        self._covariance = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
+        self._covariance = np.eye(len(self._wells)) * RATE_DEVIATION**2
 
     @property
     def factors(self) -> dict[str, PumpFactor]:
@@ -182,6 +171,27 @@ class RateLearner:
     def delivered(self, rates: WellRates) -> WellRates:
         """Return the rates [m^3/s] that the pumps deliver when they are told `rates`."""
         return delivered(rates, self._with(self._mean), closed=self._closed)
+
+    def metered(self, periods: Sequence[RatePeriod]) -> tuple[RatePeriod, ...]:
+        """Return `periods` with the rates that meters tell to be delivered."""
+        return tuple(
+            period._replace(rates=delivered(period.rates, self._metered, closed=self._closed))
+            for period in periods
+        )
+
+    def tracer_factor(self, periods: Sequence[RatePeriod]) -> PumpFactor:
+        """Return the factor of all pumps of tracer together, for the rates that they were told."""
+        told = injected_tracer(periods)
+        pumped = [period._replace(rates=self.delivered(period.rates)) for period in periods]
+        wells = {
+            name
+            for period in periods
+            for name in period.rates
+            if period.rates[name].concentration > 0.0
+        }
+        deviations = [found.deviation for well, found in self.factors.items() if well in wells]
+        factor = injected_tracer(pumped) / told if told > 0.0 else 1.0
+        return PumpFactor(factor, max(deviations, default=RATE_DEVIATION))
 
     def told(self, measured: WellRates) -> WellRates:
         """Return the rates [m^3/s] that pumps are told when their meters show `measured` ones."""
@@ -257,13 +267,10 @@ class RateLearner:
         if not periods:
             self.interrupt()
         if self._past:
-            metered = tuple(
-                period._replace(rates=delivered(period.rates, self._metered, closed=self._closed))
-                for period in periods
-            )
-            self._past[-1] = self._past[-1]._replace(periods=metered)
-        if self._past and time - max(self._watched, self._past[0].time) >= WATCH_S:
-            told = self._watch_pumps(physics, time, estimate, seen)
+            self._past[-1] = self._past[-1]._replace(periods=self.metered(periods))
+            changed = self._changed(time, estimate.volume, periods)
+            if changed or time - max(self._watched, self._past[0].time) >= WATCH_S:
+                told = self._watch_pumps(physics, time, estimate, seen, changed)
         due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
         if due and time - self._past[0].time >= LEAST_WINDOW_S:
             self._update(physics, time, estimate, seen)
@@ -281,14 +288,29 @@ class RateLearner:
         known = np.isfinite(estimate.observed)
         return _Course(physics, joined(periods), self._blocks, known, self._closed)
 
+    def _changed(self, time: float, volume: Volume, periods: Sequence[RatePeriod]) -> int:
+        """Return how many photographs ago a pump of tracer seems to have begun to deliver far less.
+
+        0: none has, or it is so long ago that the regular tests have seen it.
+        """
+        since = volume.since or 0
+        if not 0 < since <= len(self._past) or time - self._past[-since].time > WATCH_S:
+            return 0
+        change = volume.share - self.tracer_factor(periods).factor
+        return since if abs(change) >= 1.0 - MOST_SHARE else 0
+
     def _watch_pumps(
-        self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen
+        self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen, changed: int
     ) -> list[str]:
-        """Return the new beliefs about pumps without a meter that deliver far less."""
+        """Return the new beliefs about pumps without a meter that deliver far less.
+
+        The delivery of tracer may have `changed` so many photographs ago; 0: it has not.
+        """
         elapsed = min(time - self._watched, time - self._past[0].time)
         self._watched = time
         within = (moment for moment in self._past if time - moment.time <= WATCH_WINDOW_S)
-        begin = next(within, self._past[-1])  # photographs may be further apart
+        # photographs may be further apart
+        begin = self._past[-changed] if changed else next(within, self._past[-1])
         course = self._course(physics, begin.time, estimate)
         last = course.periods[-1].rates
         pumping = [
@@ -322,7 +344,7 @@ class RateLearner:
         rates = [deviations[self._wells.index(well)] * (changed[well] - usual) for well in pumping]
         scale = math.sqrt(float(estimate.volume.covariance[1, 1]))
         camera = scale * course.means(seen.systematic)
-        variance = RELATED_BLOCKS * (course.means(seen.random**2) + MODEL_DEVIATION**2)
+        variance = error_variance(course.means(seen.random**2))
         observed = course.means(estimate.observed)
         return Expectations(observed, usual, changed, variance, np.array([*rates, camera]))
 
@@ -349,9 +371,7 @@ class RateLearner:
         slopes.append(blocks(seen.systematic) - (usual - dimmed))
         length = time - begin.time
         elapsed = min(time - self._learnt, length)
-        variance = (
-            RELATED_BLOCKS * (length / elapsed) * (blocks(seen.random**2) + MODEL_DEVIATION**2)
-        )
+        variance = error_variance(blocks(seen.random**2), alike=length / elapsed)
         self._fade(elapsed)
         scale = float(estimate.volume.covariance[1, 1])
         self._solve(active, np.array(slopes), blocks(estimate.observed) - usual, variance, scale)
@@ -359,7 +379,7 @@ class RateLearner:
     def _fade(self, elapsed: float) -> None:
         """Let the belief fade to the prior over `elapsed` [s]."""
         keep = math.exp(-elapsed / MEMORY_S)
-        prior = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
+        prior = np.eye(len(self._wells)) * RATE_DEVIATION**2
         self._mean = keep * self._mean
         self._covariance = prior + keep**2 * (self._covariance - prior)
 

@@ -4,6 +4,8 @@ A photograph of another rig, a damaged picture, or a baseline with tracer in it 
 the light. It does not pass a balance: tracer appears or vanishes that no pump moved.
 """
 
+import math
+
 import numpy as np
 
 from porotwin_core.basis.units import ML
@@ -16,6 +18,45 @@ LEAST_VOLUME_M3 = 3e-6
 """A smaller difference is no news [m^3]: the plume of the first photographs is small and pale."""
 
 
+class TracerBalance:
+    """Follows the volume of tracer by the rates of the pumps, whatever photographs show."""
+
+    def __init__(self, pore_volume: FloatArray) -> None:
+        """Begin with the first state; `pore_volume` (nz, nx) [m^3] belongs to the cells."""
+        self._pore_volume = pore_volume
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again with the next state."""
+        self._pumped = math.nan
+
+    def remark(
+        self,
+        observed: FloatArray,
+        state: FloatArray,
+        predicted: FloatArray,
+        *,
+        pumped: float,
+        assumed: float,
+    ) -> str:
+        """Return in words that a photograph does not fit the pumps, or an empty string.
+
+        Args:
+            observed: concentration in the photograph [-], (nz, nx); NaN where nothing was seen.
+            state: the state before, (nz, nx) [-].
+            predicted: the prediction from it for the photograph, (nz, nx) [-].
+            pumped: tracer that the pumps injected meanwhile, by their rates [m^3].
+            assumed: tracer that the prediction injected [m^3].
+        """
+        before, after = (float(np.sum(self._pore_volume * one)) for one in (state, predicted))
+        if math.isnan(self._pumped):
+            self._pumped = before
+        left = max(before + assumed - after, 0.0)
+        self._pumped = max(self._pumped + pumped - left, 0.0)
+        share = self._pumped / after if after > 0.0 else 0.0
+        return imbalance(observed, share * predicted, self._pore_volume)
+
+
 def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArray) -> str:
     """Return in words that an observed map has too much or too little tracer, or an empty string.
 
@@ -23,7 +64,7 @@ def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArr
 
     Args:
         observed: concentration in the photograph [-], (nz, nx); NaN where nothing was seen.
-        predicted: concentration predicted with the rates in force [-], (nz, nx).
+        predicted: concentration if all tracer of the pumps is there [-], (nz, nx).
         pore_volume: volume of the pores of each cell [m^3], (nz, nx).
     """
     seen = np.isfinite(observed)

@@ -1,9 +1,10 @@
 """The state that predictions start from: the photograph, or a filter of photograph and forecast."""
 
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
-from porotwin_core.model.state_filter import PUMP_DEVIATION, Estimate, Seen, StateFilter
+from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rates.rates_in_force import injected_tracer
-from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.estimation.rate_learning import PumpFactor, RateLearner
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.models.forecast import Forecast
 
@@ -62,22 +63,14 @@ class StateEstimation:
     ) -> Estimate:
         if elapsed is None or self.estimate is None:
             return state_filter.begin(seen, expected)
+        pump = PumpFactor(1.0, RATE_DEVIATION)
+        if self._learner is not None:
+            pump = self._learner.tracer_factor(cycle.periods)
         return state_filter.update(
             self.estimate,
             elapsed.corrected,
             seen,
             injected_tracer(cycle.periods),
-            self._pump_deviation(cycle),
+            pump.deviation,
+            pump.factor,
         )
-
-    def _pump_deviation(self, cycle: Cycle) -> float:
-        """Return the standard deviation of the rate factor of the tracer's pump [-]."""
-        if self._learner is None:
-            return PUMP_DEVIATION
-        factors = self._learner.factors
-        deviations = [
-            factors[name].deviation
-            for name, well in cycle.pumped.items()
-            if well.rate > 0.0 and well.concentration > 0.0
-        ]
-        return max(deviations, default=0.0)

@@ -20,6 +20,7 @@ from porotwin_core.rates.rates_in_force import (
     KnownRates,
     RatePeriod,
     describe_difference,
+    injected_tracer,
     latest_known,
     rates_at_end,
     rates_in_force,
@@ -35,7 +36,7 @@ from porotwin_hub.estimation.rate_learning import (
     correcting_delivered,
     joined,
 )
-from porotwin_hub.estimation.tracer_balance import imbalance
+from porotwin_hub.estimation.tracer_balance import TracerBalance
 from porotwin_hub.loop.cycle import Cycle, Observation
 from porotwin_hub.loop.photo_pace import FEWEST, odd_pace
 from porotwin_hub.loop.setpoint_choice import SetpointChoice
@@ -87,7 +88,7 @@ class Twin:
             wells: looks for wells that are paler than what they inject; None: nobody looks.
         """
         self._wells = wells
-        self._pore_volume = pore_volume
+        self._balance = None if pore_volume is None else TracerBalance(pore_volume)
         self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
@@ -117,6 +118,8 @@ class Twin:
         self._times.clear()
         if self._wells is not None:
             self._wells.forget()
+        if self._balance is not None:
+            self._balance.forget()
         self._estimation.interrupt()
         if self._learner is not None:
             self._learner.interrupt()
@@ -361,12 +364,24 @@ class Twin:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
+                if self._balance is not None:
+                    self._balance.forget()
                 return
         cycle.prediction_error = relative_error(cycle.elapsed.predicted, cycle.observed)
         cycle.corrected_error = relative_error(cycle.elapsed.corrected, cycle.observed)
-        if self._pore_volume is not None:
-            observed = cycle.observation.concentration
-            remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
+        if self._balance is not None:
+            periods = cycle.periods
+            factor = 1.0
+            if self._learner is not None:
+                factor = self._learner.tracer_factor(periods).factor
+                periods = self._learner.metered(periods)
+            remark = self._balance.remark(
+                cycle.observation.concentration,
+                self._state.concentration,
+                cycle.elapsed.predicted,
+                pumped=injected_tracer(periods),
+                assumed=factor * injected_tracer(cycle.periods),
+            )
             cycle.remarks += [remark] if remark else []
 
     def _forecast_next(self, cycle: Cycle) -> None:
