@@ -48,7 +48,7 @@ def plume(volume: float) -> np.ndarray:
 
 @dataclass
 class Course:
-    """What happened, by photograph: volumes in the sand, the photograph and the estimate [m^3]."""
+    """Volumes [m^3] in the sand, the photograph and the estimate; by photograph."""
 
     truth: np.ndarray
     shown: np.ndarray
@@ -123,7 +123,7 @@ def test_a_changed_delivery_is_followed(
         systematic, lambda number: STEP * (before if number <= onset else after), count=onset + 20
     )
     decided = onset + DECIDED[systematic]
-    # until then the prediction may count, which is wrong by what has not been delivered
+    # until then the prediction may count; it lacks the change of delivery
     undelivered = abs(after - before) * STEP * np.arange(DECIDED[systematic] + 1)
     off = np.abs(course.estimate - course.truth)[onset : decided + 1]
     assert (off < undelivered + systematic * course.truth[onset : decided + 1]).all()
@@ -167,7 +167,7 @@ def test_a_camera_that_repeats_a_map_is_believed_and_its_scale_is_kept(systemati
 @pytest.mark.parametrize('deviations', [-2.0, -1.0, 0.0, 1.0, 2.0])
 def test_a_wrong_scale_is_no_fault_of_the_pump(deviations: float, systematic: float) -> None:
     course = followed(systematic, gain=lambda _: 1.0 + deviations * systematic)
-    # what is doubtful by the pump and by the scale is shared as their variances
+    # pump and scale share a difference as their variances
     share = RATE_DEVIATION**2 / (RATE_DEVIATION**2 + systematic**2)
     assert course.errors[10:].max() < abs(deviations) * systematic * share + 0.03
     assert course.share[:35] == pytest.approx(1.0, abs=0.2)

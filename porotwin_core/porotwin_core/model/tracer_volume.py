@@ -1,11 +1,11 @@
-"""The volume of tracer: what pumps injected and photographs show, with the causes of a difference.
+"""The volume of tracer by pumps and photographs, and the causes of a difference between them.
 
 A photograph may show a few per cent too much tracer, always by the same factor: its scale. A pump
 may deliver another share of its rate, from some photograph on. The first changes all tracer from
-the start on, the second each increment since its onset. Each `Course` is one explanation: a Kalman
-filter of the volume, the scale and the delivered share, with its onset and its likelihood. The
-estimate is their mean, weighted by likelihood (detection of change points; Fearnhead and Liu, J. R.
-Stat. Soc. B 69 (2007) 589-605).
+the start on, the second each increment since its onset. Each `TracerCourse` is one explanation: a
+Kalman filter of the volume, the scale and the delivered share, with its onset and its likelihood.
+The estimate is their mean, weighted by likelihood (detection of change points; Fearnhead and Liu,
+J. R. Stat. Soc. B 69 (2007) 589-605).
 """
 
 import math
@@ -23,8 +23,8 @@ CHANGE_ODDS = math.exp(-8.0)
 experiments, and an experiment has hundreds of photographs."""
 
 CHANGED_SHARE = 1.0
-"""Standard deviation of the share of its rate by which a delivery changes [-]: a pump stops, or it
-is set to twice its rate."""
+"""Standard deviation of a change of the delivered share [-]: a pump stops, or it is set to twice
+its rate."""
 
 LEAK_SHARE = 0.04
 """Standard deviation of the share of all tracer that a leak takes between two photographs [-]."""
@@ -49,7 +49,7 @@ MOST_COURSES = 16
 
 
 class Balance(NamedTuple):
-    """What a photograph and a prediction tell about the volume of tracer.
+    """The volume of tracer in a photograph and a prediction.
 
     Attributes:
         found: volume in the photograph, over the cells that count [m^3].
@@ -79,7 +79,7 @@ class Balance(NamedTuple):
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Range of believed errors of scale, relative to the deviation of what is shown [-]."""
+        """Range of believed errors of scale, in systematic deviations [-]."""
         most = MOST_SCALE * self.shown / self.found if self.found > 0.0 else 0.0
         return -MOST_SCALE / max(1.0 - most, 0.5), MOST_SCALE / (1.0 + most)
 
@@ -95,7 +95,7 @@ class Balance(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Course:
+class TracerCourse:
     """One explanation of all photographs so far.
 
     Attributes:
@@ -113,18 +113,18 @@ class Course:
     since: int | None = None
     tight: bool = True
 
-    def branches(self) -> tuple['Course', 'Course']:
+    def branches(self) -> tuple['TracerCourse', 'TracerCourse']:
         """Return the course whose delivery changes now, and the one that has a leak from now on."""
         covariance = self.covariance.copy()
         covariance[2] = covariance[:, 2] = 0.0
         covariance[2, 2] = CHANGED_SHARE**2
         log_weight = self.log_weight + math.log(CHANGE_ODDS)
         return (
-            Course(self.mean, covariance, log_weight, since=0),
+            TracerCourse(self.mean, covariance, log_weight, since=0),
             replace(self, log_weight=log_weight, tight=False),
         )
 
-    def advanced(self, balance: Balance) -> 'Course':
+    def advanced(self, balance: Balance) -> 'TracerCourse':
         """Return the course at the next photograph, before it is looked at.
 
         Others learn the share of a pump that goes on as ever, so that it stays as doubtful as they
@@ -142,9 +142,9 @@ class Course:
         step = np.eye(3)
         step[0, 2] = balance.injected
         mean[0] += (mean[2] - balance.assumed) * balance.injected
-        return Course(mean, step @ covariance @ step.T, self.log_weight, since, self.tight)
+        return TracerCourse(mean, step @ covariance @ step.T, self.log_weight, since, self.tight)
 
-    def updated(self, balance: Balance) -> 'Course':
+    def updated(self, balance: Balance) -> 'TracerCourse':
         """Return the course after the photograph of `balance`."""
         looks_at = balance.looks_at
         left = balance.found - balance.predicted - float(looks_at @ self.mean)
@@ -170,7 +170,7 @@ class Volume:
     """The estimated volume of tracer.
 
     `scale` is the error of the photographs, in their systematic deviations; `covariance` (3, 3) is
-    that of the volume [m^3], of the scale, and of the share that the tracer's pump delivers.
+    that of the volume [m^3], of the scale, and of the delivered share of the tracer's pump.
     `share` is the mean of that share. `courses` are the
     explanations behind them, the likeliest first.
     """
@@ -178,7 +178,7 @@ class Volume:
     scale: float
     covariance: FloatArray
     share: float = 1.0
-    courses: tuple[Course, ...] = ()
+    courses: tuple[TracerCourse, ...] = ()
 
     @property
     def since(self) -> int | None:
@@ -187,15 +187,15 @@ class Volume:
 
     @classmethod
     def begun(cls, balance: Balance) -> 'Volume':
-        """Return what the `balance` of a first photograph tells."""
+        """Return the volume after a first photograph with this `balance`."""
         covariance = np.zeros((3, 3))
         variance = balance.shown**2 + balance.noise + balance.response
         covariance[:2, :2] = [[variance, -balance.shown], [-balance.shown, 1.0]]
-        return cls(0.0, covariance, 1.0, (Course(np.array([0.0, 0.0, 1.0]), covariance),))
+        return cls(0.0, covariance, 1.0, (TracerCourse(np.array([0.0, 0.0, 1.0]), covariance),))
 
     @property
     def surplus(self) -> float:
-        """What the estimated volume lacks of the likeliest one [m^3]."""
+        """The mean over all courses, minus the estimated volume [m^3]."""
         return sum(math.exp(course.log_weight) * float(course.mean[0]) for course in self.courses)
 
     def updated(self, balance: Balance) -> 'Volume':
@@ -212,7 +212,7 @@ class Volume:
         return replace(self, courses=courses)
 
 
-def _mixed(courses: Sequence[Course]) -> Volume:
+def _mixed(courses: Sequence[TracerCourse]) -> Volume:
     """Return the volume by all `courses`, with their weights normalised."""
     logs = np.array([course.log_weight for course in courses])
     logs = logs - logs.max()

@@ -18,7 +18,7 @@ LEAST_VOLUME_M3 = 3e-6
 """A smaller difference is no news [m^3]: the plume of the first photographs is small and pale."""
 
 
-class TracerBalance:
+class PumpedTracer:
     """Follows the volume of tracer by the rates of the pumps, whatever photographs show."""
 
     def __init__(self, pore_volume: FloatArray) -> None:

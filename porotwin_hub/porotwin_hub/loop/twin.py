@@ -36,7 +36,7 @@ from porotwin_hub.estimation.rate_learning import (
     correcting_delivered,
     joined,
 )
-from porotwin_hub.estimation.tracer_balance import TracerBalance
+from porotwin_hub.estimation.tracer_balance import PumpedTracer
 from porotwin_hub.loop.cycle import Cycle, Observation
 from porotwin_hub.loop.photo_pace import FEWEST, odd_pace
 from porotwin_hub.loop.setpoint_choice import SetpointChoice
@@ -88,7 +88,7 @@ class Twin:
             wells: looks for wells that are paler than what they inject; None: nobody looks.
         """
         self._wells = wells
-        self._balance = None if pore_volume is None else TracerBalance(pore_volume)
+        self._balance = None if pore_volume is None else PumpedTracer(pore_volume)
         self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
