@@ -169,7 +169,7 @@ class _MendedRun:
 
     def pumped(self, begin: float, end: float, rates: WellRates) -> None:
         """Keep the rates from `begin` to `end` [s]."""
-        self.live.add_measured_rates(begin, end, rates)
+        self.live.rates.add_known(KnownRates(begin, end, rates))
         self.mending.rates.append((begin, rates))
 
     def look(self, asset: VirtualRig) -> None:

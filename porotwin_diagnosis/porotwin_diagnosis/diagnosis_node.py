@@ -5,8 +5,6 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,6 @@ from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import crew
 from porotwin_core.clock.freshness import stamp_doubts
-from porotwin_core.rates.wells import WellRates as Rates
 from porotwin_core.ros import conversions
 from porotwin_core.ros.from_messages import path_from_msg
 from porotwin_core.ros.model_effects import ToldEffects
@@ -38,7 +35,7 @@ from porotwin_diagnosis.progress import WorkClock
 from porotwin_diagnosis.report.named_rows import verdict_words
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
-from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, NewState
 from porotwin_recording.experiment.bag import origin_of_state
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_solver.model.presets import PRESETS
@@ -86,11 +83,12 @@ class DiagnosisNode(TwinNode):
         self._run = LiveRun(rig, grid, _existing_folder(self._output))
         follow_run(
             self,
+            rates=self._run.rates,
+            lock=self._lock,
             on_state=self._on_state,
-            on_setpoint=self._on_setpoint,
-            on_measured=self._on_measured,
             on_clean_state=self._on_clean,
             on_effects=self._on_effects,
+            on_start=self._run.note_start,
         )
         self._server = ActionServer(
             self,
@@ -120,29 +118,6 @@ class DiagnosisNode(TwinNode):
                 )
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
-
-    def _on_setpoint(self, message: Setpoint) -> None:
-        stamp = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates(
-            f'setpoint {message.sequence}', message, partial(self._run.add_commanded_rates, stamp)
-        )
-
-    def _on_measured(self, message: WellRates) -> None:
-        start = conversions.time_from_msg(message.start)
-        end = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates(
-            'measured rates', message, partial(self._run.add_measured_rates, start, end)
-        )
-
-    def _keep_rates(
-        self, source: str, message: Setpoint | WellRates, keep: Callable[[Rates], None]
-    ) -> None:
-        try:
-            rates = conversions.rates_from_msg(message.wells)
-            with self._lock:
-                keep(rates)
-        except InputError as error:
-            self.get_logger().error(f'{source} ignored: {error}')
 
     def _on_clean(self, message: CleanState) -> None:
         with self._lock:

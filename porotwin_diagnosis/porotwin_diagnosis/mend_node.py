@@ -9,8 +9,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,8 +50,6 @@ from porotwin_msgs.msg import (
     MendOffer,
     NewState,
     Outcome,
-    Setpoint,
-    WellRates,
 )
 from porotwin_msgs.srv import AnswerMend, SetEffects
 from porotwin_solver.model.presets import PRESETS
@@ -127,7 +124,7 @@ class MendNode(TwinNode):
             publish=self._publish,
             say=self.get_logger().info,
         )
-        self._states = StatePeriods(tuple(rig.wells))
+        self._states = StatePeriods(rig)
         self._run = 0
         self._wanted = ''
         self._asked: _Asked | None = None
@@ -168,11 +165,12 @@ class MendNode(TwinNode):
         self._seen = self.create_publisher(Header, 'mend/seen', qos.FIELD)
         follow_run(
             self,
+            rates=self._states.rates,
+            lock=self._lock,
             on_state=self._on_state,
-            on_setpoint=self._on_setpoint,
-            on_measured=self._on_measured,
             on_clean_state=self._on_clean,
             on_effects=self._on_effects,
+            on_start=self._states.note_start,
         )
         self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         answers = MutuallyExclusiveCallbackGroup()
@@ -187,25 +185,6 @@ class MendNode(TwinNode):
         self.create_timer(LOOK_S, self._look, callback_group=asking, clock=steady)
 
     # --- messages in --------------------------------------------------------------------------
-
-    def _on_measured(self, message: WellRates) -> None:
-        start = conversions.time_from_msg(message.start)
-        end = conversions.time_from_msg(message.header.stamp)
-        with self._lock, self._ignoring_unknown_wells():
-            rates = conversions.rates_from_msg(message.wells)
-            self._states.add_measured(start, end, rates)
-
-    def _on_setpoint(self, message: Setpoint) -> None:
-        stamp = conversions.time_from_msg(message.header.stamp)
-        with self._lock, self._ignoring_unknown_wells():
-            self._states.add_commanded(stamp, conversions.rates_from_msg(message.wells))
-
-    @contextmanager
-    def _ignoring_unknown_wells(self) -> Iterator[None]:
-        try:
-            yield
-        except InputError as error:
-            self.get_logger().error(f'rates ignored: {error}')
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause in (CleanState.START, CleanState.FINISHED):

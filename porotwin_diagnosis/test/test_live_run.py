@@ -7,6 +7,7 @@ import pytest
 from diagnosis_examples import SMALL
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.rates_in_force import KnownRates
 from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.live_run import KEPT_RUNS, MOST_MAPS, LiveRun, forget_old_runs
@@ -33,7 +34,7 @@ def written(run, folder):
 
 def test_times_are_counted_from_the_beginning_of_the_run(tmp_path):
     run = run_with_maps(1.7e9, 1.7e9 + 30.0, 1.7e9 + 60.0)
-    run.add_measured_rates(1.7e9 + 30.0, 1.7e9 + 60.0, INJECTING)
+    run.rates.add_known(KnownRates(1.7e9 + 30.0, 1.7e9 + 60.0, INJECTING))
     recording = written(run, tmp_path / 'run')
     assert recording.times == pytest.approx([0.0, 30.0, 60.0])
     assert recording.schedule.at(29.0) == {}
@@ -46,7 +47,7 @@ def test_missed_photographs_do_not_end_a_run():
 
 def test_a_clock_that_goes_back_begins_a_run_with_the_rates_in_force(tmp_path):
     run = run_with_maps(0.0, 30.0)
-    run.add_measured_rates(10.0, 10.0, INJECTING)
+    run.rates.add_known(KnownRates(10.0, 10.0, INJECTING))
     run.add_map(5.0, EMPTY, GRID)
     recording = written(run, tmp_path / 'run')
     assert list(recording.times) == [0.0]
@@ -77,11 +78,11 @@ def test_the_end_of_an_experiment_without_maps_ends_no_later_one():
 def test_a_run_whose_beginning_was_missed_starts_with_its_first_map(tmp_path):
     for since in (3000.0, 2970.0):  # the rates arrive with the first map, or just before it
         run = run_with_maps(3000.0, 3030.0, first=FULL)
-        run.add_measured_rates(since, 3000.0, INJECTING)
+        run.rates.add_known(KnownRates(since, 3000.0, INJECTING))
         first = initial_tracer(written(run, tmp_path / f'since {since:g}'))
         assert first is not None and np.allclose(first, FULL)
     run = run_with_maps(30000.0, 30030.0, first=FULL)
-    run.add_measured_rates(0.0, 30000.0, INJECTING)  # accounts for the tracer
+    run.rates.add_known(KnownRates(0.0, 30000.0, INJECTING))  # accounts for the tracer
     assert initial_tracer(written(run, tmp_path / 'seen')) is None
 
 
@@ -98,11 +99,11 @@ def test_a_run_without_maps_is_refused(tmp_path):
 def test_a_setpoint_counts_as_followed_until_rates_are_measured(tmp_path):
     other = {'injector': WellRate(5e-8, 1.0)}
     run = run_with_maps(0.0, 30.0, 60.0, 90.0)
-    run.add_commanded_rates(0.0, INJECTING)
-    run.add_commanded_rates(30.0, INJECTING)
-    run.add_measured_rates(30.0, 60.0, other)
-    run.add_commanded_rates(30.0, INJECTING)  # arrives late
-    run.add_commanded_rates(60.0, INJECTING)
+    run.rates.add_commanded(0.0, INJECTING)
+    run.rates.add_commanded(30.0, INJECTING)
+    run.rates.add_known(KnownRates(30.0, 60.0, other))
+    run.rates.add_commanded(30.0, INJECTING)  # arrives late
+    run.rates.add_commanded(60.0, INJECTING)
     schedule = written(run, tmp_path / 'run').schedule
     assert [schedule.at(t)['injector'].rate for t in (0.0, 29.0, 30.0, 59.0, 60.0)] == [
         1e-7, 1e-7, 5e-8, 5e-8, 1e-7
@@ -133,7 +134,7 @@ def test_a_long_run_is_thinned_and_keeps_its_first_and_last_map():
 
 def test_deviations_are_written_where_they_are_known(tmp_path):
     run = run_with_maps(0.0)
-    run.add_commanded_rates(0.0, INJECTING)
+    run.rates.add_commanded(0.0, INJECTING)
     run.add_map(30.0, FULL, GRID, deviation=0.1 * FULL, systematic=0.05 * FULL)
     maps = written(run, tmp_path / 'run').maps
     np.testing.assert_array_equal(np.isnan(maps.deviation[0]), True)
@@ -141,13 +142,13 @@ def test_deviations_are_written_where_they_are_known(tmp_path):
     np.testing.assert_allclose(maps.systematic[1], 0.04, rtol=1e-6)
     np.testing.assert_allclose(maps[1], 0.8, rtol=1e-6)
     plain = run_with_maps(0.0, 30.0)
-    plain.add_commanded_rates(0.0, INJECTING)
+    plain.rates.add_commanded(0.0, INJECTING)
     assert written(plain, tmp_path / 'plain').maps.deviation is None
 
 
 def test_the_origin_of_the_maps_is_written(tmp_path):
     run = LiveRun(SMALL, GRID)
-    run.add_commanded_rates(0.0, INJECTING)
+    run.rates.add_commanded(0.0, INJECTING)
     calibrated = MapOrigin(True, 'ab' * 32, 'PoroTwin 1.0')
     run.add_map(0.0, EMPTY, GRID, origin=calibrated)
     assert written(run, tmp_path / 'run').maps.origin == calibrated

@@ -197,14 +197,19 @@ def test_a_setpoint_is_decided_before_any_forecast_is_made(make_twin: MakeTwin) 
     assert cycle.forecast.rates == cycle.setpoint.rates
 
 
-def test_an_order_counts_as_set_until_somebody_tells_when_it_was(make_twin: MakeTwin) -> None:
+def test_an_order_counts_as_set_until_somebody_tells_when_it_was(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
     twin = make_twin()
     first = twin.cycle(empty(0.0)).setpoint
     assert first is not None
     unknown = twin.cycle(empty(30.0))
     assert unknown.pumped == first.rates
     told = twin.cycle(empty(60.0), [KnownRates(45.0, 45.0, first.rates)])
-    assert [period.rates for period in told.periods] == [first.rates]
+    assert told.periods == (
+        RatePeriod(30.0, 45.0, toy_limits.safe()),
+        RatePeriod(45.0, 60.0, first.rates),
+    )
 
 
 @pytest.mark.parametrize('interrupted', [False, True])

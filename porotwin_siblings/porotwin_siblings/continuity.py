@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from porotwin_core.rates.rates_in_force import RatePeriod
-from porotwin_siblings.rate_log import RateLog
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rates_in_force import RatePeriod, to_predict
 
 
 class FollowsPhotographs(Protocol):
@@ -25,7 +25,7 @@ class FollowsPhotographs(Protocol):
 
 
 def periods_until(
-    time: float, siblings: FollowsPhotographs, rates: RateLog, *, interrupted: bool
+    time: float, siblings: FollowsPhotographs, rates: RateHistory, *, interrupted: bool
 ) -> tuple[RatePeriod, ...]:
     """Return the rates from the last photograph to that at `time` [s]; none if it does not follow.
 
@@ -33,10 +33,10 @@ def periods_until(
     """
     if siblings.started and time <= siblings.time:
         siblings.begin_anew()
-        rates.forget_later(time)
-    # also over an interruption: the rates at its end are those before the next order is set
-    periods = rates.take(siblings.time, time) if siblings.started else ()
+        rates.begin_anew(time)
+    periods = rates.periods(siblings.time, time) if siblings.started else ()
+    rates.forget_before(time)
     if not interrupted:
-        return periods
+        return to_predict(periods)
     siblings.interrupt()
     return ()

@@ -13,7 +13,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.rates.delivered_rates import WINDOW_S
-from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer
+from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer, plan_periods
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
 from porotwin_siblings.course import Course, CourseOrder, run_course
@@ -31,7 +31,6 @@ from porotwin_siblings.front_check import FrontCheck, front_miss, widened
 from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import BAND, Outlook
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
 

@@ -1,31 +1,15 @@
 """Messages of the siblings: photographs and rates in, forecasts out."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.wells import WellRate
-from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
 from porotwin_msgs.msg import Forecast, NewState
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.photograph import Photograph
-
-
-def known_rates_from_msg(wells: Iterable[Any], rig: Rig) -> dict[str, WellRate]:
-    """Return the rates [m^3/s] of a message.
-
-    Raises:
-        InputError: as `conversions.rates_from_msg`, or a well is not in `rig`.
-    """
-    rates = conversions.rates_from_msg(wells)
-    for name in rates:
-        if name not in rig.wells:
-            raise InputError(f"well '{name}' is not in rig.yaml; known: {', '.join(rig.wells)}")
-    return rates
 
 
 def photograph_from_msg(message: NewState, map_grid: Grid) -> Photograph:

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import LastingCrew, ThreadCrew, crew
@@ -25,8 +24,8 @@ from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import SHORTEST_PERIOD_S, KnownRates
-from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rates_in_force import SHORTEST_PERIOD_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
@@ -43,16 +42,15 @@ from porotwin_core.ros.node import (
 )
 from porotwin_core.ros.run_topics import follow_run
 from porotwin_core.ros.single_instance import only_one
-from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, Forecast, NewState
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.continuity import periods_until
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
 from porotwin_siblings.outlook import TIMES, Outlook, answers
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.rate_log import (
+from porotwin_siblings.proposal import (
     LONGEST_HORIZON_S,
-    RateLog,
     check_balance,
     check_proposal,
     check_roles,
@@ -63,7 +61,6 @@ from porotwin_siblings.rate_log import (
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.siblings_messages import (
     forecast_to_msg,
-    known_rates_from_msg,
     photograph_from_msg,
 )
 from porotwin_siblings.traits import COMMON_UNKNOWNS
@@ -169,8 +166,7 @@ class SiblingsNode(TwinNode):
         self.siblings = self._make_siblings(self._rig)
         self._effects: tuple[EffectDescription, ...] = ()
         self._new_effects: tuple[EffectDescription, ...] | None = None
-        control_wells = self._rig.control.wells if self._rig.control else ()
-        self._rates = RateLog(safe_rates(self._rig), control_wells)
+        self._rates = RateHistory.of(self._rig)
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
@@ -214,14 +210,13 @@ class SiblingsNode(TwinNode):
         self._publisher = self.create_publisher(Forecast, 'siblings/forecast', qos.CONFIG)
         follow_run(
             self,
+            rates=self._rates,
+            lock=self._changed,
             on_state=self._on_state,
-            on_setpoint=self._on_setpoint,
-            on_measured=self._on_measured,
             on_clean_state=self._on_clean_state,
             on_effects=self._on_effects,
+            on_start=self._on_start,
         )
-        if not self._simulated:
-            self.create_subscription(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
@@ -232,34 +227,12 @@ class SiblingsNode(TwinNode):
 
     # --- messages in --------------------------------------------------------------------------
 
-    def _on_measured(self, message: WellRates) -> None:
-        start = conversions.time_from_msg(message.start)
-        end = conversions.time_from_msg(message.header.stamp)
-        try:
-            rates = known_rates_from_msg(message.wells, self._rig)
-        except InputError as error:
-            self.get_logger().error(f'measured rates ignored: {error}')
-            return
-        with self._changed:
-            self._rates.add_known(KnownRates(start, end, rates))
-            self._changed.notify_all()
-
-    def _on_setpoint(self, message: Setpoint) -> None:
-        try:
-            rates = known_rates_from_msg(message.wells, self._rig)
-        except InputError as error:
-            self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
-            return
-        with self._changed:
-            self._rates.add_commanded(conversions.time_from_msg(message.header.stamp), rates)
-            self._changed.notify_all()
-
     def _on_clean_state(self, message: CleanState) -> None:
         with self._changed:
             self._interrupted = True
 
-    def _on_experiment(self, message: Header) -> None:
-        self._told_start = conversions.time_from_msg(message.stamp)
+    def _on_start(self, time: float) -> None:
+        self._told_start = time
 
     def _on_effects(self, told: ToldEffects) -> None:
         with self._changed:
@@ -348,7 +321,7 @@ class SiblingsNode(TwinNode):
                 lambda: self._arrived is not None or self._rates.is_commanded(time),
                 timeout=SETPOINT_WAIT_S if self.count_publishers('wells/setpoint') else 0.0,
             )
-            present = self._rates.present_plan(time, self._ahead())
+            present = self._rates.plan(time, self._ahead())
         self._forecast = self._outlook(present, self._ahead())
         self._publisher.publish(self._as_message(self._forecast))
 
@@ -408,7 +381,7 @@ class SiblingsNode(TwinNode):
         check_roles(steps, self._rig)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
-            held = self._rates.present_plan(self.siblings.time, horizon)
+            held = self._rates.plan(self.siblings.time, horizon)
         plan = proposed_plan(steps, held, self._producer)
         check_balance(plan, held, self._rig)
         note = concentration_note([held, plan], self._rig)

@@ -1,9 +1,9 @@
 """Tests of the rates since the last photograph: interruptions, and clocks that go back."""
 
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_siblings.continuity import periods_until
-from porotwin_siblings.rate_log import RateLog
 
 
 class Followed:
@@ -27,9 +27,9 @@ def rates(number: float) -> dict[str, WellRate]:
     return {'a': WellRate(number * 1e-9)}
 
 
-def log_of_a_person() -> RateLog:
+def log_of_a_person() -> RateHistory:
     """Return the rates of a person who sets every order 10 s after its photograph, up to 60 s."""
-    log = RateLog(rates(0.0), wells=('a',))
+    log = RateHistory(rates(0.0), ('a',))
     for number, stamp in enumerate((0.0, 30.0, 60.0), 1):
         log.add_commanded(stamp, rates(number))
         log.add_known(KnownRates(stamp + 10.0, stamp + 10.0, rates(number)))
@@ -59,4 +59,4 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     log, siblings = log_of_a_person(), Followed(60.0)
     assert periods_until(30.0, siblings, log, interrupted=False) == ()
     assert siblings.told == ['begin anew']
-    assert log.commanded_at(90.0) == rates(2)
+    assert log.at(30.0) == rates(3), 'the pumps go on as they were'

@@ -1,13 +1,12 @@
-"""How long a person takes to set an order, and the rates in force until then.
+"""How long a person takes to set an order.
 
-An order is a setpoint with other rates than the one before. Confirmations and meters tell when it
-was set. The next order will take about as long, so that a plan begins after that time.
+An order is a setpoint with other rates than those that the pumps were told last. Confirmations and
+meters tell when it was set. The next order will take about as long, so that a plan begins after
+that time.
 """
 
 import itertools
 import statistics
-from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,13 +44,24 @@ AT_ONCE = OrdersAhead()
 
 
 @dataclass(frozen=True)
-class _Order:
-    """Rates [m^3/s] ordered at `time` [s], after those of `before`, to the control `wells`."""
+class WaitingOrder:
+    """An order that nobody has set yet.
+
+    Attributes:
+        time: when it was given [s].
+        rates: what was ordered [m^3/s].
+        told: what the pumps were told before.
+        pumped: what they pumped then.
+        known_at: when that was measured or confirmed [s]; -inf: never.
+        wells: the control wells.
+    """
 
     time: float
     rates: WellRates
-    before: WellRates
-    wells: tuple[str, ...] = ()
+    told: WellRates
+    pumped: WellRates
+    known_at: float
+    wells: tuple[str, ...]
 
     @property
     def changed(self) -> list[str]:
@@ -60,7 +70,7 @@ class _Order:
         These are control wells: fixed wells pause by themselves, and a producer follows them. Only
         an order that changes no control well is judged by all wells.
         """
-        changed = different_wells(self.rates, self.before)
+        changed = different_wells(self.rates, self.told)
         return [well for well in changed if well in self.wells] or changed
 
     def is_set_by(self, known: KnownRates) -> bool:
@@ -70,28 +80,23 @@ class _Order:
         of them has gone half of the way.
         """
         if known.is_open:
-            held = different_wells(known.rates, self.before)
+            held = different_wells(known.rates, self.told)
             return any(well in held for well in self.changed)
         return any(
-            abs(known.rates[well].rate - self.before[well].rate)
-            > HALF_WAY * abs(self.rates[well].rate - self.before[well].rate)
+            abs(known.rates[well].rate - self.told[well].rate)
+            > HALF_WAY * abs(self.rates[well].rate - self.told[well].rate)
             for well in self.changed
-            if well in known.rates and well in self.before
+            if well in known.rates and well in self.told
         )
 
 
+@dataclass(frozen=True)
 class OrderDelay:
-    """Learns how long orders take, and remembers those that wait."""
+    """The orders that wait, the delays of the last ones [s], and whether a person tells them."""
 
-    def __init__(self) -> None:
-        """Know of no order."""
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Forget everything."""
-        self._delays: deque[float] = deque(maxlen=REMEMBERED_DELAYS)
-        self._waiting: list[_Order] = []
-        self._a_person_tells = False
+    waiting: tuple[WaitingOrder, ...] = ()
+    delays: tuple[float, ...] = ()
+    a_person_tells: bool = False
 
     @property
     def expected(self) -> float:
@@ -100,49 +105,25 @@ class OrderDelay:
         It is the median of the last delays and of one order that was set at once: one order that
         took long may have had a reason of its own.
         """
-        delay = statistics.median([0.0, *self._delays])
+        delay = statistics.median([0.0, *self.delays])
         return delay if delay > LEAST_DELAY_S else 0.0
 
-    def ordered(
-        self, time: float, rates: WellRates, before: WellRates, wells: tuple[str, ...] = ()
-    ) -> None:
-        """Take the `rates` of a setpoint [m^3/s] at `time` [s], after those of the one `before`.
-
-        `wells` are the control wells.
-        """
-        if different_wells(rates, before):
-            self._waiting.append(_Order(time, rates, before, wells))
-
-    def take_back(self, time: float) -> None:
-        """Forget an order of `time` [s], which the asset did not take."""
-        self._waiting = [order for order in self._waiting if order.time != time]
-
-    def learn(self, known: Sequence[KnownRates], now: float) -> None:
-        """Learn from rates that were confirmed or measured up to `now` [s]."""
-        for item in sorted(known, key=lambda item: item.start):
-            order = self._newest_set(item)
-            if order is not None:
-                self._delays.append(min(item.start - order.time, MOST_DELAY_S))
-                self._a_person_tells |= item.is_open
-                self._waiting = [one for one in self._waiting if one.time > order.time]
-        self._waiting = [order for order in self._waiting if now - order.time <= MOST_DELAY_S]
-
-    def _newest_set(self, known: KnownRates) -> _Order | None:
+    def newest_set(self, known: KnownRates) -> WaitingOrder | None:
         """Return the newest order that `known` rates show as set; orders are set in turn."""
-        given = [order for order in self._waiting if order.time <= known.start]
+        given = [order for order in self.waiting if order.time <= known.start]
         found = list(itertools.takewhile(lambda order: order.is_set_by(known), given))
         if known.is_open:
             found += [order for order in given if not different_wells(order.rates, known.rates)]
         return max(found, key=lambda order: order.time, default=None)
 
-    def believed(self, commanded: WellRates, before: WellRates) -> WellRates:
-        """Return the rates in force [m^3/s] where nothing is known since the rates `before`.
-
-        A person who has told before when an order was set is expected to tell it again. Until the
-        first answer, and where pumps set themselves, the `commanded` rates count as pumped: the
-        reports of their meters come later.
-        """
-        return before if self._waiting and self._a_person_tells else commanded
+    def after(self, order: WaitingOrder, known: KnownRates) -> 'OrderDelay':
+        """Return what is known after `known` rates showed that an `order` was set."""
+        delay = min(known.start - order.time, MOST_DELAY_S)
+        return OrderDelay(
+            tuple(one for one in self.waiting if one.time > order.time),
+            (*self.delays, delay)[-REMEMBERED_DELAYS:],
+            self.a_person_tells or known.is_open,
+        )
 
     def ahead(self, now: float, pumped: WellRates) -> OrdersAhead:
         """Return the rates until an order that is given `now` [s] will be set.
@@ -151,10 +132,10 @@ class OrderDelay:
             now: the time [s].
             pumped: the rates in force [m^3/s].
         """
-        lead, waits = self.expected, bool(self._waiting)
+        lead, waits = self.expected, bool(self.waiting)
         if lead == 0.0:
             return OrdersAhead(waits=waits)
-        due = [order for order in self._waiting if order.time + lead > now]
+        due = [order for order in self.waiting if order.time + lead > now]
         steps = {0.0: pumped} | {max(order.time + lead - now, 0.0): order.rates for order in due}
         ahead = tuple(RateStep(start, rates) for start, rates in steps.items() if start < lead)
         return OrdersAhead(lead, ahead, waits=waits)

@@ -1,12 +1,19 @@
-"""The rates of the wells over an interval: measured, confirmed or commanded."""
+"""Known rates of the wells, periods of constant rates, and comparisons of rates."""
 
-import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
-from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.rates.wells import WellRate, WellRates, mean_rates, net_rate
+from porotwin_core.rates.wells import (
+    RateStep,
+    WellRate,
+    WellRates,
+    check_plan,
+    mean_rates,
+    net_rate,
+)
 from porotwin_core.rig import PUMP_STEP_ML_H
 
 CONCENTRATION_TOLERANCE = 1e-6
@@ -51,88 +58,53 @@ class RatePeriod(NamedTuple):
     rates: WellRates
 
 
-def rates_in_force(
-    known: Sequence[KnownRates],
-    start: float,
-    end: float,
-    *,
-    commanded: WellRates,
-    before: WellRates,
-    pauses: FixedPauses = NO_PAUSES,
-) -> tuple[RatePeriod, ...]:
-    """Return the periods of constant rates that cover `start` to `end` [s].
-
-    Of several known rates, the latest count. Where no rates are known, the `commanded` rates count
-    as pumped. One exception: until the operator confirms a change, the rates at the end of the
-    last interval (`before`) count. Where no rates are known, fixed wells rest in their announced
-    pauses.
-
-    Args:
-        known: measured and confirmed rates, in any order.
-        start: the beginning of the interval [s].
-        end: the end of the interval [s], after `start`.
-        commanded: the rates of the setpoint in force.
-        before: the rates at the end of the last interval.
-        pauses: announced pauses of the fixed wells, on the clock of `start`.
-    """
-
-    inside = known_within(known, start, end)
-    moments = {moment for item in inside for moment in (item.start, item.end)}
-    moments |= pauses.moments(start + SHORTEST_PERIOD_S, end - SHORTEST_PERIOD_S)
-    edges = [start, *sorted(moment for moment in moments if start < moment < end), end]
-    periods: list[RatePeriod] = []
-    for low, high in itertools.pairwise(edges):
-        rates = _known_at(inside, low)
-        if rates is None:
-            awaited = any(item.is_open and item.start > low for item in inside)
-            assumed = before if awaited else commanded
-            rates = pauses.at(low + SHORTEST_PERIOD_S, assumed)
-        if periods and same_rates(periods[-1].rates, rates):
-            periods[-1] = periods[-1]._replace(end=high)
+def joined(periods: Iterable[RatePeriod]) -> list[RatePeriod]:
+    """Return consecutive `periods`, neighbours of the same rates joined."""
+    result: list[RatePeriod] = []
+    for period in periods:
+        if result and same_rates(result[-1].rates, period.rates):
+            result[-1] = result[-1]._replace(end=period.end)
         else:
-            periods.append(RatePeriod(low, high, rates))
-    if len(periods) > MOST_PERIODS:
-        return (RatePeriod(start, end, mean_rates(periods)),)
-    return tuple(periods)
+            result.append(period)
+    return result
 
 
-def rates_at_end(known: Sequence[KnownRates], periods: Sequence[RatePeriod]) -> WellRates:
-    """Return the rates in force at the end of the `periods`, from `rates_in_force` with `known`.
+def to_predict(periods: Sequence[RatePeriod]) -> tuple[RatePeriod, ...]:
+    """Return consecutive `periods` as a model predicts them one by one.
 
-    A confirmation that coincides with the end is in no period, but its rates hold from then on.
+    One that is too short for the clocks goes to its neighbour. Many count by their mean rates.
     """
-    end = periods[-1].end
-    told = [item for item in known if item.is_open and abs(item.start - end) <= SHORTEST_PERIOD_S]
-    return max(told, key=lambda item: item.start).rates if told else periods[-1].rates
+    kept: list[RatePeriod] = []
+    for period in periods:
+        start = period.start
+        if kept and kept[-1].end - kept[-1].start <= SHORTEST_PERIOD_S:
+            start = kept.pop().start
+        if kept and period.end - start <= SHORTEST_PERIOD_S:
+            kept[-1] = kept[-1]._replace(end=period.end)
+        else:
+            kept.append(period._replace(start=start))
+    kept = joined(kept)
+    if len(kept) > MOST_PERIODS:
+        return (RatePeriod(kept[0].start, kept[-1].end, mean_rates(kept)),)
+    return tuple(kept)
 
 
-def known_within(known: Sequence[KnownRates], start: float, end: float) -> list[KnownRates]:
-    """Return the known rates that hold at some time from `start` to `end` [s], sorted by start.
+def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tuple[RatePeriod, ...]:
+    """Return a plan from `start` [s] over `horizon` [s] as periods.
 
-    Moments that coincide with an edge of the interval are moved to it.
+    Raises:
+        InputError: as `check_plan`, or the horizon is not above zero.
     """
-
-    def to_edge(moment: float) -> float:
-        edges = [edge for edge in (start, end) if abs(moment - edge) <= SHORTEST_PERIOD_S]
-        return edges[0] if edges else moment
-
-    moved = [KnownRates(to_edge(item.start), to_edge(item.end), item.rates) for item in known]
-    inside = [item for item in moved if item.start < end and (item.is_open or item.end > start)]
-    return sorted(inside, key=lambda item: item.start)
-
-
-def _known_at(known: Sequence[KnownRates], moment: float) -> WellRates | None:
-    """Return the rates among `known`, sorted by start, that began last and hold at `moment` [s]."""
-    holding = [
-        item.rates for item in known if item.start <= moment and (item.is_open or item.end > moment)
-    ]
-    return holding[-1] if holding else None
-
-
-def latest_known(known: Sequence[KnownRates], moment: float) -> WellRates | None:
-    """Return the known rates that began last before `moment` [s]; None if there are none."""
-    begun = [item for item in known if item.start <= moment + SHORTEST_PERIOD_S]
-    return max(begun, key=lambda item: item.start).rates if begun else None
+    check_plan(plan)
+    if not 0.0 < horizon < math.inf:
+        raise InputError(f'horizon {horizon:g} s: give a finite time above 0 s')
+    begins = [step.start for step in plan]
+    ends = [*begins[1:], horizon]
+    return tuple(
+        RatePeriod(start + begin, start + min(end, horizon), step.rates)
+        for begin, end, step in zip(begins, ends, plan, strict=True)
+        if begin < horizon
+    )
 
 
 def same_rates(first: WellRates, second: WellRates) -> bool:

@@ -1,12 +1,18 @@
-"""The topics with the course of a run: maps, rates, interruptions, effects."""
+"""The topics with the course of a run: maps, rates, interruptions, effects, its start."""
 
+import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
+from typing import Any
 
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros import qos
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.senders import check_only_pumps_measure
@@ -16,28 +22,62 @@ from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 def follow_run(
     node: Node,
     *,
+    rates: RateHistory,
+    lock: AbstractContextManager[Any],
     on_state: Callable[[NewState], None],
-    on_setpoint: Callable[[Setpoint], None],
-    on_measured: Callable[[WellRates], None],
     on_clean_state: Callable[[CleanState], None],
     on_effects: Callable[[ToldEffects], None],
+    on_start: Callable[[float], None],
 ) -> None:
     """Subscribe `node` to the course of a run.
 
     Args:
         node: the node.
+        rates: takes the rates that the hub commands, and those that the pumps delivered. Wrong
+            ones are an error in the log.
+        lock: is held meanwhile; a condition is notified.
         on_state: takes every map.
-        on_setpoint: takes the rates that the hub commands.
-        on_measured: takes the rates that the pumps delivered.
         on_clean_state: takes the message that a new sequence of states begins.
         on_effects: takes the effects in the solver; InputError from it ignores them.
+        on_start: takes the start of the experiment [s]; in simulated time it is 0.
     """
+
+    def on_measured(message: WellRates) -> None:
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
+        told = conversions.rates_from_msg(message.wells)
+        with lock:
+            rates.add_known(KnownRates(start, end, told))
+            notify()
+
+    def on_setpoint(message: Setpoint) -> None:
+        stamp = conversions.time_from_msg(message.header.stamp)
+        until = conversions.time_from_msg(message.valid_until)
+        try:
+            told = conversions.rates_from_msg(message.wells)
+            with lock:
+                rates.add_commanded(stamp, told, until)
+                notify()
+        except InputError as error:
+            node.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
+
+    def notify() -> None:
+        if isinstance(lock, threading.Condition):
+            lock.notify_all()
+
+    def on_experiment(message: Header) -> None:
+        on_start(conversions.time_from_msg(message.stamp))
+
     follow_measured(node, on_measured)
     # every setpoint of a run counts, not only the newest as for a pump
     node.create_subscription(Setpoint, 'wells/setpoint', on_setpoint, qos.FIELD)
     node.create_subscription(CleanState, 'asset/clean_state', on_clean_state, qos.FIELD)
     follow_effects(node, on_effects)
     node.create_subscription(NewState, 'asset/new_state', on_state, qos.FIELD)
+    if node.get_parameter('use_sim_time').value:
+        on_start(0.0)
+    else:
+        node.create_subscription(Header, 'asset/experiment', on_experiment, qos.CONFIG)
 
 
 def follow_measured(

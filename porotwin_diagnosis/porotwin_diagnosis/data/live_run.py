@@ -1,5 +1,6 @@
 """The run of a live twin so far, in bounded memory, for a diagnosis as a recording."""
 
+import math
 import shutil
 from collections.abc import Sequence
 from functools import partial
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
-from porotwin_diagnosis.data.rate_table import RateTable
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.tables.concentration import (
     UNKNOWN_ORIGIN,
@@ -59,8 +62,7 @@ class LiveRun:
     A new run begins when the clock is set (`is_other_clock`), when an experiment follows an ended
     one, and when the evaluation of photographs starts again on a rig without tracer. Missed
     photographs do not end a run, because the model needs the rates only. Rates in force at the
-    beginning of a run stay in force. As in the hub, a setpoint counts as pumped until rates are
-    measured, or until a person tells it (`RateTable`).
+    beginning of a run stay in force.
     """
 
     def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
@@ -71,7 +73,10 @@ class LiveRun:
         self._maps = MapFile((3 * grid.nz, grid.nx), MOST_MAPS, folder)
         self._deviations_known = False
         self._origin = UNKNOWN_ORIGIN
-        self._rates = RateTable(tuple(rig.wells))
+        self.rates = RateHistory.of(rig)
+        """The rates since the beginning of the run."""
+        self._pauses = FixedPauses.of(rig)
+        self._told_start: float | None = None
         self._ended = False
         self._evaluation_started = False
 
@@ -113,29 +118,13 @@ class LiveRun:
         if self.times and (self._ended or clean or is_other_clock(self.times[-1], stamp)):
             self._begin_new_run(stamp)
         self._evaluation_started = False
+        first = self.times[0] if self.times else stamp
+        self.rates.pauses = self._pauses.since(believed_start(self._told_start, None, first))
         unknown = np.full(grid.shape, np.nan)
         planes = [unknown if part is None else part for part in (deviation, systematic)]
         self._maps.append(stamp, np.concatenate([concentration, *planes]))
         self._origin = origin
         self._deviations_known |= deviation is not None and systematic is not None
-
-    def add_commanded_rates(self, stamp: float, rates: WellRates) -> None:
-        """Keep the `rates` of a setpoint, in force from `stamp` [s] until others are measured.
-
-        Raises:
-            InputError: a well is unknown.
-        """
-        self._rates.add_commanded(stamp, rates)
-
-    def add_measured_rates(self, start: float, end: float, rates: WellRates) -> None:
-        """Keep the `rates` of all wells that were measured from `start` to `end` [s].
-
-        They replace the setpoints of that interval and stay in force after it.
-
-        Raises:
-            InputError: a well is unknown.
-        """
-        self._rates.add_measured(start, end, rates)
 
     def note_effects(self, effects: Sequence[EffectDescription]) -> None:
         """Note the `effects` of the running model beyond its rig; a diagnosis finds the rest."""
@@ -145,6 +134,10 @@ class LiveRun:
         """Note that the evaluation of photographs starts; a new experiment may follow."""
         self._evaluation_started = True
 
+    def note_start(self, time: float) -> None:
+        """Note the start of the experiment [s] that was told."""
+        self._told_start = time
+
     def note_experiment_end(self) -> None:
         """Note that the experiment has ended; the next map belongs to another one."""
         self._ended = bool(self.times)  # a node that has just started knows nothing of it
@@ -153,7 +146,7 @@ class LiveRun:
         self._maps.clear()
         self._deviations_known = False
         # topics arrive in any order: the rates in force may have arrived just before the map
-        self._rates.begin_anew(stamp)
+        self.rates.begin_anew(stamp)
         self._ended = False
 
     def write(self, folder: Path) -> None:
@@ -164,14 +157,15 @@ class LiveRun:
         """
         if not self.times:
             raise InputError('diagnosis: no map has arrived from the running graph yet; wait')
-        if not len(self._rates):
+        begins = self.rates.begins
+        if begins is None:
             raise InputError(
                 'diagnosis: no rates have arrived, neither setpoints nor measured ones; '
                 'confirm the rates (service operator/confirm), or name a recording'
             )
-        rows = list(self._rates.rows(self.times[-1]))
-        begin = min(self.times[0], *(start for start, _ in rows))
-        schedule = Schedule.from_rates((start - begin, rates) for start, rates in rows)
+        begin, end = min(self.times[0], begins), max(self.times[-1], begins)
+        periods = self.rates.traced(begins, math.nextafter(end, math.inf))
+        schedule = Schedule.from_rates((one.start - begin, one.rates) for one in periods)
         maps = self._series(np.array(self.times) - begin)
         write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
 

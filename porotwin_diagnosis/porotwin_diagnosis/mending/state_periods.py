@@ -1,43 +1,35 @@
 """The rates between the states of a running twin, for its shadow forecasts."""
 
-from collections.abc import Sequence
-
-from porotwin_core.rates.rates_in_force import RatePeriod
-from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.clock.stamps import believed_start
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rates_in_force import RatePeriod, to_predict
+from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.live_run import is_other_clock
-from porotwin_diagnosis.data.rate_table import RateTable
 
 
 class StatePeriods:
     """Follows states and rates of a twin; times are stamps of photographs [s]."""
 
-    def __init__(self, wells: Sequence[str]) -> None:
-        """Know no state and no rates of the `wells`."""
-        self._rates = RateTable(wells)
+    def __init__(self, rig: Rig) -> None:
+        """Know no state and no rates of the wells of `rig`."""
+        self._pauses = FixedPauses.of(rig)
+        self._told_start: float | None = None
+        self._began: float | None = None
+        self.rates = RateHistory.of(rig)
+        """The rates since the last state."""
         self.newest: float | None = None
         """Time of the newest state [s]; None before the first one."""
 
-    def add_commanded(self, stamp: float, rates: WellRates) -> None:
-        """Add the `rates` of a setpoint, in force from `stamp` [s] until others are measured.
-
-        Raises:
-            InputError: a well is unknown.
-        """
-        self._rates.add_commanded(stamp, rates)
-
-    def add_measured(self, start: float, end: float, rates: WellRates) -> None:
-        """Add `rates` that were measured from `start` to `end` [s], or told at that time.
-
-        Raises:
-            InputError: a well is unknown.
-        """
-        self._rates.add_measured(start, end, rates)
+    def note_start(self, time: float) -> None:
+        """Note the start of the experiment [s] that was told."""
+        self._told_start = time
 
     def is_other_clock(self, stamp: float) -> bool:
         """Return whether the clock was set between the newest state and that at `stamp` [s]."""
         return self.newest is not None and is_other_clock(self.newest, stamp)
 
-    def until(self, stamp: float) -> Sequence[RatePeriod]:
+    def until(self, stamp: float) -> tuple[RatePeriod, ...]:
         """Return the rates from the last state to that at `stamp` [s], which is the newest now.
 
         There are none if no rates are known, or if the clock was set between both. The times of all
@@ -46,10 +38,12 @@ class StatePeriods:
         last, is_other = self.newest, self.is_other_clock(stamp)
         self.newest = stamp
         if is_other:
-            self._rates.begin_anew(stamp)
-        if last is None or is_other:
+            self.rates.begin_anew(stamp)
+            self._began = None
+        self._began = believed_start(self._told_start, self._began, stamp)
+        self.rates.pauses = self._pauses.since(self._began)
+        if last is None or is_other or self.rates.begins is None:
             return ()
-        schedule = Schedule.from_rates(self._rates.rows(stamp))
-        if not schedule.rows:
-            return ()
-        return [RatePeriod(*period) for period in schedule.intervals(last, stamp)]
+        periods = self.rates.periods(last, stamp)
+        self.rates.forget_before(stamp)
+        return to_predict(periods)

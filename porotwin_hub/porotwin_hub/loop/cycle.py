@@ -53,7 +53,6 @@ class Cycle:
         durations: wall-clock times [s] of 'optimise', 'predict' and 'correct'.
         remarks: faults of the cycle, one line each.
         notes: lines for people that are no faults.
-        previous_command: the setpoint in force before this cycle.
     """
 
     observation: Observation
@@ -74,7 +73,6 @@ class Cycle:
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    previous_command: SetpointDecision | None = None
 
     def __post_init__(self) -> None:
         self.observed = self.observation.concentration

@@ -4,7 +4,7 @@ import math
 import time
 from dataclasses import replace
 
-from porotwin_core.rates.order_delay import OrderDelay
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.controller import Planner
@@ -15,56 +15,25 @@ from porotwin_hub.operator.setpoint_expiry import SetpointDecision, validity
 
 
 class SetpointChoice:
-    """Chooses setpoints by a planner, and remembers the one in force."""
+    """Chooses setpoints by a planner, None: not at all; the history of rates keeps them."""
 
-    def __init__(self, planner: Planner | None, photo_interval: float) -> None:
-        """Choose by `planner`, None: not at all, after every `photo_interval` [s]."""
-        self.planner = planner
+    def __init__(self, photo_interval: float, rates: RateHistory) -> None:
+        """Choose none yet; a setpoint follows every `photo_interval` [s]."""
+        self.planner: Planner | None = None
         self.validity = validity(photo_interval)
-        self.delay = OrderDelay()
-        """How long the orders take."""
-        self._command: SetpointDecision | None = None
-
-    def forget(self) -> None:
-        """Forget the setpoint in force, and how long orders take."""
-        self._command = None
-        self.delay.begin_anew()
+        self._rates = rates
 
     def reject(self, cycle: Cycle) -> None:
         """Go on without the setpoint of `cycle`, because the asset did not take it."""
         cycle.accepted = False
-        self.delay.take_back(cycle.observation.time)
+        self._rates.take_back(cycle.observation.time)
         if self.planner is not None:
             self.planner.take_back()
-        self._command = cycle.previous_command
 
-    def commanded(self, planner: Planner, now: float) -> WellRates:
-        """Return the rates that the wells should pump at `now` [s]."""
-        if self._command is None or self._command.expired(now):
-            return planner.limits.safe()
-        return self._command.rates
-
-    def ended_within(self, start: float, end: float) -> SetpointDecision | None:
-        """Return the last setpoint if it ended between `start` and `end` [s], both left out."""
-        last = self._command
-        return last if last is not None and start < last.valid_until < end else None
-
-    def left_over(self, now: float, safe: WellRates) -> WellRates | None:
-        """Return the rates that the last setpoint leaves at `now` [s] where no other one follows.
-
-        They are its own while it is valid, and once, when it has ended, the `safe` ones; None: none
-        was chosen, or it has ended before.
-        """
-        last = self._command
-        if last is None or not last.expired(now):
-            return None if last is None else last.rates
-        self._command = None
-        return safe
-
-    def leave(self, pumped: WellRates) -> None:
-        """Take that the wells are left at the `pumped` rates until the last setpoint ends."""
-        if self._command is not None:
-            self._command = replace(self._command, rates=dict(pumped))
+    def _commanded(self, planner: Planner, now: float) -> WellRates:
+        """Return the rates that a limit on changes counts from at `now` [s]."""
+        order = self._rates.order(now)
+        return planner.limits.safe() if order is None else order.rates
 
     def choose(
         self,
@@ -85,12 +54,11 @@ class SetpointChoice:
         if self.planner is None:
             return
         begin, now = time.perf_counter(), cycle.observation.time
-        before = self.commanded(self.planner, now)
-        plant = replace(plant, ahead=self.delay.ahead(now, cycle.pumped))
-        cycle.setpoint = self._planned(cycle, self.planner, physics, began, plant)
-        self.delay.ordered(now, cycle.setpoint.rates, before, self.planner.limits.wells)
+        plant = replace(plant, ahead=self._rates.ahead(now, cycle.pumped))
+        chosen = self._planned(cycle, self.planner, physics, began, plant)
+        self._rates.add_commanded(now, chosen.rates, chosen.valid_until)
+        cycle.setpoint = chosen
         cycle.durations['optimise'] = time.perf_counter() - begin
-        cycle.previous_command, self._command = self._command, cycle.setpoint
 
     def _planned(
         self,
@@ -114,7 +82,7 @@ class SetpointChoice:
             return self._without_model(planner, now, str(error))
         cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         rates, reason = cycle.decision.rates, planner.objective.goal
-        broken = planner.limits.violations(rates, self.commanded(planner, now))
+        broken = planner.limits.violations(rates, self._commanded(planner, now))
         if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
             cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
             rates, reason = planner.limits.safe(), 'optimised rates broke a limit'
@@ -127,7 +95,7 @@ class SetpointChoice:
         these will be set before any order of now. A limit on changes counts from setpoint to
         setpoint.
         """
-        commanded = self.commanded(planner, cycle.observation.time)
+        commanded = self._commanded(planner, cycle.observation.time)
         if plant.ahead.waits or math.isfinite(planner.limits.max_change):
             return commanded
         other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
@@ -138,8 +106,8 @@ class SetpointChoice:
 
         One that ends at this very moment is not held: the guard passes none without a duration.
         """
-        held = self._command
+        held = self._rates.order(now)
         if held is not None and now < held.valid_until:
-            return SetpointDecision(held.rates, held.valid_until, f'held: {reason}')
+            return SetpointDecision(dict(held.rates), held.valid_until, f'held: {reason}')
         safe = planner.limits.safe()
         return SetpointDecision(safe, now + self.validity, f'safe rates: {reason}')

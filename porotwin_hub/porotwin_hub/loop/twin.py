@@ -6,6 +6,7 @@ with the correction; the twin emits the result. In the optimising mode (section 
 the rates first.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -16,17 +17,17 @@ from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rates_in_force import (
     KnownRates,
     RatePeriod,
     describe_difference,
     injected_tracer,
-    latest_known,
-    rates_at_end,
-    rates_in_force,
+    plan_periods,
     same_rates,
+    to_predict,
 )
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_hub.control.controller import Planner
 from porotwin_hub.estimation.pale_wells import PaleWells
 from porotwin_hub.estimation.rate_learning import (
@@ -34,7 +35,6 @@ from porotwin_hub.estimation.rate_learning import (
     PumpFactor,
     RateLearner,
     correcting_delivered,
-    joined,
 )
 from porotwin_hub.estimation.tracer_balance import PumpedTracer
 from porotwin_hub.loop.cycle import Cycle, Observation
@@ -101,12 +101,14 @@ class Twin:
         self._photo_interval = photo_interval
         self._times: deque[float] = deque(maxlen=2 * FEWEST)
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
-        self._choice = SetpointChoice(controller, photo_interval)
+        if assumed is None and controller is not None:
+            assumed = controller.limits.safe()
+        self._rates = RateHistory(assumed or {})
+        self._choice = SetpointChoice(photo_interval, self._rates)
+        self.change_controller(controller)
         self._known_start = began
         self._told_start: float | None = None
         self._began = began
-        self._assumed = assumed or {}
-        self._pumped: WellRates | None = None
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
         self._learnt = NO_LEARNT_PHYSICS
@@ -125,11 +127,10 @@ class Twin:
             self._learner.interrupt()
 
     def begin_anew(self) -> None:
-        """Forget everything, also the setpoint in force: time went back."""
+        """Forget everything but the rates in force: time went back."""
         self.interrupt()
         self._began = self._known_start
-        self._choice.forget()
-        self._pumped = None
+        self._rates.begin_anew(-math.inf)
         self._learnt = NO_LEARNT_PHYSICS
         if self._learner is not None:
             self._learner.begin_anew()
@@ -156,6 +157,8 @@ class Twin:
     def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._choice.planner = controller
+        if controller is not None:
+            self._rates.control_wells = controller.limits.wells
 
     def set_aside(self, observation: Observation) -> Cycle:
         """Return the cycle of an observation that is shown and changes nothing."""
@@ -211,7 +214,6 @@ class Twin:
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
         self._learnt = NO_LEARNT_PHYSICS if cycle.forecast is None else cycle.forecast.learnt
-        self._pumped = cycle.pumped
         self._estimation.expect(cycle)
 
     def _count_disallowed_tracer(self, cycle: Cycle) -> None:
@@ -226,19 +228,15 @@ class Twin:
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
-        commanded = self._commanded_rates(now)
-        known = self._as_told(known, commanded)
-        self._choice.delay.learn(known, now)
-        before = self._pumped if self._pumped is not None else commanded
-        if self._state is None:
-            believed = self._choice.delay.believed(commanded, before)
-            periods: tuple[RatePeriod, ...] = ()
-            pumped = latest_known(known, now) or self._pauses_now.at(now, believed)
-        else:
-            periods = self._rates_since(self._state.time, now, known, commanded, before)
-            pumped = rates_at_end(known, periods)
-        if not self.controls:
-            self._choice.leave(pumped)
+        self._rates.pauses = self._pauses.since(self._began)
+        commanded = self._rates.commanded(now)
+        for item in known:
+            self._rates.add_known(self._as_told(item, commanded))
+        periods: tuple[RatePeriod, ...] = ()
+        if self._state is not None:
+            periods = to_predict(self._rates.periods(self._state.time, now))
+        pumped = self._rates.until(now)
+        self._rates.forget_before(now if self._state is None else self._state.time)
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):
@@ -249,40 +247,6 @@ class Twin:
             self._forecast_elapsed(cycle, self._state)
         self._estimation.estimate_state(cycle)
         return cycle
-
-    def _rates_since(
-        self,
-        start: float,
-        end: float,
-        known: Sequence[KnownRates],
-        commanded: WellRates,
-        before: WellRates,
-    ) -> tuple[RatePeriod, ...]:
-        """Return the rates in force from `start` to `end` [s].
-
-        A setpoint that ends in between holds until then. The `commanded` rates are those at `end`.
-        """
-        told = [(end, commanded)]
-        ended = self._choice.ended_within(start, end)
-        if ended is not None:
-            told = [(ended.valid_until, ended.rates), *told]
-        periods: list[RatePeriod] = []
-        for until, rates in told:
-            periods += rates_in_force(
-                known,
-                start,
-                until,
-                commanded=self._choice.delay.believed(rates, before),
-                before=before,
-                pauses=self._pauses_now,
-            )
-            start, before = until, rates_at_end(known, periods)
-        return tuple(joined(periods))
-
-    @property
-    def _pauses_now(self) -> FixedPauses:
-        """The announced pauses on the clock of the observations."""
-        return self._pauses.since(self._began or 0.0)
 
     def _factors(self) -> dict[str, PumpFactor]:
         """Return the learnt share of its rate that each pump delivers, by well."""
@@ -311,18 +275,6 @@ class Twin:
         if difference:
             cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
-    def _commanded_rates(self, now: float) -> WellRates:
-        """Return the rates that the wells should pump at `now` [s].
-
-        Without a planner they are as they were, but a setpoint from before ends as any other does.
-        """
-        if self._choice.planner is not None:
-            return self._choice.commanded(self._choice.planner, now)
-        left = self._choice.left_over(now, self._assumed)
-        if left is not None:
-            return left
-        return self._pumped if self._pumped is not None else self._assumed
-
     def _learn_rates(self, cycle: Cycle) -> None:
         """Learn the rate factors; a model that does not answer is a remark of the cycle."""
         estimate = self._estimation.estimate
@@ -337,19 +289,15 @@ class Twin:
             cycle.remarks.append(f'no rates learnt: {error}')
         cycle.rate_factors = self._learner.factors
 
-    def _as_told(self, known: Sequence[KnownRates], commanded: WellRates) -> list[KnownRates]:
+    def _as_told(self, known: KnownRates, commanded: WellRates) -> KnownRates:
         """Return `known` rates as the pumps were told; measured ones teach the rate factors."""
-        if self._learner is None:
-            return list(known)
-        pauses = self._pauses_now
-        for item in known:
-            # a mean over the begin or the end of a pause tells nothing about a pump
-            if not item.is_open and not pauses.moments(item.start, item.end):
-                self._learner.meter(item.rates, pauses.at(item.start, commanded))
-        return [
-            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
-            for item in known
-        ]
+        if self._learner is None or known.is_open:
+            return known
+        pauses = self._rates.pauses
+        # a mean over the begin or the end of a pause tells nothing about a pump
+        if not pauses.moments(known.start, known.end):
+            self._learner.meter(known.rates, pauses.at(known.start, commanded))
+        return known._replace(rates=self._learner.told(known.rates))
 
     def _judge(self, cycle: Cycle) -> None:
         """Compare the observation with its forecast, or with one made now for its time."""
@@ -387,14 +335,8 @@ class Twin:
     def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time
         planned = cycle.setpoint.rates if cycle.setpoint and cycle.accepted else cycle.pumped
-        periods = rates_in_force(
-            (),
-            now,
-            now + self._photo_interval,
-            commanded=planned,
-            before=planned,
-            pauses=self._pauses_now,
-        )
+        plan = self._rates.pauses.in_plan([RateStep(0.0, planned)], now, self._photo_interval)
+        periods = to_predict(plan_periods(plan, now, self._photo_interval))
         try:
             cycle.forecast = self._forecaster.forecast(cycle.state, periods, cycle.durations)
         except ModelUnavailable as error:

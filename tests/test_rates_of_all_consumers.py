@@ -1,0 +1,207 @@
+"""The hub, the siblings, the mending and the diagnosis believe the same rates.
+
+Over random courses of orders, confirmations, meters, pauses and lost photographs, all inject the
+same volume. Times of confirmations and meters lie between two photographs, so that nobody answers
+before something is told.
+"""
+
+import random
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.wells import WellRates
+from porotwin_core.rig import Rig, load_rig
+from porotwin_diagnosis.data.live_run import LiveRun
+from porotwin_diagnosis.mending.state_periods import StatePeriods
+from porotwin_hub.control.optimisation import Decision
+from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_siblings.continuity import periods_until
+
+RIG = load_rig(Path(__file__).resolve().parents[1] / 'rigs' / 'small' / 'rig.yaml')
+GRID = RIG.grid(6, 4)
+INTERVAL = 30.0
+EMPTY = np.zeros(GRID.shape)
+
+
+class Photograph(NamedTuple):
+    """What is told up to a photograph at `time` [s], and the order that follows from it."""
+
+    time: float
+    known: list[KnownRates]
+    order: WellRates
+
+    @property
+    def ends(self) -> float:
+        return self.time + VALIDITY_INTERVALS * INTERVAL
+
+
+def course(seed: int, *, untold: float = 0.0, lost: float = 0.0, metered: float = 0.0):
+    """Return random photographs of an experiment.
+
+    Args:
+        seed: of the course.
+        untold: share of the orders that nobody confirms.
+        lost: share of the photographs that begin a gap.
+        metered: share of the intervals in which a meter tells some of the rates.
+    """
+    chance, limits = random.Random(seed), Limits.of(RIG)
+    time, order, known, found = 0.0, limits.safe(), [], []
+    for number in range(60):
+        told, before = known, order
+        if number == 0 or chance.random() < 0.1:
+            wanted = [chance.uniform(0.0, 0.5) * limits.max_rate for _ in limits.wells]
+            order = limits.setpoint(np.array(wanted))
+        found.append(Photograph(time, told, order))
+        known = []
+        if chance.random() < metered:
+            begin = time + chance.uniform(1.0, 10.0)
+            known.append(KnownRates(begin, begin + chance.uniform(5.0, 15.0), before))
+        if order != before and chance.random() >= untold:
+            at = time + chance.uniform(2.0, 25.0)
+            known.append(KnownRates(at, at, order))
+        time += INTERVAL * (chance.randint(4, 8) if chance.random() < lost else 1)
+    return found
+
+
+def injected(periods: list[RatePeriod]) -> float:
+    """Return the volume of all injected water [m^3]."""
+    return sum(
+        (end - start) * max(well.rate, 0.0)
+        for start, end, rates in periods
+        for well in rates.values()
+    )
+
+
+class Still:
+    """A model in which nothing moves."""
+
+    def predict(self, concentration: FloatArray, *_: Any) -> FloatArray:
+        return concentration
+
+    def correct(self, previous: FloatArray, *_: Any) -> FloatArray:
+        return previous
+
+
+class Ordering:
+    """Stands for the optimiser and its objective; gives the next order."""
+
+    goal = 'test'
+
+    def __init__(self, rig: Rig) -> None:
+        self.limits, self.objective = Limits.of(rig), self
+        self.order: WellRates = {}
+
+    def disallowed_tracer(self, _: FloatArray) -> float:
+        return 0.0
+
+    def decide(self, *_: Any, **__: Any) -> Decision:
+        return Decision(dict(self.order), cost=0.0, cost_unchanged=0.0, evaluations=0)
+
+
+class Following:
+    """Stands for the siblings."""
+
+    started, time = False, 0.0
+
+    def interrupt(self) -> None:
+        raise AssertionError
+
+    begin_anew = interrupt
+
+
+def of_the_hub(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
+    controller = Ordering(rig)
+    twin = Twin(
+        Still(),
+        no_correction,
+        photo_interval=INTERVAL,
+        controller=controller,
+        pauses=FixedPauses.of(rig),
+    )
+    found: list[RatePeriod] = []
+    for one in photographs:
+        controller.order = one.order
+        found += twin.cycle(Observation(one.time, EMPTY), one.known).periods
+    return found
+
+
+def tell(rates: RateHistory, one: Photograph) -> None:
+    """Tell what was known before a photograph; its setpoint follows from it."""
+    for known in one.known:
+        rates.add_known(known)
+
+
+def of_the_siblings(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
+    rates, siblings = RateHistory.of(rig), Following()
+    rates.pauses = FixedPauses.of(rig)
+    found: list[RatePeriod] = []
+    for one in photographs:
+        tell(rates, one)
+        found += periods_until(one.time, siblings, rates, interrupted=False)
+        siblings.started, siblings.time = True, one.time
+        rates.add_commanded(one.time, one.order, one.ends)
+    return found
+
+
+def of_the_mending(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
+    states, found = StatePeriods(rig), []
+    for one in photographs:
+        tell(states.rates, one)
+        found += states.until(one.time)
+        states.rates.add_commanded(one.time, one.order, one.ends)
+    return found
+
+
+def of_the_diagnosis(rig: Rig, photographs: list[Photograph], folder: Path) -> list[RatePeriod]:
+    run = LiveRun(rig, GRID)
+    for one in photographs:
+        tell(run.rates, one)
+        run.add_map(one.time, EMPTY, GRID)
+        run.rates.add_commanded(one.time, one.order, one.ends)
+    run.write(folder)
+    schedule = open_recording(folder).delivered
+    return [RatePeriod(*period) for period in schedule.intervals(0.0, photographs[-1].time)]
+
+
+COURSES = {
+    'all told': {},
+    'one in five untold': {'untold': 0.2},
+    'photographs lost': {'lost': 0.1},
+    'metered': {'metered': 0.5},
+    'all of it': {'untold': 0.2, 'lost': 0.1, 'metered': 0.5},
+}
+
+
+@pytest.mark.parametrize('pausing', [False, True])
+@pytest.mark.parametrize('kind', COURSES)
+def test_all_inject_the_same_volume(kind: str, pausing: bool, tmp_path: Path) -> None:
+    rig = with_pause(RIG) if pausing else RIG
+    for seed in range(8):
+        photographs = course(seed, **COURSES[kind])
+        hub = injected(of_the_hub(rig, photographs))
+        assert injected(of_the_siblings(rig, photographs)) == pytest.approx(hub, rel=1e-9)
+        assert injected(of_the_mending(rig, photographs)) == pytest.approx(hub, rel=1e-9)
+        run = of_the_diagnosis(rig, photographs, tmp_path / str(seed))
+        assert injected(run) == pytest.approx(hub, rel=1e-6)
+
+
+def with_pause(rig: Rig) -> Rig:
+    assert rig.control is not None
+    fixed = {
+        name: well.model_copy(update={'pauses_min': ((5.0, 8.2),)})
+        for name, well in rig.control.fixed.items()
+    }
+    control = rig.control.model_copy(update={'fixed': fixed})
+    return rig.model_copy(update={'control': control})
