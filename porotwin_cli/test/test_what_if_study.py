@@ -28,7 +28,7 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
-from porotwin_siblings.proposal import proposed_plan
+from porotwin_siblings.proposed_rates import proposed_plan
 from porotwin_siblings.zone_measure import ZoneMeasure
 
 

@@ -54,7 +54,7 @@ def in_force(history: RateHistory, start: float, end: float) -> list[tuple[float
     return [(one.start, one.end, names[id(one.rates)]) for one in history.traced(start, end)]
 
 
-# --- what is in force ---------------------------------------------------------------------------
+# --- rates in force -----------------------------------------------------------------------------
 
 
 def test_setpoints_hold_from_their_photograph_on() -> None:
@@ -174,7 +174,7 @@ def test_an_unknown_well_is_refused() -> None:
     assert history.begins is None
 
 
-# --- what is ahead ------------------------------------------------------------------------------
+# --- plans -------------------------------------------------------------------------------------
 
 
 def test_a_person_who_told_when_orders_were_set_is_waited_for() -> None:

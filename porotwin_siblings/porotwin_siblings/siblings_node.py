@@ -49,7 +49,7 @@ from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
 from porotwin_siblings.outlook import TIMES, Outlook, answers
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.proposal import (
+from porotwin_siblings.proposed_rates import (
     LONGEST_HORIZON_S,
     check_balance,
     check_proposal,

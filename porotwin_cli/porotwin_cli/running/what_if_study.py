@@ -27,7 +27,7 @@ from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.proposal import (
+from porotwin_siblings.proposed_rates import (
     LONGEST_HORIZON_S,
     check_balance,
     check_proposal,

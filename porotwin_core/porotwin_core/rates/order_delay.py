@@ -49,9 +49,9 @@ class WaitingOrder:
 
     Attributes:
         time: when it was given [s].
-        rates: what was ordered [m^3/s].
-        told: what the pumps were told before.
-        pumped: what they pumped then.
+        rates: the ordered rates [m^3/s].
+        told: the rates that the pumps were told before.
+        pumped: the rates in force then.
         known_at: when that was measured or confirmed [s]; -inf: never.
         wells: the control wells.
     """
@@ -117,7 +117,7 @@ class OrderDelay:
         return max(found, key=lambda order: order.time, default=None)
 
     def after(self, order: WaitingOrder, known: KnownRates) -> 'OrderDelay':
-        """Return what is known after `known` rates showed that an `order` was set."""
+        """Return the knowledge after `known` rates showed that an `order` was set."""
         delay = min(known.start - order.time, MOST_DELAY_S)
         return OrderDelay(
             tuple(one for one in self.waiting if one.time > order.time),

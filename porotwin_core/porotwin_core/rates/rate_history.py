@@ -1,6 +1,6 @@
 """Which rates were in force, when, and how sure: the one answer of hub, siblings and diagnosis.
 
-A rate in force follows from what was told and measured, the surest first:
+A rate in force follows from orders, confirmations and meters, the surest first:
 
 1. Measured rates count in their period. Of several known rates the latest begun count.
 2. Confirmed rates count from their time until the next order is set, or the setpoint ends.
@@ -16,8 +16,8 @@ Three answers stood here before, and differed. All of them held the first order 
 on, even where the first confirmation told otherwise. The siblings and the diagnosis let an ended
 setpoint go on. The diagnosis let an order that nobody told count from its setpoint on, once it was
 10 min old, and did not know announced pauses. The siblings let measured rates end where no
-setpoint had come. The hub forgot what a person had set at other rates than ordered with the next,
-equal setpoint.
+setpoint had come. The hub forgot rates that a person had set
+otherwise than ordered, with the next, equal setpoint.
 """
 
 import bisect
@@ -98,7 +98,7 @@ class _Course:
     wells: tuple[str, ...]
     stretches: list[_Stretch]
     told: WellRates
-    """What the pumps were told last, or what a person told to have set."""
+    """The last order, or the rates that a person told to have set."""
     order: Order | None = None
     delay: OrderDelay = field(default_factory=OrderDelay)
 
@@ -201,7 +201,7 @@ class RateHistory:
     """The rates of all wells, as setpoints, pumps and operator tell them.
 
     Events are only added. Each answer follows from all events so far, so that it may change where
-    nothing was measured or confirmed. Times [s] are those of the clock of the photographs.
+    nothing was measured or confirmed. Times [s] are by the clock of the photographs.
     """
 
     def __init__(
@@ -302,7 +302,7 @@ class RateHistory:
             self._past, self._events, self.begins = [], new, time
 
     def forget_before(self, time: float) -> None:
-        """Forget what was in force before `time` [s]."""
+        """Forget the rates before `time` [s]."""
         self._settle(time)
         self._past = []
 
@@ -455,7 +455,7 @@ class RateHistory:
 
 
 def _times(event: Order | KnownRates) -> tuple[type, float, float]:
-    """Return what tells an event from others."""
+    """Return the key of an event."""
     return type(event), event.start, 0.0 if isinstance(event, Order) else event.end
 
 

@@ -9,7 +9,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_siblings.proposal import (
+from porotwin_siblings.proposed_rates import (
     MOST_STEPS,
     check_balance,
     check_proposal,
