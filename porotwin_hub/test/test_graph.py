@@ -66,13 +66,10 @@ def declared_parameters(module: Path) -> set[str]:
     return names
 
 
-def file_of(node: NodeDescription) -> Path:
-    return ROOT / node.package / f'{node.module.replace(".", "/")}.py'
-
-
 @pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
 def test_every_parameter_given_is_one_that_the_node_declares(node: NodeDescription) -> None:
-    unknown = set(node.parameters) - declared_parameters(file_of(node)) - {'use_sim_time'}
+    module = ROOT / node.package / node.package / f'{node.executable}.py'
+    unknown = set(node.parameters) - declared_parameters(module) - {'use_sim_time'}
     assert not unknown, f'{node.module} does not declare {unknown}'
 
 
@@ -84,7 +81,7 @@ def test_every_executable_is_installed_by_its_package(node: NodeDescription) -> 
 
 @pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
 def test_every_node_runs_as_a_module(node: NodeDescription) -> None:
-    text = file_of(node).read_text()
+    text = (ROOT / node.package / node.package / f'{node.executable}.py').read_text()
     assert text.rstrip().endswith("if __name__ == '__main__':\n    main()")
 
 

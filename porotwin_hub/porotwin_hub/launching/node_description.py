@@ -5,8 +5,6 @@ topics and services are relative to the namespace, except `/clock` and `/diagnos
 """
 
 from dataclasses import dataclass, field
-from importlib import import_module
-from pathlib import Path
 
 NAMESPACE = '/porotwin'
 """Namespace of all nodes, unless a rig has one of its own."""
@@ -31,7 +29,5 @@ class NodeDescription:
 
     @property
     def module(self) -> str:
-        """The module to run where executables are not installed; its file is in any folder."""
-        (package,) = import_module(self.package).__path__
-        (file,) = Path(package).rglob(f'{self.executable}.py')
-        return '.'.join((self.package, *file.relative_to(package).with_suffix('').parts))
+        """The module to run where executables are not installed."""
+        return f'{self.package}.{self.executable}'
