@@ -91,8 +91,9 @@ ROOMS = {
         'mend_node', 'history',
     ),
     'porotwin_cli': (
-        'terminal', 'workspace', 'kernels', 'interrupts', 'options', 'recorded', 'checking',
-        'photographs', 'pictures', 'running', 'commands', 'app', '__main__',
+        'terminal', 'workspace', 'kernels', 'interrupts', 'memory_limit', 'options',
+        'recorded', 'checking', 'photographs', 'pictures', 'running', 'commands', 'app',
+        '__main__',
     ),
     LAB: (
         'study', 'budget', 'photographs', 'blind', 'benches', 'loop', 'faults', 'scaling',

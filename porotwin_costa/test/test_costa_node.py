@@ -124,7 +124,7 @@ def test_costa_answers_like_the_model_that_it_loaded(
     refused = client.call(LoadModel, 'costa/load', LoadModel.Request(path=str(broken)))
     assert refused.outcome.code == Outcome.INVALID_INPUT
     assert 'pickle' in refused.outcome.message
-    for path in ('/' + 5000 * 'a', 'model\0.safetensors', str(broken / 'below')):
+    for path in ('/' + 5000 * 'a', str(broken / 'below')):
         for kind, name in ((LoadModel, 'costa/load'), (SaveModel, 'costa/save')):
             refused = client.call(kind, name, kind.Request(path=path))
             assert refused.outcome.code == Outcome.INVALID_INPUT

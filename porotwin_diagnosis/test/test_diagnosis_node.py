@@ -121,7 +121,7 @@ def test_the_run_so_far_tells_how_its_maps_were_made(graph, tmp_path):
     state = NewState(tracer=tracer, header=tracer.header, calibrated=True, calibration='ab' * 32)
     publisher.publish(state)
     run = graph.server._run
-    until(lambda: len(run._rates) and 900.0 in run.times)
+    until(lambda: run.rates.commanded(900.0) and 900.0 in run.times)
     run.write(tmp_path / 'run')
     origin = open_recording(tmp_path / 'run').maps.origin
     assert (origin.calibrated, origin.calibration) == (True, 'ab' * 32)

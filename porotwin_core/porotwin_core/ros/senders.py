@@ -104,7 +104,7 @@ def check_only_rig_keeps_time(node: Any) -> None:
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    _check_only(node, '/clock', 'virtual_rig')
+    _check_only(node, '/clock', 'virtual_rig', 'mock_camera')
 
 
 def _check_only(node: Any, topic: str, *names: str) -> None:
