@@ -18,9 +18,10 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 
-CHANGE_ODDS = math.exp(-8.0)
-"""Odds of a change of delivery between two photographs. One in 3000: a pump stops once in many
-experiments, and an experiment has hundreds of photographs."""
+CHANGE_LOG_ODDS = 8.0
+"""Log of the odds against a change of delivery between two photographs, and of the ratio of
+likelihoods that proves one. One in 3000: a pump stops once in many experiments, and an experiment
+has hundreds of photographs."""
 
 CHANGED_SHARE = 1.0
 """Standard deviation of a change of the delivered share [-]: a pump stops, or it is set to twice
@@ -118,7 +119,7 @@ class TracerCourse:
         covariance = self.covariance.copy()
         covariance[2] = covariance[:, 2] = 0.0
         covariance[2, 2] = CHANGED_SHARE**2
-        log_weight = self.log_weight + math.log(CHANGE_ODDS)
+        log_weight = self.log_weight - CHANGE_LOG_ODDS
         return (
             TracerCourse(self.mean, covariance, log_weight, since=0),
             replace(self, log_weight=log_weight, tight=False),

@@ -15,16 +15,13 @@ import numpy as np
 
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.tracer_volume import CHANGE_LOG_ODDS
 
 WATCH_S = 120.0
 """Time between two tests [s]; each takes a prediction for every pumping well."""
 
 WATCH_WINDOW_S = 600.0
 """Time over which a prediction is compared with the photograph [s]."""
-
-LOG_ODDS = 8.0
-"""Log of the ratio of likelihoods from which on a test speaks for a fault. One in 3000: a pump
-stops once in many experiments, and an experiment has dozens of tests."""
 
 TESTS_IN_TURN = 2
 """Tests that must speak for a fault of the same well: one photograph may be a bad one."""
@@ -107,7 +104,7 @@ class PumpWatch:
         """Compare a photograph with the hypotheses; return a line for each new belief."""
         seen = expect()
         well, share, log_odds = likeliest(seen)
-        if not well or log_odds < LOG_ODDS:
+        if not well or log_odds < CHANGE_LOG_ODDS:
             self._suspect, self._shares = '', []
             return []
         self._shares = [*self._shares, share] if well == self._suspect else [share]

@@ -22,7 +22,7 @@ from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.state_filter import Estimate, Seen
 from porotwin_core.model.tracer_volume import Volume
 from porotwin_core.rates.delivered_rates import MEMORY_S, RATE_DEVIATION, WINDOW_S, delivered
-from porotwin_core.rates.rates_in_force import SAME_RATE, RatePeriod, injected_tracer, same_rates
+from porotwin_core.rates.rates_in_force import SAME_RATE, RatePeriod, injected_tracer, joined
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.pump_watch import (
     MOST_SHARE,
@@ -420,17 +420,6 @@ def _pumping(wells: Sequence[str], periods: Sequence[RatePeriod]) -> list[str]:
         for well in wells
         if any(abs(rates[well].rate) > SAME_RATE for _, _, rates in periods if well in rates)
     ]
-
-
-def joined(periods: Sequence[RatePeriod]) -> list[RatePeriod]:
-    """Return consecutive `periods`, neighbours of the same rates joined."""
-    result: list[RatePeriod] = []
-    for period in periods:
-        if result and same_rates(result[-1].rates, period.rates):
-            result[-1] = result[-1]._replace(end=period.end)
-        else:
-            result.append(period)
-    return result
 
 
 class DeliveringModel:
