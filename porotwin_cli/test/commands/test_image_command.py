@@ -216,7 +216,10 @@ def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_
     answer = json.loads(result.stdout)
     assert len(answer['maps']) == 4
     assert 'times must increase' in answer['refused'][0]
-    assert answer['refused'][1].startswith(f'{names[5]}: photograph of 0 bytes: not a JPEG')
+    assert answer['refused'][1] == (
+        f'{names[5]}: photograph of 0 bytes: not a JPEG, PNG or TIFF; send it again, or set the '
+        'camera to JPEG'
+    )
     with netCDF4.Dataset(output) as dataset:
         assert len(dataset['time']) == 4
 

@@ -172,8 +172,8 @@ class Volume:
 
     `scale` is the error of the photographs, in their systematic deviations; `covariance` (3, 3) is
     that of the volume [m^3], of the scale, and of the delivered share of the tracer's pump.
-    `share` is the mean of that share. `courses` are the
-    explanations behind them, the likeliest first.
+    `share` is the mean of that share. `courses` are the explanations behind them, the likeliest
+    first.
     """
 
     scale: float

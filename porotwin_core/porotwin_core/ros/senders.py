@@ -99,7 +99,7 @@ def check_only_pumps_measure(node: Any) -> None:
 
 
 def check_only_rig_keeps_time(node: Any) -> None:
-    """Check that only the virtual rig, or a replay, tells the simulated time.
+    """Check that only the virtual rig, the mock camera or a replay tells the simulated time.
 
     Raises:
         InputError: another node does so too; one line with its name.
