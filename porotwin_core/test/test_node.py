@@ -6,17 +6,24 @@ import sys
 import threading
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, TwinNode, declare, run
+from porotwin_core.ros.node import DIAGNOSTICS, LEFT_OUT, Diagnostics, TwinNode, declare, run
 
 pytestmark = pytest.mark.graph
 
@@ -167,6 +174,57 @@ def test_the_log_of_a_node_is_plain(twin_node: TwinNode, capfd: pytest.CaptureFi
     assert sum('seldom' in line for line in lines) == 1
     assert len(lines) == 4
     assert all(line.isprintable() for line in lines)
+
+
+def ask(node: TwinNode, kind: Any, name: str, request: Any) -> Any:
+    """Return the answer of a service of `node` itself, whose executor runs meanwhile."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    future = node.create_client(kind, name).call_async(request)
+    executor.spin_until_future_complete(future, 20.0)
+    return future.result()
+
+
+def test_a_parameter_of_a_type_that_does_not_exist_does_not_end_the_node(
+    twin_node: TwinNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    wrong = ParameterMessage(name='any', value=ParameterValue(type=86))
+    for kind, name in (
+        (SetParameters, 'twin/set_parameters'),
+        (SetParametersAtomically, 'twin/set_parameters_atomically'),
+    ):
+        assert ask(twin_node, kind, name, kind.Request(parameters=[wrong])) == kind.Response()
+    assert '86' in capfd.readouterr().err
+
+
+def test_messages_and_requests_that_a_callback_cannot_take_are_left_out(
+    twin_node: TwinNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    heard = list[str]()
+
+    def hear(message: String) -> None:
+        heard.append(message.data)
+        if message.data == 'poison':
+            raise KeyError('antidote')
+
+    def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        raise ZeroDivisionError
+
+    twin_node.create_subscription(String, 'words', hear, 10)
+    twin_node.create_service(Trigger, 'serve', serve)
+    publisher = twin_node.create_publisher(String, 'words', 10)
+    for word in ('poison', 'bread'):
+        publisher.publish(String(data=word))
+    answer = ask(twin_node, Trigger, 'serve', Trigger.Request())
+    while 'bread' not in heard:
+        answer = ask(twin_node, Trigger, 'serve', Trigger.Request())
+    assert heard == ['poison', 'bread']
+    assert answer == Trigger.Response()
+    log = capfd.readouterr().err
+    assert f'words: {LEFT_OUT}' in log
+    assert f'serve: {LEFT_OUT}' in log
+    assert 'antidote' in log
 
 
 class Watched(Node):

@@ -4,10 +4,12 @@ import math
 import os
 import signal
 import sys
+import traceback
 from _thread import interrupt_main
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
+from functools import partial, wraps
+from pathlib import Path
 from threading import Event
 from types import FrameType
 from typing import Any, NoReturn
@@ -41,6 +43,7 @@ from porotwin_core.clock.photo_interval import (
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
+from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
@@ -70,14 +73,60 @@ CLOCK = 'use_sim_time'
 """Parameter of every node of ROS 2: whether its time is that of the topic /clock."""
 
 
+LEFT_OUT = 'left out, it makes this node fail'
+"""Words of the log about a message or request that a callback could not take."""
+
+
 class TwinNode(Node):
-    """A node of the graph: its log is plain, and nobody gives it another clock while it runs."""
+    """A node of the graph that no word of another node ends.
+
+    Its log is plain. Nobody gives it another clock while it runs. A message or a request that makes
+    a callback fail is left out; rclpy would end the node, and its own callbacks for parameters fail
+    at a type that does not exist.
+    """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         """Make a node called `name`; `kwargs` are those of rclpy, such as `context`."""
         super().__init__(name, **kwargs)
         self._logger = PlainLogger(super().get_logger().name)
+        self._failures = FewWords(self._logger.error)
         self.add_on_set_parameters_callback(self._keep_clock)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **kwargs: Any
+    ) -> Any:
+        """Subscribe to `topic`, as rclpy does; a message that makes `callback` fail is left out."""
+
+        @wraps(callback)
+        def surviving(*words: Any) -> Any:
+            try:
+                return callback(*words)
+            except Exception as error:
+                self._leave_out(topic, error)
+
+        return super().create_subscription(msg_type, topic, surviving, *args, **kwargs)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **kwargs: Any
+    ) -> Any:
+        """Offer a service, as rclpy does; if `callback` fails, the answer is an empty response."""
+
+        @wraps(callback)
+        def surviving(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self._leave_out(srv_name, error)
+                return type(response)()
+
+        return super().create_service(srv_type, srv_name, surviving, **kwargs)
+
+    def _leave_out(self, name: str, error: Exception) -> None:
+        if not self.context.ok():
+            raise error  # the end of the node, not a word of another
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f'{place.name}, line {place.lineno} of {Path(place.filename).name}'
+        self._failures.tell(name, f'{name}: {LEFT_OUT}: {error!r} in {where}')
 
     @property
     def simulated(self) -> bool:
