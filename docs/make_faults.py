@@ -41,8 +41,9 @@ These rules hold for every fault:
 - No setpoint follows from a bad photograph or message.
 - Every setpoint keeps the limits of `rig.yaml`.
 
-`./porotwin bench faults` is the long test, with kills at random moments, 24 hours of simulated time
-and damaged files.
+`./porotwin bench faults` is the long test, with 24 hours of simulated time and kills at random
+moments. `./porotwin bench fuzz` sends damaged files to all readers, and random words to a running
+graph and its page.
 """
 
 

@@ -29,6 +29,7 @@ LONG = {
     'mend': 'lab.loop.bench_mend',
     'physics': 'lab.benches.bench_physics',
     'faults': 'lab.faults.bench_faults',
+    'fuzz': 'lab.faults.bench_fuzz',
     'calibration': 'lab.benches.bench_calibration',
     'scaling': 'lab.scaling.bench_scaling',
     'decision': 'lab.benches.bench_decision',
@@ -75,7 +76,7 @@ def bench(context: typer.Context, as_json: Json = False) -> None:
     """Measure speed and accuracy on this machine.
 
     Without a part: all that are quick, solver to diagnosis. Some figures are ratios to a baseline
-    method, which runs on the same data. loop, mend, physics and faults take an hour or more.
+    method, which runs on the same data. loop, mend, physics, faults and fuzz take an hour or more.
 
     Example: ./porotwin bench solver
 
@@ -209,15 +210,27 @@ def faults(
             help='Simulated time of the memory test [h].', min=0, max=LONGEST_EXPERIMENT_S / HOUR_S
         ),
     ] = 24.0,
-    tries: Annotated[int, typer.Option(help='Damaged files for each reader.', min=0)] = 1000,
     seed: Seed = 1,
     as_json: Json = False,
 ) -> None:
-    """Memory over a day, kills at random moments, damaged files for all readers.
+    """Memory over a day, and kills at random moments.
 
-    Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
+    Example: ./porotwin bench faults --kills 2 --hours 0.5
     """
-    _measure('faults', as_json=as_json, kills=kills, hours=hours, tries=tries, seed=seed)
+    _measure('faults', as_json=as_json, kills=kills, hours=hours, seed=seed)
+
+
+@command.command()
+def fuzz(
+    minutes: Annotated[float, typer.Option(help='Time of the whole run [min].', min=0.1)] = 60.0,
+    seed: Seed = 1,
+    as_json: Json = False,
+) -> None:
+    """Damaged files for all readers, and random words for a running graph and its page.
+
+    Example: ./porotwin bench fuzz --minutes 10 --seed 2
+    """
+    _measure('fuzz', as_json=as_json, minutes=minutes, seed=seed)
 
 
 @command.command()

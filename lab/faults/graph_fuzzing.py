@@ -136,7 +136,8 @@ class Stranger:
             return self.draw.choice(STRANGE_TEXTS)
         if kind == 'NamespacedType':
             return self.message(_class('.'.join(slot.namespaces), slot.name))
-        size = getattr(slot, 'size', None) or self.draw.randint(0, MOST_ITEMS)
+        most = min(MOST_ITEMS, getattr(slot, 'maximum_size', MOST_ITEMS))
+        size = getattr(slot, 'size', None) or self.draw.randint(0, most)
         items = [self.value(slot.value_type) for _ in range(size)]
         is_bytes = getattr(slot.value_type, 'typename', '') == 'octet'
         return items if not is_bytes else [bytes([self.draw.randrange(256)]) for _ in items]
