@@ -5,6 +5,7 @@ long time is a fault. Files are damaged as disks, cables and editors do it, from
 reader works in a process of its own, because a library may crash.
 """
 
+import json
 import multiprocessing
 import os
 import random
@@ -21,6 +22,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.basis.errors import InputError
 
@@ -29,6 +32,9 @@ LONGEST_S = 20.0
 
 BATCH = 25
 """Damaged files per process: a crash costs at most so many."""
+
+TENSORS = 'fuzzed tensors'
+"""Format of the file of weights."""
 
 MOST_BYTES = 64
 """Most bytes that one damage changes or inserts."""
@@ -230,6 +236,90 @@ def _bag(folder: Path) -> None:
     shutil.copytree(ROOT / 'bags' / 'sample', folder, dirs_exist_ok=True)
 
 
+def _pumps(folder: Path) -> None:
+    entries = (
+        f'  {well}: {{protocol: new_era, port: /dev/ttyUSB0, address: {number}, '
+        'diameter_mm: 20, max_rate_ml_h: 2500}\n'
+        for number, well in enumerate(_rig_of_tests().wells)
+    )
+    (folder / 'pumps.yaml').write_text('pumps:\n' + ''.join(entries), encoding='utf-8')
+
+
+def _foreign_table(folder: Path) -> None:
+    rows = '\n'.join(f'0{n // 60}:{n % 60:02};{n},5;-{n},5' for n in range(0, 300, 7))
+    (folder / 'log.csv').write_text(
+        f'Zeit;Injektor [ml/h];Produzent [ml/h]\n{rows}\n', encoding='latin-1'
+    )
+
+
+def _foreign_maps(folder: Path) -> None:
+    maps = np.linspace(0.0, 1.0, 4 * 20 * 40).reshape(4, 20, 40)
+    np.savez(folder / 'maps.npz', concentration=maps, time_s=np.arange(4.0) * 60.0)
+
+
+def _property_map(folder: Path) -> None:
+    import netCDF4
+
+    with netCDF4.Dataset(folder / 'depth.nc', 'w') as dataset:
+        dataset.createDimension('z', 8)
+        dataset.createDimension('x', 12)
+        dataset.createVariable('depth', 'f8', ('z', 'x'))[:] = 0.02
+
+
+def _tensors(folder: Path) -> None:
+    from porotwin_costa.data.tensor_files import write_tensors
+
+    write_tensors(folder / 'model.safetensors', {'weight': np.ones((4, 4))}, TENSORS, {'seed': 1})
+
+
+def _diagnosis(folder: Path) -> None:
+    effect = {'name': 'rate', 'parameters': {'factor': {'value': 0.8, 'low': 0.7, 'high': 0.9}}}
+    content = {'effects': [effect], 'combination': ['rate']}
+    (folder / 'diagnosis.json').write_text(json.dumps(content, indent=1), encoding='utf-8')
+
+
+def _read_pumps(path: Path) -> None:
+    from porotwin_pumps.pump_file import load_pumps
+
+    load_pumps(path, _rig_of_tests())
+
+
+def _read_foreign_table(path: Path) -> None:
+    from porotwin_recording.importers.foreign_table import read_foreign_table
+
+    read_foreign_table(path)
+
+
+def _read_foreign_maps(path: Path) -> None:
+    from porotwin_recording.importers.map_import import MapAnswers, import_maps
+
+    import_maps(path, path.parent / 'imported', _rig_of_tests(), MapAnswers('s', first_row='top'))
+
+
+def _read_property(path: Path) -> None:
+    from porotwin_core.rig.property_file import read_map
+
+    read_map(path, 'depth', 'depth_m')
+
+
+def _read_tensors(path: Path) -> None:
+    from porotwin_costa.data.tensor_files import read_header
+
+    read_header(path, TENSORS)
+
+
+def _read_diagnosis(path: Path) -> None:
+    from porotwin_siblings.diagnosed_effects import read_diagnosis
+
+    read_diagnosis(path)
+
+
+def _rig_of_tests() -> Any:
+    from porotwin_core.rig import load_rig
+
+    return load_rig(small_rig())
+
+
 def _read_rig(path: Path) -> None:
     from porotwin_core.rig import load_rig
 
@@ -300,6 +390,12 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         'photograph': Reader('photo.jpg', _photograph, _read_photograph),
         'calibration.yaml': Reader('calibration.yaml', _calibration, _read_calibration),
         'bag': Reader('bag_0.mcap', _bag, _read_bag),
+        'pumps.yaml': Reader('pumps.yaml', _pumps, _read_pumps),
+        'table of a laboratory': Reader('log.csv', _foreign_table, _read_foreign_table),
+        'maps of another program': Reader('maps.npz', _foreign_maps, _read_foreign_maps),
+        'map of a property': Reader('depth.nc', _property_map, _read_property),
+        'weights of COSTA': Reader('model.safetensors', _tensors, _read_tensors),
+        'diagnosis.json': Reader('diagnosis.json', _diagnosis, _read_diagnosis),
         'metadata.yaml of a bag': Reader('metadata.yaml', _bag, _read_bag),
     }
 )

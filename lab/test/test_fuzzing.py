@@ -1,5 +1,7 @@
 """Damaged files for the readers."""
 
+from pathlib import Path
+
 import pytest
 
 from lab.faults.fuzzing import READERS, damaged, read_damaged
@@ -20,3 +22,10 @@ def test_damaged_files_are_read_or_refused_with_one_line(name: str) -> None:
     outcome = read_damaged(name, range(20))
     assert outcome.faults == []
     assert outcome.read + outcome.refused == 20
+
+
+@pytest.mark.parametrize('name', READERS)
+def test_a_whole_file_is_read(name: str, tmp_path: Path) -> None:
+    reader = READERS[name]
+    reader.make(tmp_path)
+    reader.read(tmp_path / reader.name)
