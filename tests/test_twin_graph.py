@@ -104,7 +104,12 @@ def check_setpoints(graph: RunningGraph, limits: Limits) -> None:
     errors = [report.prediction_error for report in reports[2:6]]
     assert all(0.0 < error < 0.5 for error in errors), errors
     # its process may have started after the first ones
-    assert f'setpoint {setpoints[-1].sequence} ' in graph.log('operator')
+    shown = f'setpoint {setpoints[-1].sequence} '
+    graph.listener.wait_for(
+        'the setpoint in the log of the operator',
+        lambda: shown in graph.log('operator'),
+        timeout=30.0,
+    )
     seen, _ = conversions.tracer_from_msg(states[-1].tracer)
     assert np.nanmax(seen) > 0.5
 

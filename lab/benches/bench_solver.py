@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
 from lab.benches.bench_large_grids import GRIDS, LARGE_FRAMES, LargeGridCost, large_grid_cost
@@ -121,7 +121,7 @@ class PlainModel:
         from_west = np.maximum(flux.x[:, :-1], 0.0)
         from_east = np.maximum(-flux.x[:, 1:], 0.0)
         from_west[:, 0] = from_east[:, -1] = 0.0
-        matrix = diags_array(
+        matrix = diags(
             [
                 -np.maximum(flux.z[1:-1], 0.0).ravel(),
                 -from_west.ravel()[1:],

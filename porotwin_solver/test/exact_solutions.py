@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.special import airye, erfc, erfcx
 
 from porotwin_core.geometry.grid import FloatArray
@@ -105,7 +106,7 @@ def doublet_produced(until: float) -> float:
     angles = np.linspace(1e-3, math.pi - 0.05, STREAMLINES)
     times = arrival(angles)
     arrived = times <= until
-    return float(np.trapezoid(angles[arrived] / math.pi, times[arrived]))
+    return float(trapezoid(angles[arrived] / math.pi, times[arrived]))
 
 
 def sinking_blob(density_difference: float, *, conductivity: float) -> float:

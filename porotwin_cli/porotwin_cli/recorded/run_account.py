@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import ML, to_ml_h
@@ -173,7 +174,7 @@ def summary(
 
 def _dose(times: FloatArray, volumes: FloatArray) -> float:
     """Return the integral over time of the tracer in the zone [ml min]."""
-    return float(np.trapezoid(volumes * ML, times / 60.0))
+    return float(trapezoid(volumes * ML, times / 60.0))
 
 
 def _median(values: Sequence[float]) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from porotwin_cli.running.loop_scenario import LoopScenario, PumpFault
 from porotwin_core.basis.units import ML
@@ -96,7 +97,7 @@ class LoopRig:
     @property
     def dose_ml_min(self) -> float:
         """Integral over time of the true tracer where it must not be [ml min]."""
-        return float(np.trapezoid(self._volumes, np.array(self._times) / 60.0))
+        return float(trapezoid(self._volumes, np.array(self._times) / 60.0))
 
     @property
     def course_ml(self) -> list[float]:

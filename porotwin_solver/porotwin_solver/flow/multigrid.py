@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse import csc_matrix, diags
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS, in_rows
@@ -73,9 +73,7 @@ class GridLevel:
         lines = {0: self.diagonal.ravel(), 1: -right, -1: -right}
         if nz > 1:  # of one column, the neighbour above is the next cell
             lines |= {nx: lines.get(nx, 0.0) - up, -nx: lines.get(-nx, 0.0) - up}
-        return csc_matrix(
-            diags_array(list(lines.values()), offsets=list(lines), shape=(nz * nx,) * 2)
-        )
+        return csc_matrix(diags(list(lines.values()), offsets=list(lines), shape=(nz * nx,) * 2))
 
     def coarser(self) -> 'GridLevel':
         """Return the matrix of the blocks of 2 x 2 cells; the last ones may have fewer."""

@@ -12,7 +12,7 @@ from collections import OrderedDict
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import SuperLU, splu
 
 from porotwin_core.basis.errors import InputError
@@ -135,7 +135,7 @@ class ImplicitModel(Model):
         back[:, :-1] = np.maximum(-right, 0.0)
         size, columns = storage.size, self.grid.nx
         matrix = csc_matrix(
-            diags_array(
+            diags(
                 [
                     outflow.ravel(),
                     -across.ravel()[:-1],
