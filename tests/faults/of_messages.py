@@ -104,8 +104,7 @@ def negative_state(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node sends a state that looks right.',
     Status('hub', 'WARN', 'publishes asset/new_state too'),
-    LogLine('siblings', 'publishes asset/new_state too'),
-    LogLine('trainer', 'publishes asset/new_state too'),
+    LogLine('page', 'publishes asset/new_state too'),
     does='No node uses a state, and no setpoint follows, while the foreign node is there.',
     mends=REMOVED,
 )
@@ -131,7 +130,7 @@ def foreign_photograph(stage: Stage) -> Iterator[None]:
     'A foreign node sends a setpoint that keeps all limits.',
     Status('guard', 'ERROR', 'no setpoint can pass'),
     LogLine('operator', 'wells/setpoint ignored'),
-    LogLine('siblings', 'wells/setpoint ignored'),
+    LogLine('page', 'wells/setpoint ignored'),
     does='No node uses the setpoint, and none passes while the foreign node is there.',
     mends=REMOVED,
 )
@@ -189,6 +188,7 @@ def order_in_an_error(stage: Stage) -> Iterator[None]:
 @fault(
     "A foreign node sends the hub's reports of cycles.",
     LogLine('operator', 'publishes hub/cycle too'),
+    LogLine('page', 'publishes hub/cycle too'),
     does='The operator neither shows nor speaks such reports. Control continues.',
     mends=REMOVED,
 )
