@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 RAW_LISTENERS = {
     'porotwin_core/porotwin_core/ros/following.py': {'topic'},
+    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
     'porotwin_imaging/porotwin_imaging/imaging_node.py': {'topic'},  # of photographs
     'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
