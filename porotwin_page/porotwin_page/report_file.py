@@ -1,6 +1,5 @@
 """The file of a report whose path came in a message: a regular file of that name, or nothing."""
 
-import os
 from pathlib import Path
 
 from porotwin_core.basis.regular_file import open_regular
@@ -18,5 +17,5 @@ def read_report(path: Path) -> str:
     """
     if path.name != REPORT:
         raise FileNotFoundError
-    with open_regular(path, os.O_NOFOLLOW) as file:
+    with open_regular(path, links=False) as file:
         return file.read().decode()

@@ -25,8 +25,8 @@ def regular(path: Path) -> Path:
     return path
 
 
-def open_regular(path: Path, flags: int = 0) -> BinaryIO:
-    """Open the file `path` for reading, without waiting; `flags` are more ones of `os.open`.
+def open_regular(path: Path, *, links: bool = True) -> BinaryIO:
+    """Open the file `path` for reading, without waiting; `links` tells whether it may be one.
 
     Raises:
         InputError: it is a FIFO, a socket or a device.
@@ -34,7 +34,8 @@ def open_regular(path: Path, flags: int = 0) -> BinaryIO:
     """
     regular(path)
     # something else may have taken its place since
-    file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | flags), 'rb')
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if links else os.O_NOFOLLOW)
+    file = os.fdopen(os.open(path, flags), 'rb')
     try:
         _check(path, os.fstat(file.fileno()).st_mode)
     except BaseException:
@@ -48,17 +49,18 @@ def open_text(path: Path, encoding: str, errors: str = 'strict') -> TextIO:
     return io.TextIOWrapper(open_regular(path), encoding, errors, newline='')
 
 
-def read_regular(path: Path, first: int = -1) -> bytes:
-    """Return the `first` bytes of the file `path`; -1: all of them.
+def read_regular(path: Path, first: int | None = None) -> bytes:
+    """Return the `first` bytes of the file `path`; None: all of them.
 
     Raises:
         InputError: it is a FIFO, a socket or a device, or too large to read at once.
         OSError: it is a folder, or cannot be read.
     """
     with open_regular(path) as file:
-        if first < 0:
-            check_declared(path, (os.fstat(file.fileno()).st_size,))
-        return file.read(first)
+        if first is not None:
+            return file.read(first)
+        check_declared(path, (os.fstat(file.fileno()).st_size,))
+        return file.read()
 
 
 def _check(path: Path, mode: int) -> None:
