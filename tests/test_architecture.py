@@ -30,6 +30,7 @@ ROS_SHELLS = {
     'porotwin_core/plain_log.py': 'the logger of all nodes',
     'porotwin_core/node_thread.py': 'spins nodes beside other work',
     'porotwin_core/model_effects.py': 'subscribes to the effects of the solver',
+    'porotwin_core/following.py': 'subscribes to topics whose sender matters',
     'porotwin_core/run_topics.py': 'subscribes to the course of a run',
     'porotwin_core/single_instance.py': 'finds other nodes of the same name',
     'porotwin_core/conversions.py': 'the one place that converts messages',

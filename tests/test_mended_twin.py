@@ -65,10 +65,10 @@ class Laboratory:
         node.create_subscription(ModelEffects, 'model/effects', self.effects.append, qos.CONFIG)
         self.seen: list[Header] = []
         node.create_subscription(Header, 'mend/seen', self.seen.append, qos.FIELD)
-        self.states = node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
-        self.cycles = node.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
-        pumps = rclpy.create_node('pumps', namespace=NAMESPACE, context=node.context)
-        self.measured = pumps.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        player = rclpy.create_node('player', namespace=NAMESPACE, context=node.context)
+        self.states = player.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+        self.cycles = player.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
+        self.measured = player.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.answers = node.create_client(AnswerMend, 'mend/answer')
         self.info = node.create_client(ModelInfo, 'solver/info')
         self.diagnosis = ActionServer(

@@ -19,6 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
     TwinNode,
@@ -28,7 +29,6 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.run_topics import follow_measured
 from porotwin_core.ros.single_instance import only_one
 from porotwin_costa.data.collector import Collector, Pair
 from porotwin_costa.data.dataset import Dataset, dataset_parts, load_dataset
@@ -156,10 +156,10 @@ class TrainerNode(TwinNode):
         self._predict = self.create_client(Predict, 'solver/predict')
         self._residual = self.create_client(Residual, 'solver/residual')
         self._train = ActionClient(self, Train, 'costa/train')
-        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
-        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        follow(self, NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        follow(self, CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         follow_effects(self, self._on_effects)
-        follow_measured(self, self._on_measured)
+        follow(self, WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(TIMER_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

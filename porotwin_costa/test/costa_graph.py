@@ -153,7 +153,8 @@ class Asset:
     """Publishes states, measured rates and clean states, as the asset does."""
 
     def __init__(self, client: Client, model: Any) -> None:
-        make = client.node.create_publisher
+        self._node = rclpy.create_node('player', context=client.node.context)
+        make = self._node.create_publisher
         self._states = make(NewState, 'asset/new_state', qos.FIELD)
         self._measured = make(WellRates, 'wells/measured', qos.FIELD)
         self._clean = make(CleanState, 'asset/clean_state', qos.FIELD)

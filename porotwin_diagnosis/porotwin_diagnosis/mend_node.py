@@ -25,6 +25,7 @@ from porotwin_core.basis.units import DAY_S, MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     END_S,
@@ -172,7 +173,7 @@ class MendNode(TwinNode):
             on_effects=self._on_effects,
             on_start=self._states.note_start,
         )
-        self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         answers = MutuallyExclusiveCallbackGroup()
         self.create_service(AnswerMend, 'mend/answer', self._on_answer, callback_group=answers)
         self._solver = self.create_client(

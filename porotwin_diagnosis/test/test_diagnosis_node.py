@@ -52,7 +52,7 @@ class Graph:
         parameters = [Parameter(name, value=value) for name, value in given.items()]
         self.grid = grid
         self.server = DiagnosisNode(context=context, parameter_overrides=parameters)
-        self.node = rclpy.create_node('test', context=context)
+        self.node = rclpy.create_node('player', context=context)
         self._thread = NodeThread(self.server, self.node, threads=4)
         self.client = ActionClient(self.node, Diagnose, 'diagnosis/diagnose')
         assert self.client.wait_for_server(PATIENCE)

@@ -11,6 +11,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import (
     Diagnostics,
     TwinNode,
@@ -67,7 +68,7 @@ class GuardNode(TwinNode):
         )  # fmt: skip
         self._simulated_time: float | None = None
         if self.simulated:
-            self.create_subscription(ClockMessage, '/clock', self._on_clock, qos.CLOCK)
+            follow(self, ClockMessage, '/clock', self._on_clock, qos.CLOCK)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
 
@@ -82,7 +83,7 @@ class GuardNode(TwinNode):
         """
         if not self.simulated:
             return time.time()
-        senders.check_only_rig_keeps_time(self)
+        senders.check_senders(self, '/clock')
         if self._simulated_time is None:
             raise InputError('nobody publishes /clock, so no age of a photograph is known')
         return self._simulated_time

@@ -6,6 +6,7 @@ slow cycle delays no message and a service call can wait without a deadlock.
 
 import math
 import threading
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -19,6 +20,7 @@ from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
@@ -30,8 +32,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.run_topics import follow_measured
-from porotwin_core.ros.senders import check_only_pumps_measure, publishers
+from porotwin_core.ros.senders import check_senders, publishers
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_hub.control.planner_parameters import PlannerParameters
 from porotwin_hub.control.setpoint_limits import Limits
@@ -203,15 +204,14 @@ class HubNode(TwinNode):
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
-        follow_measured(self, self._on_measured, refuse=self._refuse)
-        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        listen = partial(follow, self, refuse=self._refuse)
+        listen(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
+        listen(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         follow_effects(self, self._on_effects, refuse=self._refuse)
         if not self._simulated:
-            self.create_subscription(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
-        self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
-        self.create_subscription(
-            StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
-        )
+            listen(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
+        listen(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
+        listen(StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD)
 
     # --- messages in --------------------------------------------------------------------------
 
@@ -320,7 +320,7 @@ class HubNode(TwinNode):
         """Return a remark if a foreign node could send measured rates, so that none are used."""
         self._refusals.look()
         try:
-            check_only_pumps_measure(self)
+            check_senders(self, 'wells/measured')
         except InputError as error:
             return [f'measured rates are not used: {error}']
         return []

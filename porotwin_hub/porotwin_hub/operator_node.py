@@ -5,6 +5,7 @@ Beside a real rig it also stands for the asset: it answers `asset/ping`, and it 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -15,6 +16,7 @@ from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
 from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
 from porotwin_hub.operator.announcement import NO_SETPOINT, Announcement
@@ -59,9 +61,11 @@ class OperatorNode(TwinNode):
         self._waits_for_setpoints = False
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
-        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
-        self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
-        self.create_subscription(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
+        listen = partial(follow, self, refuse=self._refuse)
+        # nobody sets a pump by a recording
+        listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
+        listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
         self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
@@ -74,18 +78,16 @@ class OperatorNode(TwinNode):
         if self._voice is not None and self._voice.program is None:
             self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
 
+    def _refuse(self, line: str) -> None:
+        self._refusals.tell('', line)
+
     def _simulated_time(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _on_setpoint(self, message: Setpoint) -> None:
         now = self._now()
-        try:
-            senders.check_only_guard_publishes(self)
-            setpoint = self._shown(message)
-            words = self._book.announce(setpoint, now=now)
-        except InputError as error:
-            self._refusals.tell('', f'setpoint {message.sequence} not shown: {error}')
-            return
+        setpoint = self._shown(message)
+        words = self._book.announce(setpoint, now=now)
         arrived = setpoint.valid_until - setpoint.validity  # by the clock of the photographs
         self._photographs_ahead = arrived - now
         self._order(words)
@@ -111,11 +113,6 @@ class OperatorNode(TwinNode):
 
     def _on_cycle(self, message: CycleReport) -> None:
         """Say why no setpoint follows from a photograph, once until one follows again."""
-        try:
-            senders.check_only_hub_reports(self)
-        except InputError as error:
-            self._refusals.tell('', f'report of a cycle not shown: {error}')
-            return
         reason = next((one for one in message.remarks if one.startswith(NO_SETPOINT)), '')
         if reason and not self._waits_for_setpoints:
             self._words.tell(HUB, said(HUB, reason))
@@ -124,11 +121,6 @@ class OperatorNode(TwinNode):
 
     def _on_offer(self, message: MendOffer) -> None:
         """Say what a diagnosis offers to the model, and what became of it."""
-        try:
-            senders.check_only_mend_offers(self)
-        except InputError as error:
-            self._refusals.tell('', f'offer {message.sequence} not shown: {error}')
-            return
         asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
         text = f'offer {message.sequence}: {said(MEND, message.sentence)}'
         if asks:
@@ -164,7 +156,7 @@ class OperatorNode(TwinNode):
             rates = self._book.confirmed(request.sequence, changed)
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self._refusals.tell('', f'confirmation refused: {error}')
+            self._refuse(f'confirmation refused: {error}')
             return response
         # by the clock of the photographs, so that the hub can compare it with them
         now = conversions.time_to_msg(self._now() + self._photographs_ahead)
@@ -181,7 +173,7 @@ class OperatorNode(TwinNode):
             self._book.check(self._shown(request.setpoint))
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self._refusals.tell('', f'setpoint {request.setpoint.sequence} refused: {error}')
+            self._refuse(f'setpoint {request.setpoint.sequence} refused: {error}')
             return response
         response.outcome = conversions.ok()
         return response

@@ -37,6 +37,15 @@ from porotwin_hub.launching.node_processes import NodeProcess, await_end, kill, 
 QUEUE_DEPTH = 100
 """Reports of health that wait, and senders whose last error is remembered."""
 
+ALL_REPORT = 'all nodes report'
+"""State of a graph in which no node is silent."""
+
+FLOOD = (
+    f'{DIAGNOSTICS} is flooded: its own reports of health are lost, and those of others too; no '
+    'node counts as silent meanwhile; end the node that sends so many'
+)
+"""State of a graph in which nobody can tell who is silent."""
+
 ORPHAN_PATIENCE_S = 30.0
 """Time for the nodes to end by themselves after their launcher was killed [s]."""
 
@@ -54,6 +63,7 @@ class SupervisorNode(TwinNode):
         names = declare(self, 'nodes', '', 'names of the nodes to watch, separated by spaces')
         self._liveness = Liveness(
             names.split(),
+            own=self.get_name(),
             stale_after_s=declare(
                 self,
                 'stale_after_s',
@@ -80,7 +90,7 @@ class SupervisorNode(TwinNode):
             ),
         )
         self._words = FewWords(_print, known=names.split())
-        self._silent: tuple[str, ...] = ()
+        self._state = ALL_REPORT
         self._errors: dict[tuple[str, str], str] = {}
         """The errors that were told, by the device and name of the sender."""
         self._publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
@@ -105,10 +115,12 @@ class SupervisorNode(TwinNode):
         sender = (in_short(status.hardware_id), in_short(status.name))
         if status.level != DiagnosticStatus.ERROR:
             self._errors.pop(sender, None)
-        elif status.name != self.get_name() and self._errors.get(sender) != status.message:
+        elif status.name != self.get_name() and self._errors.get(sender) != (
+            words := in_short(status.message)
+        ):
             if len(self._errors) >= QUEUE_DEPTH:
                 self._errors.pop(next(iter(self._errors)))
-            self._errors[sender] = status.message
+            self._errors[sender] = words
             device, name = sender
             if device != hardware_id(self):
                 name = f'{device or "another device"}: {name}'
@@ -142,19 +154,23 @@ class SupervisorNode(TwinNode):
         array.header.stamp = self.get_clock().now().to_msg()
         if silent:
             self._publisher.publish(array)
-        self._report(tuple(one.name for one in silent))
+        if self._liveness.deaf:
+            self._report(FLOOD)
+        else:
+            names = ', '.join(one.name for one in silent)
+            self._report(f'silent: {names}' if names else ALL_REPORT)
         for one in silent:
             if one.hangs:
                 self._end(one)
 
-    def _report(self, silent: tuple[str, ...]) -> None:
-        if silent == self._silent:
+    def _report(self, state: str) -> None:
+        if state == self._state:
             return
-        self._silent = silent
-        if silent:
-            self._diagnostics.report(DiagnosticStatus.WARN, f'silent: {", ".join(silent)}')
-        else:
-            self._diagnostics.report(DiagnosticStatus.OK, 'all nodes report')
+        self._state = state
+        level = DiagnosticStatus.OK if state == ALL_REPORT else DiagnosticStatus.WARN
+        self._diagnostics.report(level, state)
+        if state == FLOOD:
+            self.get_logger().warning(state)
 
     def _end(self, silence: Silence) -> None:
         process = _processes().get(silence.name)

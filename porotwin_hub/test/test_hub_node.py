@@ -53,8 +53,9 @@ class Asset:
             parameter_overrides=overrides,
         )
         self.peer = rclpy.create_node('pumps', context=context)
-        self.states = self.peer.create_publisher(NewState, 'asset/new_state', qos.FIELD)
-        self.refreshed = self.peer.create_publisher(
+        self.imaging = rclpy.create_node('imaging', context=context)
+        self.states = self.imaging.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+        self.refreshed = self.imaging.create_publisher(
             StateRefreshed, 'asset/state_refreshed', qos.FIELD
         )
         self.measured = self.peer.create_publisher(WellRatesMessage, 'wells/measured', qos.FIELD)
@@ -62,7 +63,7 @@ class Asset:
         self.setpoints: list[Setpoint] = []
         self.peer.create_subscription(CycleReport, 'hub/cycle', self.reports.append, qos.FIELD)
         self.peer.create_service(Control, 'guard/control', self._on_control)
-        self._thread = NodeThread(self.hub, self.peer)
+        self._thread = NodeThread(self.hub, self.peer, self.imaging)
         publishers = (self.states, self.refreshed, self.measured)
         self.wait_until(lambda: all(one.get_subscription_count() for one in publishers))
         self.wait_until(lambda: self.hub.count_subscribers('hub/cycle') > 0)

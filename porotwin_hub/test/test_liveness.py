@@ -13,8 +13,9 @@ class Watch:
 
     def __init__(self) -> None:
         self.time = 100.0
+        self.hears_itself = True
         self.processes = {'hub': NodeProcess(7, stopped=False, age_s=1000.0, cpu_s=50.0)}
-        self.liveness = Liveness(['hub'], clock=lambda: self.time)
+        self.liveness = Liveness(['hub'], own='supervisor', clock=lambda: self.time)
 
     def change(self, **values: object) -> None:
         self.processes['hub'] = dataclasses.replace(self.processes['hub'], **values)
@@ -27,6 +28,8 @@ class Watch:
             hub = self.processes.get('hub')
             if hub is not None:
                 self.change(cpu_s=hub.cpu_s + cpu_share, age_s=hub.age_s + 1.0)
+            if self.hears_itself:
+                self.liveness.heard('supervisor')
             found = self.liveness.silent(lambda: self.processes)
         return [(one.message, one.hangs) for one in found]
 
@@ -52,6 +55,17 @@ def test_a_stopped_process_is_named(watch: Watch) -> None:
     watch.change(stopped=True)
     assert watch.after(6) == [('silent for 6 s: its process is stopped', False)]
     assert watch.after(25)[0][1]
+
+
+def test_nobody_is_silent_for_a_watcher_that_does_not_hear_itself(watch: Watch) -> None:
+    assert watch.after(4) == []
+    watch.hears_itself = False
+    assert watch.after(100) == []
+    assert watch.liveness.deaf
+    watch.hears_itself = True
+    assert watch.after(5) == []
+    assert not watch.liveness.deaf
+    assert watch.after(26)[0][1]
 
 
 def test_a_process_that_computes_has_more_time(watch: Watch) -> None:
@@ -87,7 +101,9 @@ def test_after_a_pause_of_its_own_nobody_counts_as_silent(watch: Watch) -> None:
 
 def test_no_node_is_ended_if_the_user_says_so() -> None:
     watch = Watch()
-    watch.liveness = Liveness(['hub'], restart_after_s=0.0, clock=lambda: watch.time)
+    watch.liveness = Liveness(
+        ['hub'], own='supervisor', restart_after_s=0.0, clock=lambda: watch.time
+    )
     assert watch.after(5000) == [('silent for 5000 s: it hangs', False)]
 
 

@@ -1,4 +1,4 @@
-"""The twin when the pump of the tracer stops and nobody tells: state, belief and words."""
+"""The twin when the pump of the tracer stops or changes and nobody tells: belief and words."""
 
 from collections.abc import Callable
 
@@ -94,6 +94,17 @@ def test_a_stopped_pump_is_told_in_a_few_photographs(systematic: float, most: in
     assert all(not one.remarks for one in cycles[:STOP])
     for cycle, volume in zip(cycles[STOP:], volumes[STOP:], strict=True):
         assert np.sum(PORES * cycle.state) == pytest.approx(volume, rel=systematic + 0.01)
+
+
+@pytest.mark.parametrize('share', [0.5, 2.0])
+@pytest.mark.parametrize(('systematic', 'most'), [(0.04, 6), (0.17, 12)])
+def test_another_delivery_is_told_with_its_share(
+    systematic: float, most: int, share: float
+) -> None:
+    cycles, _ = followed(systematic, lambda one: 1.0 if one <= STOP else share, STOP + most + 2)
+    assert STOP < first_told(cycles, 'in seems to deliver about') <= STOP + most
+    assert cycles[-1].rate_factors['in'].factor == pytest.approx(share, rel=0.1)
+    assert all(not one.remarks for one in cycles[:STOP])
 
 
 def test_a_pump_that_runs_again_is_told_in_a_few_photographs() -> None:

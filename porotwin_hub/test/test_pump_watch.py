@@ -8,14 +8,16 @@ from porotwin_hub.estimation.pump_watch import NOTHING, REST_S, Expectations, Pu
 BLOCKS = 40
 USUAL = np.full(BLOCKS, 0.5)
 PUSH = np.where(np.arange(BLOCKS) < 20, 0.3, 0.0)
+MORE = np.where(np.arange(BLOCKS) < 10, -0.3, 0.0)
 OTHER = np.where(np.arange(BLOCKS) < 20, 0.0, 0.3)
 VARIANCE = np.full(BLOCKS, 4.0 * 0.02**2)
 
 
 def photograph(observed: np.ndarray, usual: np.ndarray = USUAL) -> Expectations:
     """Return a photograph where 'push' and 'other' change one half of the blocks each."""
-    doubts = 0.06 * np.array([PUSH, OTHER])
-    changed = {'push': USUAL + PUSH, 'other': USUAL + OTHER}
+    doubts = 0.06 * np.array([PUSH, OTHER, MORE])
+    changed = {('push', 0.0): USUAL + PUSH, ('push', 2.0): USUAL + MORE}
+    changed[('other', 0.0)] = USUAL + OTHER
     return Expectations(observed, usual, changed, VARIANCE, doubts)
 
 
@@ -39,9 +41,27 @@ def test_a_pump_at_a_part_of_its_rate_is_told_with_that_part() -> None:
     assert watch.share('push') == pytest.approx(0.4, abs=0.02)
 
 
+def test_a_pump_at_twice_its_rate_is_told_with_that_rate() -> None:
+    watch = PumpWatch()
+    (line,) = told(watch, photograph(USUAL + MORE))
+    assert line.startswith('push seems to deliver about 200 % of its rate')
+    assert watch.share('push') == pytest.approx(2.0, abs=0.03)
+
+
+def test_a_fault_that_becomes_worse_is_not_taken_back() -> None:
+    watch = PumpWatch()
+    told(watch, photograph(USUAL + 0.6 * PUSH))
+    stops = Expectations(
+        USUAL + PUSH, USUAL + 0.6 * PUSH, {('push', 1.0): USUAL}, VARIANCE, np.zeros((1, BLOCKS))
+    )
+    assert told(watch, stops) == []
+    assert watch.share('push') == pytest.approx(0.4, abs=0.02)
+
+
 def test_a_weak_pump_is_no_fault() -> None:
     watch = PumpWatch()
     assert told(watch, photograph(USUAL + 0.2 * PUSH), 10) == []
+    assert told(watch, photograph(USUAL + 0.2 * MORE), 10) == []
     assert watch.faults == {}
 
 
@@ -65,7 +85,7 @@ def test_the_likeliest_share_is_found() -> None:
 def test_a_fault_is_taken_back_when_photographs_say_so() -> None:
     watch = PumpWatch()
     told(watch, photograph(USUAL + PUSH))
-    changed = {'push': USUAL}
+    changed = {('push', 1.0): USUAL}
     doubts = np.zeros((1, BLOCKS))
     works = Expectations(USUAL, USUAL + PUSH, changed, VARIANCE, doubts)
     (line,) = told(watch, works)

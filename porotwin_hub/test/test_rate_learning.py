@@ -91,7 +91,7 @@ def test_a_well_at_rest_teaches_nothing() -> None:
 
 def test_a_prediction_for_each_pumping_well_is_asked_now_and_then() -> None:
     _, model = learnt({}, seconds=600)
-    watched = 5 * (1 + 2)  # every two minutes: usual, two wells that might have stopped
+    watched = 5 * (1 + 2 * 2)  # every two minutes: usual, two wells with nothing or twice as much
     assert model.calls == 2 * (1 + 2 + 1) + watched  # two updates: another scale beside these
 
 

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_imaging.camera.photo_forwarding import PhotoForwarder
 from porotwin_imaging.photograph.exposure_time import HEADER_BYTES
 from porotwin_imaging.photograph.sent_photos import SentPhotos
@@ -23,7 +24,6 @@ from porotwin_imaging.sources.folder import (
     MOST_AT_ONCE,
     FolderSource,
     check_folder,
-    read_regular_file,
 )
 
 GENERATOR = np.random.default_rng(2)
@@ -79,7 +79,7 @@ class WatchedFolder:
         )
 
     def _read(self, path: Path) -> bytes:
-        data = read_regular_file(path)
+        data = read_regular(path)
         self.after_reading(path)
         return data
 

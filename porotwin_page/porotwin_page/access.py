@@ -17,6 +17,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 
 LOCAL_NAMES = frozenset({'localhost', '127.0.0.1', '::1'})
 """Names of this machine for itself; an SSH tunnel uses them too."""
@@ -61,7 +62,9 @@ def token_in(path: Path) -> str:
         with os.fdopen(descriptor, 'w', encoding='ascii') as file:
             file.write(new_token() + '\n')
     try:
-        token = path.read_text(encoding='ascii').strip()
+        token = read_regular(path).decode('ascii').strip()
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f'{path}: not readable as a token ({error}); remove it') from None
     if len(token) < SHORTEST_TOKEN or not token.isprintable() or ' ' in token:

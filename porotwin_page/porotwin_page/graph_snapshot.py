@@ -575,7 +575,12 @@ def with_end(now: GraphSnapshot, reason: str) -> GraphSnapshot:
 
 
 def _newest_nodes(health: dict[str, Health]) -> dict[str, Health]:
-    newest = sorted(health, key=lambda name: health[name].arrival)[-NODES_KEPT:]
+    """Return the reports that are kept: of nodes seen in the graph before those of mere names."""
+
+    def worth(name: str) -> tuple[bool, float]:
+        return health[name].present is not None, health[name].arrival
+
+    newest = sorted(health, key=worth)[-NODES_KEPT:]
     return {name: health[name] for name in sorted(newest)}
 
 

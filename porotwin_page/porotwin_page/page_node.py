@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,9 @@ from porotwin_core.rates.wells import RateStep
 from porotwin_core.rates.wells import WellRates as RatesByWell
 from porotwin_core.rig import load_rig
 from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.node import Diagnostics, TwinNode, declare, hardware_id, run
+from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, TwinNode, declare, hardware_id, run
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_msgs.msg import (
     CleanState,
@@ -186,9 +188,13 @@ class PageNode(TwinNode):
             (CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD),
             (Forecast, 'siblings/forecast', self._on_forecast, qos.CONFIG),
             (MendOffer, 'mend/offer', self._on_offer, qos.CONFIG),
-            (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10),
         ):
-            self.create_subscription(message_type, topic, self._checked(topic, callback), profile)
+            refuse = partial(self._complaints.tell, topic)
+            take = self._checked(topic, callback)
+            follow(self, message_type, topic, take, profile, refuse=refuse)
+        self.create_subscription(
+            DiagnosticArray, DIAGNOSTICS, self._checked(DIAGNOSTICS, self._on_diagnostics), 10
+        )
 
     def _checked(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         def checked(message: Any) -> None:
@@ -271,7 +277,6 @@ class PageNode(TwinNode):
         self._store.update(graph_snapshot.with_setpoint, setpoint)
 
     def _on_measured(self, message: WellRates) -> None:
-        senders.check_only_pumps_measure(self)  # `_checked` logs the reason
         rates = conversions.rates_from_msg(message.wells)
         by_person = message.start == message.header.stamp
         self._store.update(
@@ -298,7 +303,6 @@ class PageNode(TwinNode):
         self._store.update(graph_snapshot.with_expectation, self._expectation(message))
 
     def _on_offer(self, message: MendOffer) -> None:
-        senders.check_only_mend_offers(self)  # `_checked` logs the reason
         if not 0.0 <= message.confidence <= 1.0:
             raise InputError(f'its confidence {message.confidence:g} is not from 0 to 1')
         offer = graph_snapshot.MendOffer(
@@ -342,11 +346,11 @@ class PageNode(TwinNode):
         now = time.monotonic()
         for status in message.status:
             level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
-            report = graph_snapshot.Health(level, status.message, now)
+            report = graph_snapshot.Health(level, in_short(status.message), now)
             name = status.name.rpartition('/')[2]
             if status.hardware_id != hardware_id(self):
                 name = f'{status.hardware_id or "another device"}: {name}'
-            self._store.update(graph_snapshot.with_health, name, report)
+            self._store.update(graph_snapshot.with_health, in_short(name), report)
 
     def _update_nodes(self) -> None:
         names = [

@@ -171,6 +171,15 @@ def test_the_photo_interval_is_the_longer_of_recorded_and_measured() -> None:
     assert after((snapshot.with_observed_state, observed_state(1))).photo_interval is None
 
 
+def test_made_up_names_take_no_place_of_a_node_of_the_graph() -> None:
+    now = snapshot.with_health(GraphSnapshot(), 'hub', Health(Level.ERROR, 'no setpoint', 1.0))
+    now = snapshot.with_nodes(now, ['hub'], 2.0)
+    for number in range(2 * snapshot.NODES_KEPT):
+        now = snapshot.with_health(now, f'lamp {number}', Health(Level.OK, 'lit', 3.0 + number))
+    assert len(now.health) == snapshot.NODES_KEPT
+    assert now.health['hub'].message == 'no setpoint'
+
+
 def test_a_node_may_leave_the_graph_and_return() -> None:
     report = Health(Level.OK, 'fast, 187x112', 1.0)
     now = snapshot.with_health(GraphSnapshot(), 'solver', report)

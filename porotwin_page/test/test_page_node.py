@@ -109,15 +109,15 @@ def post(address: str, body: dict, what: str = 'confirm') -> tuple[int, dict]:
 class Hub(Node):
     """The rest of the graph: publishes data for the page and receives its confirmations.
 
-    It has the name of the guard, the only node whose setpoints are orders.
+    Its node has the name of the guard, and another node publishes what the guard does not.
     """
 
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__('guard', namespace='/porotwin', context=context)
         self.requests: list[ConfirmRates.Request] = []
-        self.operator = rclpy.create_node('operator', namespace='/porotwin', context=context)
+        others = rclpy.create_node('player', namespace='/porotwin', context=context)
         self.publishers_by_topic = {
-            topic: (self.operator if topic == 'wells/measured' else self).create_publisher(
+            topic: (self if topic == 'wells/setpoint' else others).create_publisher(
                 kind, topic, profile
             )
             for topic, kind, profile in (

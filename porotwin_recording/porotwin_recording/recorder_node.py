@@ -21,6 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
@@ -109,9 +110,7 @@ class RecorderNode(TwinNode):
         self._is_simulated = self.simulated
         self._simulated_time: int | None = None
         if self._is_simulated:
-            self.create_subscription(
-                ClockMessage, '/clock', self._on_clock, qos_profile_sensor_data
-            )
+            follow(self, ClockMessage, '/clock', self._on_clock, qos_profile_sensor_data)
         self._diagnostics = Diagnostics(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)

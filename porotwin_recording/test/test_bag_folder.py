@@ -1,6 +1,7 @@
 """Tests of the files of a bag: several, missing, compressed, and of other formats."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ import zstandard
 from bag_examples import write_setpoints
 from recording_examples import STRING
 
+from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_recording.mcap.bag_folder import METADATA, is_bag
+from porotwin_recording.mcap.bag_folder import METADATA, is_bag, unpacked
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_writer import BagWriter
 
@@ -110,6 +112,21 @@ def test_files_compressed_by_ros2_bag_are_read(tmp_path: Path) -> None:
     bag = BagReader(folder)
     assert list(bag.messages())
     assert f'{file}: cannot be unpacked by zstd' in bag.remarks[0]
+
+
+def test_a_compressed_file_does_not_fill_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / 'run.mcap.zstd'
+    file.write_bytes(zstandard.ZstdCompressor().compress(bytes(100 << 20)))
+    monkeypatch.setattr(
+        'porotwin_recording.mcap.bag_folder.check_declared', partial(check_declared, most=3 << 20)
+    )
+    with pytest.raises(InputError) as refused:
+        unpacked(file, tmp_path / 'plain.mcap')
+    assert str(refused.value).startswith(f'{file}: claims ')
+    assert 'unpack it with zstd -d' in str(refused.value)
+    assert (tmp_path / 'plain.mcap').stat().st_size <= 4 << 20
 
 
 def test_messages_compressed_by_ros2_bag_are_read(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import (
     CLOCK,
     Diagnostics,
@@ -152,7 +153,7 @@ class VirtualRigNode(TwinNode):
         self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
-        self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
+        follow(self, Header, 'mend/seen', self._on_seen, qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.model.effect_parameter import Parameter
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects import effect
@@ -92,7 +93,7 @@ def read_diagnosis(path: Path) -> tuple[DiagnosedEffect, ...]:
         InputError: the file cannot be read, or lacks a key.
     """
     try:
-        data = json.loads(path.read_text(encoding='utf-8'))
+        data = json.loads(read_regular(path))
         kept = [item for item in data['effects'] if item['name'] in data['combination']]
         return tuple(_diagnosed(item) for item in kept if effect(item['name']).scope in OF_THE_RIG)
     except OSError as error:

@@ -52,7 +52,7 @@ class Beside:
         }
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         self.node = SiblingsNode(context=context, parameter_overrides=overrides)
-        self.other = rclpy.create_node('solver', context=context)
+        self.other = rclpy.create_node('player', context=context)  # it may send everything
         self.forecasts: list[Forecast] = []
         self.other.create_subscription(
             Forecast, 'siblings/forecast', self.forecasts.append, qos.FIELD

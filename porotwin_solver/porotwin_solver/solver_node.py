@@ -32,6 +32,7 @@ from porotwin_core.ros.conversions import (
     tracer_from_msg,
     tracer_to_msg,
 )
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.senders import callers
 from porotwin_core.ros.single_instance import only_one
@@ -174,20 +175,16 @@ class SolverNode(TwinNode):
         self._publish_effects()
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(SetEffects, 'solver/set_effects', self._set_effects, callback_group=own)
-        self.create_subscription(
-            StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
-        )
-        # the types of rclpy do not know callbacks that take the info of a message as well
-        on_effects: Any = self._on_effects
-        on_clock: Any = self._on_clock
-        self.create_subscription(
-            ModelEffects, 'model/effects', on_effects, qos.DECISIONS, callback_group=own
+        follow(self, StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD)
+        follow(
+            self, ModelEffects, 'model/effects', self._on_effects, qos.DECISIONS, callback_group=own
         )
         if self._replay is not None:
-            self.create_subscription(
+            follow(
+                self,
                 Clock,
                 '/clock',
-                on_clock,
+                self._on_clock,
                 qos.CLOCK,
                 callback_group=own,
                 event_callbacks=SubscriptionEventCallbacks(matched=self._on_player),

@@ -66,7 +66,7 @@ class Client:
     def __init__(self, namespace: str = '') -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node('test_solver', context=self.context, namespace=namespace)
+        self.node = rclpy.create_node('player', context=self.context, namespace=namespace)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
@@ -348,7 +348,7 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
     assert answer.outcome.code == Outcome.OK, answer.outcome.message
     client.spin_until(lambda: told[-1].sequence == 1)
     assert str(told[-1]) == str(answer.in_force)  # NaN stands for the number of a text
-    assert told[-1].reason == 'test_solver set: pump injector delivers 50 % of the commanded rate'
+    assert told[-1].reason == 'player set: pump injector delivers 50 % of the commanded rate'
     info = client.call(ModelInfo, 'info')
     assert [effect.name for effect in info.effects] == ['retardation', 'rate']
     mended = Model(model.rig, model.grid, preset='fast', effects=[weak])

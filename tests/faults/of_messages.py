@@ -25,12 +25,14 @@ from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, W
 from porotwin_msgs.srv import Cancel
 
 REMOVED = 'end the foreign node'
-NO_SETPOINT = 'Ignores the state. No setpoint follows while a foreign node sends states.'
+NO_SETPOINT = 'Ignores the state. No setpoint follows while another node sends states.'
 NX, NZ = (int(number) for number in GRID.split('x'))
 
 
-def foreign_state(stage: Stage, values: np.ndarray, *, number: int) -> Iterator[None]:
-    """Publish a state as a node does that is not of the twin; that node is gone at the end."""
+def foreign_state(
+    stage: Stage, values: np.ndarray, *, number: int, name: str = 'player'
+) -> Iterator[None]:
+    """Publish a state as the node `name`, by default as a replay; that node is gone at the end."""
     taken = time.time()
     nz, nx = values.shape
     header: Any = conversions.header_at(taken)
@@ -39,8 +41,10 @@ def foreign_state(stage: Stage, values: np.ndarray, *, number: int) -> Iterator[
     )
     tracer.concentration = values.astype(np.float32).ravel().tolist()
     with (
-        stage.foreign('asset/new_state', NewState, qos.FIELD) as send_state,
-        stage.foreign('asset/state_refreshed', StateRefreshed, qos.FIELD) as send_refreshed,
+        stage.foreign('asset/new_state', NewState, qos.FIELD, name=name) as send_state,
+        stage.foreign(
+            'asset/state_refreshed', StateRefreshed, qos.FIELD, name=name
+        ) as send_refreshed,
     ):
         send_state(NewState(header=header, sequence=number, time_step=1.0, tracer=tracer))
         send_refreshed(StateRefreshed(header=header, sequence=number))
@@ -48,7 +52,7 @@ def foreign_state(stage: Stage, values: np.ndarray, *, number: int) -> Iterator[
 
 
 @fault(
-    'A foreign node sends a state on another grid.',
+    'A replay beside the twin sends a state on another grid.',
     LogLine('hub', 'state 9001 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -58,7 +62,7 @@ def other_grid(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A foreign node sends a state of NaN.',
+    'A replay beside the twin sends a state of NaN.',
     LogLine('hub', 'state 9002 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -68,7 +72,7 @@ def state_of_nan(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A foreign node sends a state of infinite numbers.',
+    'A replay beside the twin sends a state of infinite numbers.',
     LogLine('hub', 'state 9003 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -78,7 +82,7 @@ def state_of_infinity(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A foreign node sends a state of 1e30.',
+    'A replay beside the twin sends a state of 1e30.',
     LogLine('hub', 'state 9004 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -88,7 +92,7 @@ def huge_state(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A foreign node sends a state of -5.',
+    'A replay beside the twin sends a state of -5.',
     LogLine('hub', 'state 9005 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -99,12 +103,13 @@ def negative_state(stage: Stage) -> Iterator[None]:
 
 @fault(
     'A foreign node sends a state that looks right.',
-    Remark('a second node publishes asset/new_state'),
-    does='Does not use the state. No setpoint follows while the foreign node is there.',
+    Status('hub', 'WARN', 'publishes asset/new_state too'),
+    LogLine('page', 'publishes asset/new_state too'),
+    does='No node uses a state, and no setpoint follows, while the foreign node is there.',
     mends=REMOVED,
 )
 def plausible_state(stage: Stage) -> Iterator[None]:
-    yield from foreign_state(stage, np.zeros((NZ, NX)), number=9006)
+    yield from foreign_state(stage, np.zeros((NZ, NX)), number=9006, name='stranger')
 
 
 @fault(
@@ -124,9 +129,9 @@ def foreign_photograph(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node sends a setpoint that keeps all limits.',
     Status('guard', 'ERROR', 'no setpoint can pass'),
-    LogLine('operator', 'not shown'),
-    does='Operator and pumps refuse the setpoint. No setpoint passes while the foreign node is '
-    'there.',
+    LogLine('operator', 'wells/setpoint ignored'),
+    LogLine('page', 'wells/setpoint ignored'),
+    does='No node uses the setpoint, and none passes while the foreign node is there.',
     mends=REMOVED,
 )
 def foreign_setpoint(stage: Stage) -> Iterator[None]:
@@ -183,6 +188,7 @@ def order_in_an_error(stage: Stage) -> Iterator[None]:
 @fault(
     "A foreign node sends the hub's reports of cycles.",
     LogLine('operator', 'publishes hub/cycle too'),
+    LogLine('page', 'publishes hub/cycle too'),
     does='The operator neither shows nor speaks such reports. Control continues.',
     mends=REMOVED,
 )

@@ -84,6 +84,20 @@ def endless_path(stage: Stage) -> None:
 
 
 @fault(
+    'A FIFO is named as the model of COSTA.',
+    Answer('is a FIFO, socket or device'),
+    does='Refuses the request in one line, and waits for nothing. So does every reader of a file.',
+    mends=NOTHING,
+)
+def model_that_never_ends(stage: Stage) -> None:
+    fifo = stage.folder / 'model.safetensors'
+    os.mkfifo(fifo)
+    answer = stage.call(LoadModel, 'costa/load', LoadModel.Request(path=str(fifo)))
+    fifo.unlink()
+    assert 'is a FIFO, socket or device' in answer.outcome.message
+
+
+@fault(
     'A confirmation names a setpoint that never was.',
     Answer('setpoint 9999 is not the newest'),
     does='Refuses the confirmation.',

@@ -7,6 +7,7 @@ from typing import Self
 
 from porotwin_cli.running.live_node import listening, live_node
 from porotwin_core.ros import qos
+from porotwin_core.ros.following import follow
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CleanState, CycleReport, Setpoint
 
@@ -36,10 +37,10 @@ class GraphWatch:
 
     def __enter__(self) -> Self:
         node = live_node('watch', namespace=NAMESPACE)
-        node.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
-        node.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        follow(node, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        follow(node, CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         if self._on_setpoint is not None:
-            node.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+            follow(node, Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self._listening.enter_context(listening(node))
         return self
 

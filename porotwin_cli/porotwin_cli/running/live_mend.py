@@ -11,6 +11,7 @@ from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
+from porotwin_core.ros.following import follow
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
@@ -63,7 +64,7 @@ class MendDesk:
 
     def __enter__(self) -> Self:
         node = live_node('mend_desk', namespace=self._namespace)
-        node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
+        follow(node, MendOffer, 'mend/offer', self._take, qos.CONFIG)
         self._client = node.create_client(AnswerMend, 'mend/answer')
         self._listening.enter_context(listening(node))
         return self

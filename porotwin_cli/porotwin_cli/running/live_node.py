@@ -8,6 +8,7 @@ from rclpy.context import Context
 from rclpy.executors import Executor
 from rclpy.node import Node
 
+from porotwin_core.ros.node import TwinNode
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_core.ros.ros_environment import prepare_environment
 
@@ -21,7 +22,7 @@ def live_node(name: str, *, namespace: str) -> Node:
     prepare_environment()
     context = Context()
     rclpy.init(context=context)
-    return rclpy.create_node(name, namespace=namespace, context=context)
+    return TwinNode(name, namespace=namespace, context=context)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_text
 from porotwin_core.geometry.grid import FloatArray, Grid
 
 DEPTH_SQUARE_M = 0.01
@@ -59,7 +60,7 @@ def read_depth_points(path: Path) -> tuple[tuple[float, float, float], ...]:
         InputError: the file is missing, has another header, or a line is no three numbers.
     """
     try:
-        with path.open(encoding='utf-8-sig', newline='') as file:
+        with open_text(path, 'utf-8-sig') as file:
             lines = [line for line in csv.reader(file) if any(word.strip() for word in line)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f'{path}: not readable as CSV ({error})') from None

@@ -7,6 +7,7 @@ import numpy as np
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import regular
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig.sections import MapReference
 
@@ -49,7 +50,7 @@ def read_map(
     import netCDF4  # takes a tenth of the start of a node, and few rigs have such maps
 
     try:
-        with netCDF4.Dataset(file) as dataset:
+        with netCDF4.Dataset(regular(file)) as dataset:
             _check_axes(file, dataset, variable, size)
             check_variable(file, dataset.variables[variable])
             values: FloatArray = np.ma.filled(

@@ -11,6 +11,7 @@ import pydantic
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import Remark
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
@@ -133,7 +134,7 @@ def _described(data: Any, path: Path) -> Rig:
 
 def _picture(path: Path, name: str) -> dict[str, bytes]:
     try:
-        return {name: (path.parent / name).read_bytes()}
+        return {name: read_regular(path.parent / name)}
     except OSError as error:
         raise InputError(
             f"{path}: sand_image names '{name}', which cannot be read ({error.strerror})"

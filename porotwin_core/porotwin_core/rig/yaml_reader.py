@@ -12,6 +12,7 @@ import yaml
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 
 LARGEST_TEXT = 2 << 20
 """Longest document [bytes], and most values in it, repeated aliases included: 20 s of work."""
@@ -118,8 +119,9 @@ def read_yaml_file(path: Path, *, remedy: str) -> Any:
         InputError: the file is missing, not readable, or no YAML; one line with the remedy.
     """
     try:
-        check_declared(path, (path.stat().st_size,), most=LARGEST_TEXT)
-        return read_yaml(path.read_text(encoding='utf-8-sig'))
+        data = read_regular(path, LARGEST_TEXT + 1)
+        check_declared(path, (len(data),), most=LARGEST_TEXT)
+        return read_yaml(data.decode('utf-8-sig'))
     except IsADirectoryError:
         raise InputError(f'{path}: is a folder; name a file in it') from None
     except FileNotFoundError:

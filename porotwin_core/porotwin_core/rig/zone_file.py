@@ -6,6 +6,7 @@ import numpy as np
 from PIL import Image
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.rig.property_file import read_map
@@ -62,7 +63,7 @@ def _from_picture(file: Path, raster: Grid) -> FloatArray:
         InputError: no picture, or none of a rig with this shape.
     """
     try:
-        content = file.read_bytes()
+        content = read_regular(file)
     except OSError as error:
         raise InputError(f'{file}: cannot be read ({error.strerror})') from None
     layers = rig_picture(file, content, 'LA', width_m=raster.width, height_m=raster.height)

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 from rclpy.node import Node
 
-from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.from_messages import effects_from_msg
-from porotwin_core.ros.senders import check_only_solver_tells
 from porotwin_msgs.msg import ModelEffects
 
 
@@ -31,15 +30,10 @@ def follow_effects(
     Args:
         node: the node.
         on_effects: takes what the solver told; it may raise InputError to ignore it.
-        refuse: takes one line about ignored effects; None: the log of the node.
+        refuse: as in `follow`.
     """
-    complain = refuse or node.get_logger().error
 
     def on_message(message: ModelEffects) -> None:
-        try:
-            check_only_solver_tells(node)
-            on_effects(ToldEffects(effects_from_msg(message.effects), message.sequence))
-        except InputError as error:
-            complain(f'model/effects ignored: {error}')
+        on_effects(ToldEffects(effects_from_msg(message.effects), message.sequence))
 
-    node.create_subscription(ModelEffects, 'model/effects', on_message, qos.CONFIG)
+    follow(node, ModelEffects, 'model/effects', on_message, qos.CONFIG, refuse=refuse)

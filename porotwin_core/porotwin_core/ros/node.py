@@ -89,7 +89,7 @@ class TwinNode(Node):
         """Make a node called `name`; `kwargs` are those of rclpy, such as `context`."""
         super().__init__(name, **kwargs)
         self._logger = PlainLogger(super().get_logger().name)
-        self._failures = FewWords(self._logger.error)
+        self._left_out = FewWords(self._logger.error)
         self.add_on_set_parameters_callback(self._keep_clock)
 
     def create_subscription(
@@ -102,7 +102,7 @@ class TwinNode(Node):
             try:
                 return callback(*words)
             except Exception as error:
-                self._leave_out(topic, error)
+                self._tell_left_out(topic, error)
 
         return super().create_subscription(msg_type, topic, surviving, *args, **kwargs)
 
@@ -116,17 +116,17 @@ class TwinNode(Node):
             try:
                 return callback(request, response)
             except Exception as error:
-                self._leave_out(srv_name, error)
+                self._tell_left_out(srv_name, error)
                 return type(response)()
 
         return super().create_service(srv_type, srv_name, surviving, **kwargs)
 
-    def _leave_out(self, name: str, error: Exception) -> None:
+    def _tell_left_out(self, name: str, error: Exception) -> None:
         if not self.context.ok():
             raise error  # the end of the node, not a word of another
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f'{place.name}, line {place.lineno} of {Path(place.filename).name}'
-        self._failures.tell(name, f'{name}: {LEFT_OUT}: {error!r} in {where}')
+        self._left_out.tell(name, f'{name}: {LEFT_OUT}: {error!r} in {where}')
 
     @property
     def simulated(self) -> bool:

@@ -3,19 +3,16 @@
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rates_in_force import KnownRates
 from porotwin_core.ros import conversions, qos
-from porotwin_core.ros.foreign_words import FewWords
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
-from porotwin_core.ros.senders import check_only_pumps_measure
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 
 
@@ -53,13 +50,10 @@ def follow_run(
     def on_setpoint(message: Setpoint) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        try:
-            told = conversions.rates_from_msg(message.wells)
-            with lock:
-                rates.add_commanded(stamp, told, until)
-                notify()
-        except InputError as error:
-            node.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
+        told = conversions.rates_from_msg(message.wells)
+        with lock:
+            rates.add_commanded(stamp, told, until)
+            notify()
 
     def notify() -> None:
         if isinstance(lock, threading.Condition):
@@ -68,38 +62,13 @@ def follow_run(
     def on_experiment(message: Header) -> None:
         on_start(conversions.time_from_msg(message.stamp))
 
-    follow_measured(node, on_measured)
+    follow(node, WellRates, 'wells/measured', on_measured, qos.FIELD)
     # every setpoint of a run counts, not only the newest as for a pump
-    node.create_subscription(Setpoint, 'wells/setpoint', on_setpoint, qos.FIELD)
-    node.create_subscription(CleanState, 'asset/clean_state', on_clean_state, qos.FIELD)
+    follow(node, Setpoint, 'wells/setpoint', on_setpoint, qos.FIELD)
+    follow(node, CleanState, 'asset/clean_state', on_clean_state, qos.FIELD)
     follow_effects(node, on_effects)
-    node.create_subscription(NewState, 'asset/new_state', on_state, qos.FIELD)
+    follow(node, NewState, 'asset/new_state', on_state, qos.FIELD)
     if node.get_parameter('use_sim_time').value:
         on_start(0.0)
     else:
-        node.create_subscription(Header, 'asset/experiment', on_experiment, qos.CONFIG)
-
-
-def follow_measured(
-    node: Node,
-    on_measured: Callable[[WellRates], None],
-    *,
-    refuse: Callable[[str], None] | None = None,
-) -> None:
-    """Subscribe `node` to measured rates; all are ignored while a foreign node could send them.
-
-    Args:
-        node: the node.
-        on_measured: takes the rates; it may raise InputError to ignore them.
-        refuse: takes one line about ignored rates; None: the log of the node, a few a minute.
-    """
-    complain = refuse or partial(FewWords(node.get_logger().error).tell, 'wells/measured')
-
-    def on_message(message: WellRates) -> None:
-        try:
-            check_only_pumps_measure(node)
-            on_measured(message)
-        except InputError as error:
-            complain(f'measured rates ignored: {error}')
-
-    node.create_subscription(WellRates, 'wells/measured', on_message, qos.FIELD)
+        follow(node, Header, 'asset/experiment', on_experiment, qos.CONFIG)

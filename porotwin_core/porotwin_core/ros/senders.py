@@ -5,7 +5,7 @@ receiver that accepts one sender therefore refuses all messages while another no
 """
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,29 @@ from porotwin_core.basis.errors import InputError
 
 GUARD = 'guard'
 """Name of the node that alone may set the pumps."""
+
+PLAYER = 'player'
+"""Name of the node that plays a recording: it sends the messages of all nodes."""
+
+SENDERS: Mapping[str, tuple[str, ...]] = {
+    '/clock': ('virtual_rig', 'mock_camera'),
+    'asset/clean_state': ('imaging', 'virtual_rig'),
+    'asset/experiment': ('imaging',),
+    'asset/new_state': ('imaging',),
+    'asset/state_refreshed': ('imaging',),
+    'hub/cycle': ('hub',),
+    'mend/offer': ('mend',),
+    'mend/seen': ('mend',),
+    'model/effects': ('solver',),
+    'rig/description': ('hub',),
+    'siblings/forecast': ('siblings',),
+    'tracer/corrected': ('hub',),
+    'tracer/predicted': ('hub',),
+    'wells/measured': ('operator', 'pumps', 'virtual_rig'),
+    'wells/setpoint': (GUARD,),
+}
+"""The only nodes that send each topic. `following.follow` subscribes to these topics, and nothing
+else that uses them does. Any camera may send photographs, and any node its health."""
 
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 """Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
@@ -43,16 +66,6 @@ def full_name(node: Any, name: str) -> str:
     return f'{node.get_namespace().rstrip("/")}/{name}'
 
 
-def check_only_guard_publishes(node: Any) -> None:
-    """Check that only the guard publishes setpoints; every receiver of setpoints calls this.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    found = publishers(node, 'wells/setpoint')
-    refuse_others(found, full_name(node, GUARD), 'publishes wells/setpoint')
-
-
 def check_only_guard_calls(node: Any) -> None:
     """Check that only the guard commands the pumps; every asset calls this.
 
@@ -62,54 +75,19 @@ def check_only_guard_calls(node: Any) -> None:
     refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
 
 
-def check_only_mend_offers(node: Any) -> None:
-    """Check that only the node `mend`, or a replay of its messages, publishes offers.
+def check_senders(node: Any, topic: str, *, replayed: bool = True) -> None:
+    """Check that only the nodes of `SENDERS` publish `topic`, a name relative to `node`.
+
+    Args:
+        node: the node that follows the topic.
+        topic: a key of `SENDERS`.
+        replayed: whether the player of a recording may publish it as well.
 
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    _check_only(node, 'mend/offer', 'mend')
-
-
-def check_only_solver_tells(node: Any) -> None:
-    """Check that only the solver, or a replay of its messages, tells the effects in the model.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    _check_only(node, 'model/effects', 'solver')
-
-
-def check_only_hub_reports(node: Any) -> None:
-    """Check that only the hub, or a replay of its messages, reports cycles.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    _check_only(node, 'hub/cycle', 'hub')
-
-
-def check_only_pumps_measure(node: Any) -> None:
-    """Check that only pumps, the person at them, or a replay publish measured rates.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    _check_only(node, 'wells/measured', 'operator', 'pumps', 'virtual_rig')
-
-
-def check_only_rig_keeps_time(node: Any) -> None:
-    """Check that only the virtual rig, the mock camera or a replay tells the simulated time.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    _check_only(node, '/clock', 'virtual_rig', 'mock_camera')
-
-
-def _check_only(node: Any, topic: str, *names: str) -> None:
-    """Check that only nodes of these `names` and the player of a recording publish `topic`."""
-    allowed = {full_name(node, name) for name in (*names, 'player')}
+    names = SENDERS[topic]
+    allowed = {full_name(node, name) for name in (*names, *((PLAYER,) if replayed else ()))}
     found = [sender for sender in publishers(node, topic) if sender.node not in allowed]
     refuse_others(found, full_name(node, ' or '.join(names)), f'publishes {topic}')
 

@@ -11,6 +11,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError, write_error
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file
 
 _PICKLES = (b'\x80', b'PK\x03\x04')
@@ -51,11 +52,8 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
     Raises:
         InputError: the file is missing, a pickle, no safetensors file, or of another format.
     """
-    if path.exists() and not path.is_file():
-        raise InputError(f'{path}: is no file of weights; name a .safetensors file')
     try:
-        with path.open('rb') as file:
-            start = file.read(4)
+        start = read_regular(path, 4)
     except OSError as error:
         raise InputError(f'{path}: cannot be read ({error.strerror})') from None
     try:

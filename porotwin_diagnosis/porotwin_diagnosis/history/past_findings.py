@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from porotwin_core.basis.errors import InputError, check_writable, refuse_file, writing
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
@@ -218,7 +219,7 @@ def read_history(folder: Path) -> tuple[PastFinding, ...]:
         return ()
     remedy = 'correct it, or name another folder'
     try:
-        findings = _FINDINGS.validate_json(path.read_bytes())
+        findings = _FINDINGS.validate_json(read_regular(path))
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; {remedy}') from None
     except ValidationError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
@@ -185,7 +186,7 @@ def read_finding(report: Path) -> Finding:
     """
     path = report.with_name('diagnosis.json')
     try:
-        return finding_of(json.loads(path.read_text(encoding='utf-8')), str(report))
+        return finding_of(json.loads(read_regular(path)), str(report))
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; diagnose again') from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file, write_whole
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.rig.yaml_reader import read_yaml
@@ -178,7 +179,7 @@ def _is_of_fields(name: str) -> bool:
 def _is_own(path: Path) -> bool:
     """Return whether a diagnosis wrote the rig.yaml at `path`, and nobody has edited it."""
     try:
-        first, _, text = path.read_text(encoding='utf-8').partition('\n')
+        first, _, text = read_regular(path).decode().partition('\n')
     except (OSError, ValueError):
         return False
     return first == f'{APPLIED}{mark_of(text)}' and (path.parent / SUMMARY).is_file()
@@ -189,7 +190,7 @@ def _remove_own_rig(folder: Path) -> None:
     path = folder / RIG_FILE
     if not _is_own(path):
         return
-    names = _named_files(read_yaml(path.read_text(encoding='utf-8')))
+    names = _named_files(read_yaml(read_regular(path).decode()))
     path.unlink()
     for name in names:
         (folder / name).unlink(missing_ok=True)

@@ -1,7 +1,7 @@
-"""Notices from photographs that a pump delivers far less than it is told, or nothing.
+"""Notices from photographs that a pump delivers nothing, far less or far more than it is told.
 
 A pump without a flow meter may stop, or its tube may come loose, and nobody sees it. Each well that
-pumps is a hypothesis: "it has delivered only this share since some minutes". Predictions from a
+pumps is a hypothesis: "it has delivered this share since some minutes". Predictions from a
 state some minutes ago tell what the photograph would show then. The hypothesis with the likeliest
 photograph is compared with "all as told". The usual doubt of rates, model and camera is part of
 the likelihood, so that it takes more than a weak pump to become sure (Bayes factors; Kass and
@@ -15,7 +15,7 @@ import numpy as np
 
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.model.tracer_volume import CHANGE_LOG_ODDS
+from porotwin_core.model.tracer_volume import CHANGE_LOG_ODDS, CHANGED_SHARE
 
 WATCH_S = 120.0
 """Time between two tests [s]; each takes a prediction for every pumping well."""
@@ -27,7 +27,8 @@ TESTS_IN_TURN = 2
 """Tests that must speak for a fault of the same well: one photograph may be a bad one."""
 
 MOST_SHARE = 0.6
-"""Greatest share of its rate that counts as a fault: the rate factors follow smaller ones."""
+"""Greatest share of its rate that counts as a fault, and as far above 1: the rate factors follow
+smaller ones."""
 
 STOPPED_SHARE = 0.25
 """Least share that is told apart from none: below, the pump counts as stopped."""
@@ -55,15 +56,14 @@ class Expectations(NamedTuple):
     Attributes:
         observed: the observed means, (blocks,).
         usual: if all is as believed, (blocks,).
-        changed: if one well delivers nothing, or, where it is believed to have a fault, all it is
-            told; by well, (blocks,).
+        changed: if one well delivers another share of its rate; by well and share, (blocks,).
         variance: of the errors of photograph and model, (blocks,).
         doubts: one standard deviation of each doubt about rates and camera, (doubts, blocks).
     """
 
     observed: FloatArray
     usual: FloatArray
-    changed: Mapping[str, FloatArray]
+    changed: Mapping[tuple[str, float], FloatArray]
     variance: FloatArray
     doubts: FloatArray
 
@@ -78,12 +78,19 @@ class PumpWatch:
     def begin_anew(self) -> None:
         """Forget everything."""
         self.faults: dict[str, Fault] = {}
-        """The pumps that are believed to deliver less, by well."""
+        """The pumps that are believed to deliver another share, by well."""
         self._suspect, self._shares = '', [1.0]
 
     def share(self, well: str) -> float:
         """Return the share of its rate that a pump is believed to deliver."""
         return self.faults[well].share if well in self.faults else 1.0
+
+    def shares(self, well: str) -> tuple[float, ...]:
+        """Return the shares that a photograph is compared with; of a pump at fault, that it works.
+
+        More and less are told by different places, so that neither follows from the other.
+        """
+        return (1.0,) if well in self.faults else (0.0, 1.0 + CHANGED_SHARE)
 
     def rest(self, idle: Sequence[str], elapsed: float) -> None:
         """Take that the `idle` wells were told to stand for `elapsed` [s].
@@ -119,7 +126,7 @@ class PumpWatch:
 
     def _believe(self, well: str, share: float) -> list[str]:
         """Take a fault of a `well` into the belief."""
-        if share > MOST_SHARE:
+        if abs(1.0 - share) < 1.0 - MOST_SHARE:
             return []
         stands = share < STOPPED_SHARE
         self.faults[well] = Fault(NOTHING if stands else share)
@@ -139,7 +146,7 @@ def likeliest(seen: Expectations) -> tuple[str, float, float]:
     weigh = _weighing(seen.variance, seen.doubts)
     best = ('', 1.0, 0.0)
     misfits = [float(left @ weigh(left))]
-    for well, changed in seen.changed.items():
+    for (well, share), changed in seen.changed.items():
         change = changed - seen.usual
         weighed = weigh(change)
         size = float(change @ weighed)
@@ -149,7 +156,7 @@ def likeliest(seen: Expectations) -> tuple[str, float, float]:
         gain = 2.0 * part * float(left @ weighed) - part**2 * size
         misfits.append(misfits[0] - gain)
         if 0.5 * gain > best[2]:
-            best = (well, 1.0 - part, 0.5 * gain)
+            best = (well, 1.0 + part * (share - 1.0), 0.5 * gain)
     # a misfit that no hypothesis explains has another cause, and makes all of them less sure
     within = np.maximum(seen.observed, seen.usual), np.minimum(seen.observed, seen.usual)
     telling = (within[0] > EMPTY) & (within[1] < 1.0 - EMPTY)

@@ -151,7 +151,7 @@ class RateLearner:
     def factors(self) -> dict[str, PumpFactor]:
         """The rate factor of every pump, by its meter and by the photographs.
 
-        A pump that photographs found to deliver far less has the factor of that.
+        A pump that photographs found to deliver far less or more has the factor of that.
         """
         deviations = np.sqrt(np.diag(self._covariance))
         return {
@@ -289,7 +289,7 @@ class RateLearner:
         return _Course(physics, joined(periods), self._blocks, known, self._closed)
 
     def _changed(self, time: float, volume: Volume, periods: Sequence[RatePeriod]) -> int:
-        """Return how many photographs ago a pump of tracer seems to have begun to deliver far less.
+        """Return how many photographs ago a pump of tracer seems to have changed its delivery.
 
         0: none has, or it is so long ago that the regular tests have seen it.
         """
@@ -302,7 +302,7 @@ class RateLearner:
     def _watch_pumps(
         self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen, changed: int
     ) -> list[str]:
-        """Return the new beliefs about pumps without a meter that deliver far less.
+        """Return the new beliefs about pumps without a meter that deliver far less or more.
 
         The delivery of tracer may have `changed` so many photographs ago; 0: it has not.
         """
@@ -331,17 +331,20 @@ class RateLearner:
         seen: Seen,
         pumping: Sequence[str],
     ) -> Expectations:
-        """Return what the photograph would show if one of the `pumping` wells did not deliver."""
+        """Return what the photograph would show if a well of `pumping` delivered otherwise."""
         state = begin.estimate.concentration
         factors = {
             well: self._watch.share(well) * math.exp(log_factor)
             for well, log_factor in zip(self._wells, self._mean, strict=True)
         }
-        other = {well: 1.0 if well in self._watch.faults else 0.0 for well in pumping}
         usual = course.expected(state, factors)
-        changed = {well: course.expected(state, {**factors, well: other[well]}) for well in pumping}
-        deviations = np.sqrt(np.diag(self._covariance))
-        rates = [deviations[self._wells.index(well)] * (changed[well] - usual) for well in pumping]
+        changed = {
+            (well, share): course.expected(state, {**factors, well: share})
+            for well in pumping
+            for share in self._watch.shares(well)
+        }
+        deviations = dict(zip(self._wells, np.sqrt(np.diag(self._covariance)), strict=True))
+        rates = [deviations[well] * (means - usual) for (well, _), means in changed.items()]
         scale = math.sqrt(float(estimate.volume.covariance[1, 1]))
         camera = scale * course.means(seen.systematic)
         variance = error_variance(course.means(seen.random**2))

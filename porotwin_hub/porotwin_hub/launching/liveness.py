@@ -52,6 +52,7 @@ class Liveness:
         self,
         names: Iterable[str],
         *,
+        own: str,
         stale_after_s: float = STALE_AFTER_S,
         restart_after_s: float = RESTART_AFTER_S,
         start_patience_s: float = START_PATIENCE_S,
@@ -61,6 +62,7 @@ class Liveness:
 
         Args:
             names: names of nodes.
+            own: name of the node that listens; its own reports come as those of the others do.
             stale_after_s: a node that is silent for longer is stale [s].
             restart_after_s: a node that is silent for longer hangs [s]; 0: no node is ended.
             start_patience_s: longest time from start to first report [s].
@@ -72,24 +74,33 @@ class Liveness:
         self._stale_after_s = stale_after_s
         self._restart_after_s = restart_after_s
         self._start_patience_s = start_patience_s
-        self._looked = clock()
+        self._own = own
+        self._heard_own = self._looked = clock()
 
     def heard(self, name: str) -> None:
         """Note a report of a node; other nodes than the expected ones are ignored."""
+        if name == self._own:
+            self._heard_own = self._clock()
         if name in self._heard:
             self._heard[name] = self._clock()
+
+    @property
+    def deaf(self) -> bool:
+        """Whether the node that listens does not even hear itself, as in a flood of reports."""
+        return self._clock() - self._heard_own > self._stale_after_s
 
     def silent(self, processes: Callable[[], dict[str, NodeProcess]]) -> list[Silence]:
         """Return the nodes that are silent now; to be called once a second.
 
-        If the calls themselves paused, then this process was stopped: nothing is known about the
-        nodes in that time, and all of them count as just heard.
+        If the calls themselves paused, then this process was stopped. If its own reports are not
+        heard, those of others are lost too. Nothing is known about the nodes in that time, and all
+        of them count as just heard.
 
         Args:
             processes: returns the processes of the nodes by name; called only if one is silent.
         """
         now = self._clock()
-        if now - self._looked > self._stale_after_s:
+        if self.deaf or now - self._looked > self._stale_after_s:
             self._heard = dict.fromkeys(self._heard, now)
         self._looked = now
         stale = [name for name, heard in self._heard.items() if now - heard > self._stale_after_s]

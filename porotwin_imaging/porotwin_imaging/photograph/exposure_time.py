@@ -14,6 +14,7 @@ from typing import BinaryIO, NamedTuple
 from PIL import Image
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_regular
 
 _EXIF_DIRECTORY = 0x8769
 _ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG = 0x9003, 0x9291, 0x9011
@@ -49,9 +50,9 @@ def exif_words(path: Path) -> str:
     Fraction and offset are left out where the camera wrote none; '' if it wrote no time.
     """
     try:
-        with path.open('rb') as file:
+        with open_regular(path) as file:
             written = _written(file)
-    except OSError:
+    except (OSError, InputError):
         return ''
     if written is None:
         return ''

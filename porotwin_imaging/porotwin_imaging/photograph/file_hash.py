@@ -3,7 +3,9 @@
 import hashlib
 from pathlib import Path
 
+from porotwin_core.basis.regular_file import read_regular
+
 
 def sha256_of_file(path: Path | str | None) -> str:
     """Return the SHA-256 of the file `path` as hexadecimal digits; empty without a file."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if path else ''
+    return hashlib.sha256(read_regular(Path(path))).hexdigest() if path else ''

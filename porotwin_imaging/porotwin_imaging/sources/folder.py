@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_imaging.photograph.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.photograph.file_names import natural_order, printable
 from porotwin_imaging.photograph.photo_clock import TimeEvidence, Trust, own_time
@@ -107,7 +108,7 @@ class FolderSource:
         self._patience = patience
         self._clock = clock
         self._now = now
-        self._read_bytes = read_bytes or read_regular_file
+        self._read_bytes = read_bytes or read_regular
         self._watched: dict[str, _WatchedFile] = {}
         self._sent: dict[str, tuple[bytes, bytes]] = {}
         """Packed mark and digest of the photographs that were sent, by name."""
@@ -216,9 +217,9 @@ class FolderSource:
         problems = []
         exif = None
         try:
-            data = read_regular_file(self.folder / name, HEADER_BYTES)
+            data = read_regular(self.folder / name, HEADER_BYTES)
             if data.startswith(TIFF_STARTS):
-                data = read_regular_file(self.folder / name)
+                data = read_regular(self.folder / name)
             exif = exif_time(data)
         except OSError:  # reading the whole file will fail and be reported
             pass
@@ -267,6 +268,9 @@ class FolderSource:
             data = self._read_bytes(self.folder / name)
         except OSError as error:
             watched.fault = f'cannot be read: {error.strerror}'
+            return None
+        except InputError as error:
+            watched.fault = f'cannot be read: {error}'
             return None
         watched.fault = ''
         if data and not is_photograph(data):
@@ -317,18 +321,6 @@ class FolderSource:
         assert watched.evidence is not None
         evidence = replace(watched.evidence, waiting=waiting)
         return CameraPhoto(data, watched.arrival, name, role, evidence, watched.mark)
-
-
-def read_regular_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
-    """Return the first bytes of a file, without waiting for a FIFO or a device.
-
-    Raises:
-        OSError: there is no such file, or it is no regular file.
-    """
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(0, 'is no regular file')
-        return file.read(most_bytes)
 
 
 def _mark_of(entry: os.DirEntry[str]) -> tuple[str, FileMark | None]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple, cast, get_args
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_text
 from porotwin_imaging.sources.camera_source import PhotoProblem, Role
 
 FILE_NAME = 'imaging.csv'
@@ -26,7 +27,7 @@ def read_protocol(path: Path) -> dict[Path, ProtocolEntry]:
     """
     entries: dict[Path, ProtocolEntry] = {}
     try:
-        with path.open(encoding='utf-8-sig', newline='') as file:
+        with open_text(path, 'utf-8-sig') as file:
             for line in csv.DictReader(file, skipinitialspace=True):
                 photo, entry = _entry(path, line)
                 entries[photo] = entry

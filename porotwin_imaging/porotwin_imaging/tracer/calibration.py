@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import yaml_text
@@ -398,7 +399,7 @@ def _picture(path: Path, key: str, name: Any) -> Labels | None:
     file = path.with_name(name)
     picture = None
     if file.is_file():
-        data = file.read_bytes()
+        data = read_regular(file)
         photo_size(data)
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     if picture is None:

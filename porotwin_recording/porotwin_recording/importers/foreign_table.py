@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 
 Decimal = Literal['point', 'comma']
 
@@ -211,8 +211,7 @@ def _check_repeated(path: Path, titles: Sequence[str]) -> None:
 
 def _text(path: Path) -> str:
     try:
-        check_declared(path, (path.stat().st_size,))
-        data = path.read_bytes()
+        data = read_regular(path)
     except FileNotFoundError:
         raise InputError(f'{path}: no such file') from None
     except OSError as error:

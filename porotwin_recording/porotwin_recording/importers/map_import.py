@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import regular
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
 from porotwin_core.rig.property_file import check_variable
@@ -444,7 +445,7 @@ def _chosen(path: Path, names: list[str], quantity: str) -> str | None:
 
 def _npz(path: Path) -> _Arrays:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(regular(path), allow_pickle=False) as archive:
             for member in archive.zip.infolist():
                 for sizes in ((member.file_size,), _npy_sizes(archive.zip, member)):
                     check_declared(f'{path}: {member.filename}', sizes)
@@ -518,9 +519,9 @@ def _netcdf(path: Path) -> _Arrays:
     """Return the maps of a NetCDF file or a zarr folder, which the same library reads."""
     if (path / 'zarr.json').is_file():
         raise InputError(f'{path}: is zarr of version 3; write it with zarr_format=2, or as NetCDF')
-    address = zarr_address(path, 'zarr,file') if path.is_dir() else str(path)
+    address = zarr_address(path, 'zarr,file') if path.is_dir() else ''
     try:
-        with contextlib.closing(netCDF4.Dataset(address)) as dataset:
+        with contextlib.closing(netCDF4.Dataset(address or regular(path))) as dataset:
             dataset.set_auto_mask(not path.is_dir())  # zarr fills with 0, which is no gap
             names = {q: _chosen(path, list(dataset.variables), q) for q in NAMES}
             maps = dataset.variables[str(names['concentration'])]

@@ -8,6 +8,7 @@ import zstandard
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_regular
 from porotwin_core.rig.yaml_reader import read_yaml_file
 
 METADATA = 'metadata.yaml'
@@ -202,16 +203,21 @@ def unpacked(path: Path, target: Path) -> Path:
     """Unpack the zstd file `path` into `target` and return it, as far as it is intact.
 
     Raises:
-        InputError: nothing can be unpacked.
+        InputError: nothing can be unpacked, or it is more than is read at once.
     """
     done, fault = 0, 'it ends early'
     try:
-        with path.open('rb') as source, target.open('wb') as copy:
+        with open_regular(path) as source, target.open('wb') as copy:
             reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
             while piece := reader.read(_PIECE):
                 done += copy.write(piece)
+                check_declared(path, (done,))
     except zstandard.ZstdError as error:
         fault = str(error)
+    except InputError as error:
+        raise InputError(
+            f'{error}; if you trust the file, unpack it with zstd -d, and name the result'
+        ) from None
     except OSError as error:
         raise InputError(f'{path}: cannot be unpacked ({error.strerror})') from None
     if not done:

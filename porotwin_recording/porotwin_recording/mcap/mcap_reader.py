@@ -24,6 +24,7 @@ from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_regular
 from porotwin_recording.mcap.bag_records import BagMessage, Topic, qos_from_yaml
 from porotwin_recording.mcap.mcap_index import (
     DAMAGE,
@@ -100,10 +101,10 @@ class McapFile:
             for number, channel in self.summary.channels.items()
             if topics is None or channel.topic in topics
         }
-        with self.path.open('rb') as stream:
+        with open_regular(self.path) as stream:
             limits = {number: heads.get(channel.topic) for number, channel in channels.items()}
             chunked = self._chunked(stream, limits, start, stop)
-            with self.path.open('rb') as other:
+            with open_regular(self.path) as other:
                 for message in heapq.merge(
                     chunked, self._outside(other), key=lambda message: message.log_time
                 ):
@@ -235,9 +236,7 @@ def open_mcap(path: Path, remark: RemarkFn) -> McapFile:
         InputError: the file is empty, no MCAP file, or cannot be read.
     """
     try:
-        if not path.is_file():
-            raise InputError(f'{path}: is no file; name a bag made by ./porotwin record')
-        with path.open('rb') as stream:
+        with open_regular(path) as stream:
             magic = stream.read(len(MAGIC))
             if magic != MAGIC:
                 fault = 'empty' if not magic else 'not an MCAP file'

@@ -19,6 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema, Statistics
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_regular
 from porotwin_recording.mcap.mcap_index import (
     DAMAGE,
     RECORD_HEADER,
@@ -117,7 +118,7 @@ class McapSummary:
             chunks: number of chunks.
         """
         read = 0
-        with self.path.open('rb') as stream:
+        with open_regular(self.path) as stream:
             for place, held in self.chunks.each(backward=last):
                 if held.isdisjoint(numbers):
                     continue
@@ -155,7 +156,7 @@ def summary_of(path: Path) -> McapSummary:
         InputError: the file is empty, no MCAP file, or cannot be read, or its records are damaged.
     """
     try:
-        with path.open('rb') as stream:
+        with open_regular(path) as stream:
             size = os.fstat(stream.fileno()).st_size
             if stream.read(len(MAGIC)) != MAGIC:
                 raise InputError(f'{path}: {"not an MCAP file" if size else "is empty"}')

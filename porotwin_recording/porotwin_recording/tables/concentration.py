@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import regular
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
@@ -271,10 +272,10 @@ def _damage_named(path: Path) -> Iterator[None]:
 
 
 def _dataset(path: Path) -> netCDF4.Dataset:
-    if not path.is_file():
-        raise InputError(f'{path}: no such file; it holds the concentration maps')
     try:
-        return netCDF4.Dataset(path)
+        return netCDF4.Dataset(regular(path))
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file; it holds the concentration maps') from None
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f'{path}: not a readable NetCDF file ({reason}); write it again') from None

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import in_other_unit
+from porotwin_core.basis.regular_file import open_text
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
@@ -39,7 +40,7 @@ def read_table(
             wrong.
     """
     try:
-        with path.open(encoding='utf-8-sig', newline='') as file:
+        with open_text(path, 'utf-8-sig') as file:
             lines = csv.reader(file)
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:

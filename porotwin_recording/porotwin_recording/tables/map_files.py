@@ -5,6 +5,7 @@ from pathlib import Path
 import netCDF4
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import regular
 
 _DAMAGE = (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeError)
 """Exceptions of the NetCDF library at damaged bytes."""
@@ -33,7 +34,7 @@ def zarr_address(folder: Path, mode: str) -> str:
 def _holds_maps(path: Path) -> bool:
     """Return whether the file has a variable `concentration` (time, z, x)."""
     try:
-        with netCDF4.Dataset(path) as dataset:
+        with netCDF4.Dataset(regular(path)) as dataset:
             variable = dataset.variables.get('concentration')
             return variable is not None and variable.dimensions == ('time', 'z', 'x')
     except _DAMAGE:

@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import open_text
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.basis.whole_file import whole_file
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
@@ -54,7 +55,7 @@ def read_photos(folder: Path) -> tuple[Photo, ...]:
 def _header(path: Path) -> tuple[str, ...]:
     """Return the header that the table should have: with concentrations if it names them."""
     try:
-        with path.open(encoding='utf-8-sig', errors='replace') as file:
+        with open_text(path, 'utf-8-sig', errors='replace') as file:
             named = file.readline().rstrip().endswith(DILUTION_HEADER[-1])
     except OSError:  # read_table tells what is wrong
         named = False

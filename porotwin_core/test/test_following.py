@@ -1,0 +1,120 @@
+"""Tests of the one way to follow a topic whose sender matters."""
+
+import ast
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+from porotwin_core.basis.errors import InputError  # noqa: E402
+from porotwin_core.ros import conversions, qos  # noqa: E402
+from porotwin_core.ros.following import follow  # noqa: E402
+from porotwin_core.ros.senders import SENDERS  # noqa: E402
+from porotwin_msgs.msg import Setpoint  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+
+RAW_LISTENERS = {
+    'porotwin_core/porotwin_core/ros/following.py': {'topic'},
+    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
+    'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
+    'porotwin_imaging/porotwin_imaging/imaging_node.py': {'topic'},  # of photographs
+    'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
+    'porotwin_recording/porotwin_recording/player_node.py': {'DIAGNOSTICS', 'self._lockstep'},
+    'porotwin_recording/porotwin_recording/recorder_node.py': {'name'},  # records whatever is said
+}
+"""What subscribes without `follow`, and to which topics, as the code names them."""
+
+
+def subscriptions() -> dict[str, set[str]]:
+    """Return all topics that the product subscribes to by rclpy itself, by file."""
+    found: dict[str, set[str]] = {}
+    for path in ROOT.glob('porotwin_*/porotwin_*/**/*.py'):
+        for call in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(
+                'create_subscription'
+            ):
+                found.setdefault(str(path.relative_to(ROOT)), set()).add(ast.unparse(call.args[1]))
+    return found
+
+
+def followed() -> set[str]:
+    """Return the topics of all calls of `follow` in the product, by their literals."""
+    return {
+        str(argument.value)
+        for path in ROOT.glob('porotwin_*/porotwin_*/**/*.py')
+        if 'import follow' in (text := path.read_text(encoding='utf-8'))
+        for argument in ast.walk(ast.parse(text))
+        if isinstance(argument, ast.Constant) and argument.value in SENDERS
+    }
+
+
+def test_every_topic_whose_sender_matters_is_followed_by_one_function() -> None:
+    assert subscriptions() == RAW_LISTENERS
+    assert followed() == set(SENDERS)
+
+
+@pytest.fixture
+def nodes() -> Iterator[Callable[[str], Any]]:
+    """Make nodes by name, in one context."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    made = []
+
+    def node(name: str) -> Any:
+        made.append(rclpy.create_node(name, namespace='/porotwin', context=context))
+        return made[-1]
+
+    yield node
+    for one in made:
+        one.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.graph
+def test_no_setpoint_is_believed_while_a_stranger_could_send_it(
+    nodes: Callable[[str], Any],
+) -> None:
+    receiver, guard = nodes('siblings'), nodes('guard')
+    taken: list[int] = []
+    refused: list[str] = []
+
+    def take(message: Setpoint) -> None:
+        if message.sequence == 0:
+            raise InputError('no number')
+        taken.append(message.sequence)
+
+    follow(receiver, Setpoint, 'wells/setpoint', take, qos.FIELD, refuse=refused.append)
+    executor = SingleThreadedExecutor(context=receiver.context)
+    executor.add_node(receiver)
+
+    def until(condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+
+    def send(node: Any, number: int) -> Any:
+        publisher = node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        until(publisher.get_subscription_count)
+        publisher.publish(Setpoint(header=conversions.header_at(1.0), sequence=number))
+        return publisher
+
+    guards = send(guard, 1)
+    until(lambda: taken == [1])
+    guards.publish(Setpoint(sequence=0))
+    until(lambda: refused == ['wells/setpoint ignored: no number'])
+    stranger = nodes('stranger')
+    forged = send(stranger, 2)
+    until(lambda: len(refused) == 2)
+    assert '/porotwin/stranger publishes wells/setpoint too' in refused[1]
+    stranger.destroy_publisher(forged)
+    until(lambda: receiver.count_publishers('wells/setpoint') == 1)
+    guards.publish(Setpoint(sequence=3))
+    until(lambda: taken == [1, 3])
