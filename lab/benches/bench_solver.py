@@ -93,7 +93,7 @@ class PlainModel:
         """Factorise the pressure of `physics`; its top must be open, its other sides closed."""
         self.physics, self._sources_and_sinks = physics, SourcesAndSinks(physics)
         self._trans = transmissibilities(
-            physics.grid, physics.mobility_thickness, physics.boundaries
+            physics.grid, physics.mobility_thickness, physics.contact
         )
         self._pressure = splu(GridLevel.of(self._trans, pin=0.0).matrix())
 

@@ -18,12 +18,16 @@ from porotwin_core.rig.sections import (
     EffectDescription,
     MapReference,
     Section,
+    WaterBody,
+    WaterTable,
     Well,
 )
 
 SECTIONS: tuple[type[Section], ...] = (
     Rig,
     Boundaries,
+    WaterBody,
+    WaterTable,
     Well,
     Camera,
     Control,

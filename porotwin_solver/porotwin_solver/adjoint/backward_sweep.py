@@ -142,7 +142,7 @@ def by_commands(
     """
     factors = {name: physics.rate_factors.get(name, 1.0) for name in by_delivered}
     found = {name: factors[name] * value for name, value in by_delivered.items()}
-    if not physics.rate_factors or not physics.boundaries.all_closed:
+    if not physics.rate_factors or not physics.contact.closed:
         return found
     with_factors = {name: well.rate * factors[name] for name, well in rates.items()}
     put_in, taken = in_and_out(with_factors.values())

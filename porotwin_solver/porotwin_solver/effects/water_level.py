@@ -52,14 +52,16 @@ def _rises(values: Values) -> dict[SideName, float]:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the rises beyond all open sides but one; none where fewer than two sides are open."""
-    fitted = context.rig.boundaries.open_sides[:-1]
+    """Fit the rises beyond all open sides, but one where no other water has a level."""
+    rig = context.rig
+    others = any(body.head_m is not None for body in rig.water.values())
+    fitted = rig.boundaries.open_sides[: None if others else -1]
     limit = min(context.rig.height_m, MOST_WATER_LEVEL)
-    rises = (FitParameter(side, 'm', 0.0, _step(context, side), -limit, limit) for side in fitted)
+    rises = (FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted)
     return [Candidate('water_level', tuple(rises))] if fitted else []
 
 
-def _step(context: SearchContext, side: SideName) -> float:
+def level_step(context: SearchContext, side: SideName) -> float:
     """Return the rise [m] that drives fronts one cell further through the rig."""
     rig = context.rig
     length = rig.width_m if side in ('left', 'right') else rig.height_m

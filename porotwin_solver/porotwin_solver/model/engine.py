@@ -24,7 +24,7 @@ from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport.diffusion import Exchanges, diffuse, dispersive_exchanges
 from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels, tape_length
 from porotwin_solver.transport.scheme import Scheme
-from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks, with_water
 from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
 
 LONGEST_STEP = 60.0
@@ -73,7 +73,7 @@ class StepCoefficients(NamedTuple):
     """The coefficients of one splitting step.
 
     flux: water through the faces [m^3/s].
-    sources: water and tracer of wells and leaks [m^3/s].
+    sources: water and tracer of wells, leaks and water bodies [m^3/s].
     levels: local time step levels of advection.
     exchanges: diffusive exchange between cells, for half the step.
     """
@@ -143,7 +143,7 @@ class Engine:
         self.supervision = supervision
         self.longest_step = longest_step
         self.grid = physics.grid
-        self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
+        self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.contact)
         self.sources_and_sinks = SourcesAndSinks(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
         self.background = background_flux(physics)
@@ -252,6 +252,7 @@ class Engine:
         """
         sources, water = self._of_rates(rates)
         flux = self.coupled_flux(water, rates, state.mobile)
+        sources = with_water(self.physics.contact, flux, sources)
         return StepCoefficients(
             flux,
             sources,
