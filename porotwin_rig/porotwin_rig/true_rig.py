@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.rates.wells import WellRate
-from porotwin_core.rig import Boundaries, Rig
+from porotwin_core.rig import Boundaries, Rig, WaterBody
 from porotwin_rig.mesh import Mesh
+from porotwin_rig.water_places import WaterPlaces
 
 FloatArray = NDArray[np.floating]
 Quantity = Literal['depth_m', 'porosity', 'permeability_m2']
@@ -31,6 +32,7 @@ class TrueRig:
         rig: the nominal rig.
         mesh: the mesh.
         boundaries: which sides are open, and the heads of open ones.
+        water: other water at the sand, by name.
         permeability: of the elements [m^2].
         depth_factor: of the elements [-]; multiplies the nominal depth.
         anisotropies: of the elements [-]; each multiplies the conductivity along x and divides it
@@ -56,6 +58,7 @@ class TrueRig:
     rig: Rig
     mesh: Mesh
     boundaries: Boundaries
+    water: Mapping[str, WaterBody]
     permeability: FloatArray
     depth_factor: FloatArray
     depth: FloatArray
@@ -83,6 +86,7 @@ class TrueRig:
             rig=rig,
             mesh=mesh,
             boundaries=rig.boundaries,
+            water=rig.water,
             permeability=_nearest(rig, 'permeability_m2', mesh),
             depth_factor=np.ones((mesh.nz, mesh.nx)),
             depth=_averaged(rig, 'depth_m', mesh),
@@ -120,6 +124,11 @@ class TrueRig:
         for anisotropy in self.anisotropies:
             along_x, along_z = along_x * anisotropy, along_z / anisotropy
         return along_x, along_z
+
+    @property
+    def water_places(self) -> WaterPlaces:
+        """Where water stands or falls at the sand."""
+        return WaterPlaces.on(self.mesh, {**self.boundaries.bodies, **self.water})
 
     @property
     def pore_depth(self) -> FloatArray:

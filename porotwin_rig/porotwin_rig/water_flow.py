@@ -6,16 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.rates.wells import WellRates
-from porotwin_core.rig import Boundaries
 from porotwin_rig.box_flow import (
     BoxFlow,
     Fluxes,
     HalfFaces,
-    held_vertices,
     no_flux,
     radial_fluxes,
 )
-from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig
 
 FloatArray = NDArray[np.floating]
@@ -35,18 +32,26 @@ class WaterFlow:
         mesh = rig.mesh
         self._rig = rig
         self._along_x, self._along_z = rig.transmissivity
-        self._held = held_vertices(mesh, rig.boundaries)
-        self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held)
+        water = rig.water_places
+        self._held = water.held
+        self._flow = BoxFlow(
+            mesh, self._along_x, self._along_z, held=self._held, canal=water.canal
+        )
         self.places = {
             name: (*mesh.off_faces(x, z), radius) for name, (x, z, radius) in rig.places.items()
         }
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._heads = side_heads(mesh, rig.boundaries)
+        excess = rig.density_difference / rig.rig.density_kg_m3
+        self._heads = water.potential(mesh.z[:, None], excess)
+        self._rain = water.rain if water.rain.x.any() or water.rain.z.any() else None
         self._background = self._background_fluxes()
-        if self._heads is not None and rig.viscosity_ratio == 1.0:
-            self._background += self._flow.combined([], held_potential=self._heads)
+        is_driven = self._heads is not None or self._rain is not None
+        if is_driven and rig.viscosity_ratio == 1.0:
+            self._background += self._flow.combined(
+                [], held_potential=self._heads, forced=self._rain
+            )
         self._tilt: Fluxes | None = None
 
     def fluxes(self, rates: WellRates, tracer: FloatArray, time: float) -> Fluxes:
@@ -96,6 +101,7 @@ class WaterFlow:
             [(*self.places[name][:2], rate.rate) for name, rate in rates.items()],
             held_potential=None if ratio == 1.0 else self._heads,
             driven=driven,
+            forced=None if ratio == 1.0 else self._rain,
             along=None if ratio == 1.0 else (along_x, along_z),
         )
 
@@ -131,19 +137,3 @@ class WaterFlow:
             forced.x[:, -1] *= forced.x[:, 0].sum() / forced.x[:, -1].sum()
         closed = BoxFlow(mesh, self._along_x, self._along_z, held=np.zeros_like(self._held))
         return closed.through_walls(forced)
-
-
-def side_heads(mesh: Mesh, boundaries: Boundaries) -> FloatArray | None:
-    """Return the heads [m] at the vertices of open sides, (nz + 1, nx + 1); None if all are alike.
-
-    Where two open sides meet, the vertex has the head of the upper or lower one.
-    """
-    raised = boundaries.raised_heads
-    if not raised:
-        return None
-    heads = np.zeros(mesh.shape)
-    heads[:, 0], heads[:, -1] = raised.get('left', 0.0), raised.get('right', 0.0)
-    for row, side in ((0, 'bottom'), (-1, 'top')):
-        if side in boundaries.open_sides:
-            heads[row] = raised[side]
-    return heads

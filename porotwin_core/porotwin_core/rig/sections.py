@@ -212,8 +212,12 @@ class Boundaries(Section):
             if one in raised and other in raised and raised[one] != raised[other]
         ]
 
-    def with_water_raised(self, rises: Mapping[SideName, float]) -> Self:
+    def with_water_raised(
+        self, rises: Mapping[SideName, float], *, others: bool = False
+    ) -> Self:
         """Return the conditions after the water beyond open sides rose by `rises` [m].
+
+        `others` tells whether other water stands at the sand.
 
         Raises:
             InputError: the water rises beyond a closed side, or beyond the only open one, where no
@@ -226,7 +230,7 @@ class Boundaries(Section):
                 raise InputError(
                     f'no water stands beyond the {side} side, which is closed; open sides: {known}'
                 )
-        if changed and len(self.open_sides) < 2:
+        if changed and len(self.open_sides) < 2 and not others:
             raise InputError(
                 f'only the {known} is open, so that no flow depends on the water level there; '
                 'open a second side in rig.yaml'

@@ -31,7 +31,8 @@ def raise_water(physics: Physics, values: Values) -> Physics:
     Raises:
         InputError: one of these sides is closed, or the only open one.
     """
-    return replace(physics, boundaries=physics.boundaries.with_water_raised(_rises(values)))
+    raised = physics.boundaries.with_water_raised(_rises(values), others=bool(physics.water))
+    return replace(physics, boundaries=raised)
 
 
 def with_true_levels(rig: Rig) -> Rig:
@@ -43,7 +44,8 @@ def with_true_levels(rig: Rig) -> Rig:
     boundaries = rig.boundaries
     for described in rig.effects:
         if described.name == EFFECT.name:
-            boundaries = boundaries.with_water_raised(_rises(EFFECT.checked(described.parameters)))
+            rises = _rises(EFFECT.checked(described.parameters))
+            boundaries = boundaries.with_water_raised(rises, others=bool(rig.water))
     return rig.model_copy(update={'boundaries': boundaries})
 
 
