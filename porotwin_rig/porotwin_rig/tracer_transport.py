@@ -196,8 +196,7 @@ class TracerTransport:
             balance,
             injected=balance.injected + gained,
             removed=balance.removed + lost,
-            corrected=balance.corrected
-            + abs(float(np.sum((corrected - carried) * volume))),
+            corrected=balance.corrected + abs(float(np.sum((corrected - carried) * volume))),
         )
 
     def _unseen_injection(self, carrier: Carrier) -> FloatArray:

@@ -34,9 +34,7 @@ class WaterFlow:
         self._along_x, self._along_z = rig.transmissivity
         water = rig.water_places
         self._held = water.held
-        self._flow = BoxFlow(
-            mesh, self._along_x, self._along_z, held=self._held, canal=water.canal
-        )
+        self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held, canal=water.canal)
         self.places = {
             name: (*mesh.off_faces(x, z), radius) for name, (x, z, radius) in rig.places.items()
         }

@@ -69,7 +69,7 @@ class WaterPlaces:
         return found if found.any() else None
 
 
-def _wall(mesh: Mesh, side: str) -> tuple[slice | int, slice | int]:
+def _wall(side: str) -> tuple[slice | int, slice | int]:
     return {
         'left': (slice(None), 0),
         'right': (slice(None), -1),
@@ -88,7 +88,7 @@ def _beside(mesh: Mesh, body: WaterBody) -> NDArray[np.bool_]:
     if not chosen.any():
         chosen[np.argmin(np.abs(along - 0.5 * (body.from_m + end)))] = True
     found = np.zeros(mesh.shape, dtype=bool)
-    found[_wall(mesh, body.side)] = chosen
+    found[_wall(body.side)] = chosen
     return found
 
 
@@ -108,7 +108,7 @@ def _let_fall(rain: Fluxes, mesh: Mesh, body: WaterBody, where: NDArray[np.bool_
     assert body.side is not None
     assert body.rate_ml_h is not None
     width = mesh.box_height if body.side in ('left', 'right') else mesh.box_width
-    share = width * where[_wall(mesh, body.side)]
+    share = width * where[_wall(body.side)]
     inward = from_ml_h(body.rate_ml_h) * share / share.sum()
     wall = rain.x if body.side in ('left', 'right') else rain.z
-    wall[_wall(mesh, body.side)] += inward if body.side in ('left', 'bottom') else -inward
+    wall[_wall(body.side)] += inward if body.side in ('left', 'bottom') else -inward

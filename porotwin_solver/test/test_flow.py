@@ -89,7 +89,12 @@ def test_the_flow_of_the_same_coefficients_is_factorised_once() -> None:
     assert unit.divergence().sum() == pytest.approx(1.0)
     mobility_thickness[0, 0] *= 1.0 + 1e-15
     assert cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies)) is not first
-    assert cache.flow(grid, np.full(grid.shape, 2e-9), contact_of(grid, Boundaries(left='open').bodies)) is not first
+    assert (
+        cache.flow(
+            grid, np.full(grid.shape, 2e-9), contact_of(grid, Boundaries(left='open').bodies)
+        )
+        is not first
+    )
 
 
 def test_the_cache_drops_the_flow_used_longest_ago() -> None:
@@ -97,9 +102,13 @@ def test_the_cache_drops_the_flow_used_longest_ago() -> None:
     cache = FlowCache(max_cells=2 * grid.nx * grid.nz)
     mobilities = [np.full(grid.shape, number * 1e-9) for number in (1.1, 1.2, 1.3)]
     flows = [
-        cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies)) for mobility_thickness in mobilities
+        cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies))
+        for mobility_thickness in mobilities
     ]
-    again = [cache.flow(grid, mobilities[number], contact_of(grid, Boundaries().bodies)) for number in (2, 1, 0)]
+    again = [
+        cache.flow(grid, mobilities[number], contact_of(grid, Boundaries().bodies))
+        for number in (2, 1, 0)
+    ]
     assert again[0] is flows[2]
     assert again[1] is flows[1]
     assert again[2] is not flows[0]

@@ -42,8 +42,8 @@ from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
-from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.coefficients.water_contact import entering
+from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.model.engine import BALANCE_TOLERANCE

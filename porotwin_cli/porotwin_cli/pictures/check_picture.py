@@ -242,7 +242,9 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         axis.plot(np.array(x), np.array(z), color='black', lw=1.5)
     inward = {'bottom': (0, 12), 'top': (0, -12), 'left': (12, 0), 'right': (-12, 0)}
     for name, body in rig.water_bodies.items():
-        words = f'{name}, {body.rate_ml_h:g} ml/h' if body.head_m is None else f'head {body.head_m:g} m'
+        words = (
+            f'{name}, {body.rate_ml_h:g} ml/h' if body.head_m is None else f'head {body.head_m:g} m'
+        )
         if body.corners_m is not None:
             axis.fill(*np.array(body.corners_m).T, color=OPEN, alpha=0.5)
             _label(axis, words, np.mean(body.corners_m, axis=0), (0, 0), 0)

@@ -212,9 +212,7 @@ class Boundaries(Section):
             if one in raised and other in raised and raised[one] != raised[other]
         ]
 
-    def with_water_raised(
-        self, rises: Mapping[SideName, float], *, others: bool = False
-    ) -> Self:
+    def with_water_raised(self, rises: Mapping[SideName, float], *, others: bool = False) -> Self:
         """Return the conditions after the water beyond open sides rose by `rises` [m].
 
         `others` tells whether other water stands at the sand.

@@ -130,10 +130,8 @@ def contact_of(grid: Grid, bodies: Mapping[str, WaterBody], *, blocks: int = 1) 
 @lru_cache(maxsize=KEPT)
 def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int) -> WaterContact:
     if blocks > 1:
-        return _in_blocks(
-            _contact(Grid(grid.nx // blocks, grid.nz // blocks, grid.width, grid.height), bodies, 1),
-            blocks,
-        )
+        coarse = Grid(grid.nx // blocks, grid.nz // blocks, grid.width, grid.height)
+        return _in_blocks(_contact(coarse, bodies, 1), blocks)
     share, covered, head, stock, rain = (Outline.zeros(grid) for _ in range(5))
     canal = np.zeros(grid.shape, dtype=bool)
     canal_head, canal_stock = np.zeros(grid.shape), np.zeros(grid.shape)

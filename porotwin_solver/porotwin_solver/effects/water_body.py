@@ -46,7 +46,8 @@ def phrase(values: Values) -> str:
     """Say how the level or the rate differs."""
     if values['factor'] != 1.0:
         return f'water {values["body"]} enters at {number(100 * values["factor"])} % of its rate'
-    return f'water {values["body"]} stands {direction(values["rise"], "higher", "lower")} than described'
+    rise = direction(values['rise'], 'higher', 'lower')
+    return f'water {values["body"]} stands {rise} than described'
 
 
 EFFECT = Effect(
@@ -63,6 +64,6 @@ EFFECT = Effect(
     phrase=phrase,
     plainly='a canal or a reservoir stands higher or lower than described, or rain falls at '
     'another rate',
-    laboratory_check='measure all water levels from one horizontal line, and the rain by a cylinder',
+    laboratory_check='measure all water levels from one horizontal line, and rain by a cylinder',
     changes=Process.SOURCE,
 )

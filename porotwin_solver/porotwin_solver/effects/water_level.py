@@ -59,7 +59,9 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     others = any(body.head_m is not None for body in rig.water.values())
     fitted = rig.boundaries.open_sides[: None if others else -1]
     limit = min(context.rig.height_m, MOST_WATER_LEVEL)
-    rises = (FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted)
+    rises = (
+        FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted
+    )
     return [Candidate('water_level', tuple(rises))] if fitted else []
 
 

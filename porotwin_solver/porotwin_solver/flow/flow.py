@@ -105,7 +105,8 @@ def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
 class Flow:
     """The flow for one field of coefficients, solved for any sources.
 
-    Water at the sand has the potential zero. In a rig without any, the caller makes sure that the sources add up to zero; the flux then does not depend on the pinned pressure.
+    Water at the sand has the potential zero. In a rig without any, the caller makes sure that the
+    sources add up to zero; the flux then does not depend on the pinned pressure.
     """
 
     def __init__(

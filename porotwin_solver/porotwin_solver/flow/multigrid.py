@@ -48,8 +48,8 @@ class GridLevel:
 
         `trans` [m^3/(s Pa)] includes the open sides. `pin` is added to the first diagonal entry. In
         a rig without open sides the pressure is known up to a constant; the pin fixes it, and with
-        balanced sources it changes no flux. The cells of `canal` (nz, nx) have the potential zero, for
-        sources that are zero there.
+        balanced sources it changes no flux. The cells of `canal` (nz, nx) have the potential zero,
+        for sources that are zero there.
         """
         x, z = trans
         diagonal = x[:, :-1] + x[:, 1:] + z[:-1] + z[1:]
