@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,6 +18,17 @@ from porotwin_rig.true_rig import TrueRig
 from porotwin_rig.water_flow import WaterFlow
 
 FloatArray = NDArray[np.floating]
+
+
+class InnerFaces(NamedTuple):
+    """Faces between boxes: the flux [m^3/s], and values and canals before and after each."""
+
+    flux: FloatArray
+    one: FloatArray
+    other: FloatArray
+    low: NDArray[np.bool_]
+    high: NDArray[np.bool_]
+
 
 RIM_POINTS = 24
 """Points on the rim of a producing well where the concentration of the water is read."""
@@ -324,11 +336,11 @@ class TracerTransport:
 
 def _inner_faces(
     fluxes: Fluxes, values: FloatArray, canal: NDArray[np.bool_]
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], ...]:
+) -> tuple[InnerFaces, InnerFaces]:
     """Return for the faces between boxes, along x and z: flux, values and canals on both sides."""
     return (
-        (fluxes.x[:, 1:-1], values[:, :-1], values[:, 1:], canal[:, :-1], canal[:, 1:]),
-        (fluxes.z[1:-1], values[:-1], values[1:], canal[:-1], canal[1:]),
+        InnerFaces(fluxes.x[:, 1:-1], values[:, :-1], values[:, 1:], canal[:, :-1], canal[:, 1:]),
+        InnerFaces(fluxes.z[1:-1], values[:-1], values[1:], canal[:-1], canal[1:]),
     )
 
 

@@ -70,12 +70,13 @@ class WaterPlaces:
 
 
 def _wall(side: str) -> tuple[slice | int, slice | int]:
-    return {
+    walls: dict[str, tuple[slice | int, slice | int]] = {
         'left': (slice(None), 0),
         'right': (slice(None), -1),
         'bottom': (0, slice(None)),
         'top': (-1, slice(None)),
-    }[side]
+    }
+    return walls[side]
 
 
 def _beside(mesh: Mesh, body: WaterBody) -> NDArray[np.bool_]:

@@ -347,7 +347,7 @@ def rig_from_msg(message: Any) -> Rig:
     }
     if heads := getattr(message, 'heads', ()):  # older bags have none
         sides['heads_m'] = {head.side: head.head for head in heads}
-    fringe = getattr(message, 'fringe', ())
+    fringe = list(getattr(message, 'fringe', []))
     rig = rig_from_maps(
         {
             'name': message.name,
@@ -357,7 +357,7 @@ def rig_from_msg(message: Any) -> Rig:
             'density_kg_m3': message.density,
             'boundaries': sides,
             'water': {body.name: _water_from_msg(body) for body in getattr(message, 'water', ())},
-            'water_table': {'fringe_m': fringe[0]} if len(fringe) else None,
+            'water_table': {'fringe_m': fringe[0]} if fringe else None,
             'wells': {
                 well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
                 for well in message.wells

@@ -104,7 +104,7 @@ def well_derivatives(
     A rate acts through its unit flow, through the sources of its cells and, by `by_source`, through
     the tracer-driven flow. For a well at rest it is the derivative for the start of an injection.
     """
-    at, units = engine.sources_and_sinks, engine.unit_fluxes
+    at, units = engine.sources_and_sinks, engine.flux_per_rate(rates)
     flux_bar, sources_bar, _ = derivatives.advection
     found_rate, found_concentration = {}, {}
     for name, source_sink in engine.physics.wells.items():

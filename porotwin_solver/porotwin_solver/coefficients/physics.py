@@ -48,6 +48,8 @@ class Physics:
     density: of water [kg/m^3].
     boundaries: which sides are open (constant potential) or closed, and heads of open ones.
     water: other water at the sand, by name.
+    fringe: height of the capillary fringe [m] above a table in the sand; None: the sand is full.
+    surface: the contact with water at a known table; None: it follows from the bodies.
     blocks: cells along each side of the blocks of which the contact with water consists.
     wells: place of every well by name.
     rate_factors: delivered rate of a well divided by the commanded one [-]; 1 where absent.
@@ -75,6 +77,8 @@ class Physics:
     wells: Mapping[str, SourceSink]
     water: Mapping[str, WaterBody] = field(default_factory=dict)
     blocks: int = 1
+    fringe: float | None = None
+    surface: WaterContact | None = None
     rate_factors: Mapping[str, float] = field(default_factory=dict)
     diffusion: float = MOLECULAR_DIFFUSION
     longitudinal_dispersivity: float = 0.0
@@ -123,7 +127,10 @@ class Physics:
     @property
     def contact(self) -> WaterContact:
         """Where water stands or falls at the sand."""
-        return contact_of(self.grid, {**self.boundaries.bodies, **self.water}, blocks=self.blocks)
+        if self.surface is not None:
+            return self.surface
+        bodies = {**self.boundaries.bodies, **self.water}
+        return contact_of(self.grid, bodies, blocks=self.blocks, seeps=self.fringe is not None)
 
     @property
     def water_potentials(self) -> tuple[Outline, FloatArray] | None:
@@ -199,6 +206,7 @@ def nominal_physics(rig: Rig, grid: Grid) -> Physics:
             name: SourceSink(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
         },
         water=rig.water,
+        fringe=None if rig.water_table is None else rig.water_table.fringe_m,
     )
     check(physics)
     return physics

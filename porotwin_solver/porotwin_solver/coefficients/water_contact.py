@@ -52,6 +52,8 @@ class WaterContact:
     canal: cells of open water, (nz, nx); None without any.
     canal_head, canal_concentration: of these cells [m] and [-], (nz, nx), 0 elsewhere.
     lowest: lowest head [m] above the lower edge of the sand.
+    seep: share of each outer face above its level through which water may leave [-].
+    scale: factors on the transmissibilities [-]; None: 1 everywhere.
     """
 
     open: Outline
@@ -62,12 +64,15 @@ class WaterContact:
     canal_head: FloatArray
     canal_concentration: FloatArray
     lowest: float
+    seep: Outline
+    scale: FaceField | None = None
 
     @property
     def key(self) -> tuple[bytes, ...]:
         """What the flow depends on, apart from heads and rates."""
         cells = b'' if self.canal is None else self.canal.tobytes()
-        return (*(side.tobytes() for side in self.open), cells)
+        scale = b'' if self.scale is None else self.scale.x.tobytes()
+        return (*(side.tobytes() for side in self.open), cells, scale)
 
     @property
     def closed(self) -> bool:
@@ -118,21 +123,25 @@ class WaterContact:
         return outer, inner if self.canal is None else np.where(self.canal, inner, 0.0)
 
 
-def contact_of(grid: Grid, bodies: Mapping[str, WaterBody], *, blocks: int = 1) -> WaterContact:
+def contact_of(
+    grid: Grid, bodies: Mapping[str, WaterBody], *, blocks: int = 1, seeps: bool = False
+) -> WaterContact:
     """Return where `bodies` touch the sand of `grid`; the latest ones are kept.
+
+    Where a side `seeps`, water stands against it up to its level only, and may leave above it.
 
     Canals and parts of sides consist of whole blocks of `blocks` x `blocks` cells, so that a flux
     on a coarser grid meets the same water.
     """
-    return _contact(grid, tuple(bodies.values()), blocks)
+    return _contact(grid, tuple(bodies.values()), blocks, seeps)
 
 
 @lru_cache(maxsize=KEPT)
-def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int) -> WaterContact:
+def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool) -> WaterContact:
     if blocks > 1:
         coarse = Grid(grid.nx // blocks, grid.nz // blocks, grid.width, grid.height)
-        return _in_blocks(_contact(coarse, bodies, 1), blocks)
-    share, covered, head, stock, rain = (Outline.zeros(grid) for _ in range(5))
+        return _in_blocks(_contact(coarse, bodies, 1, seeps), blocks)
+    share, covered, head, stock, rain, seep = (Outline.zeros(grid) for _ in range(6))
     canal = np.zeros(grid.shape, dtype=bool)
     canal_head, canal_stock = np.zeros(grid.shape), np.zeros(grid.shape)
     lowest = min((body.head_m for body in bodies if body.head_m is not None), default=0.0)
@@ -140,13 +149,21 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int) -> WaterCon
         level = 0.0 if body.head_m is None else body.head_m - lowest
         if body.side is None:
             cells = canal_cells(grid, body)
+            if seeps and body.head_m is not None:  # above its level is air
+                cells &= grid.z[:, None] < body.head_m
             canal |= cells
             canal_head[cells], canal_stock[cells] = level, body.concentration
             continue
         cover = _cover(grid, body.side, body.from_m, body.to_m)
-        if body.rate_ml_h is not None:
+        if body.head_m is None:
+            assert body.rate_ml_h is not None
             getattr(rain, body.side)[:] += from_ml_h(body.rate_ml_h) * cover / cover.sum()
         else:
+            if seeps and body.side in ('left', 'right'):
+                end = min(body.head_m, grid.height if body.to_m is None else body.to_m)
+                below = _cover(grid, body.side, body.from_m, end)
+                getattr(seep, body.side)[:] += cover - below
+                cover = below
             getattr(share, body.side)[:] += cover
             getattr(head, body.side)[:] += cover * level
         getattr(covered, body.side)[:] += cover
@@ -164,6 +181,7 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int) -> WaterCon
         canal_head,
         canal_stock,
         lowest,
+        seep,
     )
 
 
@@ -209,6 +227,7 @@ def _in_blocks(contact: WaterContact, blocks: int) -> WaterContact:
         cells(contact.canal_head),  # type: ignore[arg-type]
         cells(contact.canal_concentration),  # type: ignore[arg-type]
         contact.lowest,
+        contact.seep.map(parts),
     )
 
 

@@ -8,6 +8,7 @@ rate of every well. Other rates are a superposition of these unit flows.
 
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
@@ -53,7 +54,7 @@ def transmissibilities(
     if contact.canal is not None:
         _border(faces.x, half_x, contact.canal)
         _border(faces.z.T, half_z.T, contact.canal.T)
-    return faces
+    return faces if contact.scale is None else faces * contact.scale
 
 
 def _border(faces: FloatArray, half: FloatArray, canal: NDArray[np.bool_]) -> None:
@@ -78,6 +79,9 @@ def transmissibilities_adjoint(
 
     For T = a b / (a + b) of two half cells, dT/da = (T / a)^2. To open water, T is a share of a.
     """
+    if (scale := contact.scale) is not None:
+        contact, bar = replace(contact, scale=None), bar * scale
+        trans = transmissibilities(grid, mobility_thickness, contact)
     half_x = 2.0 * mobility_thickness * grid.dz / grid.dx
     half_z = 2.0 * mobility_thickness * grid.dx / grid.dz
     west, east = (trans.x[:, :-1] / half_x) ** 2, (trans.x[:, 1:] / half_x) ** 2

@@ -124,7 +124,7 @@ class ImplicitModel(Model):
                 "dispersion or immobile water; use preset 'upwind'"
             )
         flux = engine.water_flux(rates)
-        sources = with_water(physics.contact, flux, engine.sources_and_sinks.sources(rates))
+        sources = with_water(engine.contact(rates), flux, engine.sources_and_sinks.sources(rates))
         storage = engine.storage
         right, up = flux.x[:, 1:-1], flux.z[1:-1]
         outflow = storage / time_step + sources.outflow

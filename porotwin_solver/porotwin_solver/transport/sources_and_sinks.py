@@ -74,6 +74,13 @@ class SourcesAndSinks:
                 outflow.ravel()[cells] -= rate * fractions
         return Sources(inflow, tracer, outflow)
 
+    def spread(self, source_sink: SourceSink) -> FloatArray:
+        """Return a rate of 1 m^3/s into `source_sink`, over the cells (nz, nx)."""
+        source = np.zeros(self.physics.grid.shape)
+        cells, fractions = self._fractions_of(source_sink)
+        source.ravel()[cells] = fractions
+        return source
+
     def disc_mean(self, source_sink: SourceSink, field: FloatArray) -> float:
         """Return the mean of `field` (nz, nx) over the disc of `source_sink`, in its unit."""
         cells, fractions = self._fractions_of(source_sink)
