@@ -223,11 +223,18 @@ class BoxFlow:
         )
         return factor.solve
 
-    def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
-        """Return the half-face fluxes of the singular potential of a unit well."""
+    def _here(
+        self, x: float, z: float, along: tuple[FloatArray, FloatArray] | None = None
+    ) -> float:
+        """Return the transmissivity [m^2/s] of the element at (x, z) [m]."""
+        along_x, along_z = (self.along_x, self.along_z) if along is None else along
         column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
         row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
-        here = math.sqrt(along_x[row, column] * along_z[row, column])
+        return math.sqrt(along_x[row, column] * along_z[row, column])
+
+    def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
+        """Return the half-face fluxes of the singular potential of a unit well."""
+        here = self._here(x, z, (along_x, along_z))
         return radial_half_faces(self.mesh, x, z).scaled(along_x / here, along_z / here)
 
     def _radial_potential(self, x: float, z: float, here: float) -> FloatArray:
@@ -261,6 +268,38 @@ class BoxFlow:
             InputError: the changed transmissivity differs too much from the factorised one.
         """
         along_x, along_z = (self.along_x, self.along_z) if along is None else along
+        potential, extra, supply = self._smooth(
+            wells, held_potential=held_potential, driven=driven, forced=forced, along=along
+        )
+        smooth = bilinear_flow(self.mesh, potential, along_x, along_z).onto_boxes(self.mesh)
+        return self._through_open_sides(smooth + extra, supply)
+
+    def potential(
+        self,
+        wells: list[tuple[float, float, float]],
+        *,
+        held_potential: FloatArray,
+        forced: Fluxes,
+    ) -> FloatArray:
+        """Return the potential [m] at the vertices, (nz + 1, nx + 1), as `combined` finds it."""
+        found, _, _ = self._smooth(wells, held_potential=held_potential, forced=forced)
+        for *place, rate in wells:
+            x, z = self.mesh.off_faces(*place)
+            found = found + rate * self._radial_potential(x, z, self._here(x, z))
+        return found
+
+    def _smooth(
+        self,
+        wells: list[tuple[float, float, float]],
+        *,
+        held_potential: FloatArray | None = None,
+        driven: HalfFaces | None = None,
+        forced: Fluxes | None = None,
+        along: tuple[FloatArray, FloatArray] | None = None,
+    ) -> tuple[FloatArray, Fluxes, FloatArray]:
+        """Return the potential without the singular parts of wells, the other fluxes, and the rates
+        of the wells by box; arguments as in `combined`."""
+        along_x, along_z = (self.along_x, self.along_z) if along is None else along
         known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
         extra = no_flux(self.mesh)
         supply = np.zeros(self.mesh.shape)
@@ -270,10 +309,7 @@ class BoxFlow:
             extra = extra + radial.onto_boxes(self.mesh) * rate
             supply[self._box_of(x, z)] += rate
             if self.held.any():
-                column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
-                row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
-                here = math.sqrt(along_x[row, column] * along_z[row, column])
-                known -= rate * self._radial_potential(x, z, here)
+                known -= rate * self._radial_potential(x, z, self._here(x, z, along))
         if driven is not None:
             extra = extra + driven.onto_boxes(self.mesh)
         if forced is not None:
@@ -283,10 +319,7 @@ class BoxFlow:
         demand = (supply - extra.outflow - smooth.outflow).ravel()[self._free]
         potential = known.ravel()
         potential[self._free] += self._solve(demand, along)
-        smooth = bilinear_flow(
-            self.mesh, potential.reshape(self.mesh.shape), along_x, along_z
-        ).onto_boxes(self.mesh)
-        return self._through_open_sides(smooth + extra, supply)
+        return potential.reshape(self.mesh.shape), extra, supply
 
     def through_walls(self, forced: Fluxes) -> Fluxes:
         """Return the fluxes with the `forced` fluxes through the walls.

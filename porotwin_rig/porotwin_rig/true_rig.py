@@ -53,6 +53,7 @@ class TrueRig:
         table_amplitude: amplitude of the tilt of the water table [m].
         table_period: period of that tilt [s].
         clock_offset: pump time minus time of the photograph [s].
+        fringe: capillary fringe above a table in the sand [m]; None where the sand is full.
     """
 
     rig: Rig
@@ -78,6 +79,7 @@ class TrueRig:
     table_amplitude: float = 0.0
     table_period: float = math.inf
     clock_offset: float = 0.0
+    fringe: float | None = None
 
     @classmethod
     def nominal(cls, rig: Rig, mesh: Mesh) -> Self:
@@ -87,6 +89,7 @@ class TrueRig:
             mesh=mesh,
             boundaries=rig.boundaries,
             water=rig.water,
+            fringe=None if rig.water_table is None else rig.water_table.fringe_m,
             permeability=_nearest(rig, 'permeability_m2', mesh),
             depth_factor=np.ones((mesh.nz, mesh.nx)),
             depth=_averaged(rig, 'depth_m', mesh),
@@ -128,7 +131,11 @@ class TrueRig:
     @property
     def water_places(self) -> WaterPlaces:
         """Where water stands or falls at the sand."""
-        return WaterPlaces.on(self.mesh, {**self.boundaries.bodies, **self.water})
+        return self.water_places_on(self.mesh)
+
+    def water_places_on(self, mesh: Mesh) -> WaterPlaces:
+        """Return where water stands or falls at the sand, on another mesh."""
+        return WaterPlaces.on(mesh, {**self.boundaries.bodies, **self.water})
 
     @property
     def pore_depth(self) -> FloatArray:

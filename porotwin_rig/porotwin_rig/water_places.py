@@ -30,6 +30,7 @@ class WaterPlaces:
         level: level above the lower edge of the sand [m], 0 elsewhere.
         entering: concentration of the water that may enter here [-]; NO_WATER where none can.
         rain: water that enters at given rates, through the walls.
+        lowest: the lowest level [m] above the lower edge of the sand.
     """
 
     held: NDArray[np.bool_]
@@ -38,6 +39,7 @@ class WaterPlaces:
     level: FloatArray
     entering: FloatArray
     rain: Fluxes
+    lowest: float
 
     @classmethod
     def on(cls, mesh: Mesh, bodies: Mapping[str, WaterBody]) -> Self:
@@ -56,7 +58,7 @@ class WaterPlaces:
             head[where], level[where] = body.head_m - min(heads), body.head_m
             if body.side is None:
                 canal |= where
-        return cls(held, canal, head, level, entering, rain)
+        return cls(held, canal, head, level, entering, rain, min(heads, default=0.0))
 
     def potential(self, z: FloatArray, excess: float) -> FloatArray | None:
         """Return the potential of the held vertices [m of water]; None if it is 0 everywhere.

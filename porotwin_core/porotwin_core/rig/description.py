@@ -261,7 +261,7 @@ class Rig(Section):
 
     @property
     def is_driven(self) -> bool:
-        """Whether water flows without the wells: heads differ, rain falls, or dense water stands."""
+        """Whether water flows without wells: heads differ, rain falls, or dense water stands."""
         rains = any(body.rate_ml_h or body.concentration for body in self.water.values())
         heads = {body.head_m for body in self.water_bodies.values()} - {None}
         return rains or len(heads) > 1

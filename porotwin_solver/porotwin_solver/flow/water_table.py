@@ -198,8 +198,8 @@ class WaterTable:
                     break
             p, left = p + size * step, self._excess(p + size * step)
         raise InputError(
-            f'water_table: no steady table found on {self._grid}; take another grid, and check that '
-            'the water has an outlet below its level'
+            f'water_table: no steady table found on {self._grid}; take another grid, and check '
+            'that the water has an outlet below its level'
         )
 
     def _frozen(self) -> WaterContact:
