@@ -14,7 +14,7 @@ from porotwin_rig.box_flow import (
     radial_fluxes,
 )
 from porotwin_rig.true_rig import TrueRig
-from porotwin_rig.water_table import WaterTable
+from porotwin_rig.wet_sand import WetSand
 
 FloatArray = NDArray[np.floating]
 
@@ -42,7 +42,7 @@ class WaterFlow:
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._table: tuple[WellRates, WaterTable] | None = None
+        self._table: tuple[WellRates, WetSand] | None = None
         excess = rig.density_difference / rig.rig.density_kg_m3
         self._heads = water.potential(mesh.z[:, None], excess)
         self._rain = water.rain if water.rain.x.any() or water.rain.z.any() else None
@@ -81,7 +81,7 @@ class WaterFlow:
         rig = self._rig
         assert rig.fringe is not None
         if self._table is None or self._table[0] != rates:
-            table = WaterTable(
+            table = WetSand(
                 rig.mesh,
                 (self._along_x, self._along_z),
                 rig.water_places_on,

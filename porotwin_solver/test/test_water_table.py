@@ -10,7 +10,7 @@ from porotwin_core.rig import Rig
 from porotwin_solver.adjoint import gradient
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.effects import parse_effect
-from porotwin_solver.flow.water_table import WaterTable
+from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.engine import State
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.simulation import simulate
@@ -30,9 +30,9 @@ def tank(make_rig, *, fringe: float = 0.0, low: float = LOW, width: float = WIDT
     )
 
 
-def table_of(rig: Rig, nx: int, nz: int) -> WaterTable:
+def table_of(rig: Rig, nx: int, nz: int) -> TableFlow:
     grid = rig.grid(nx, nz)
-    return WaterTable(nominal_physics(rig, grid), np.zeros(grid.shape))
+    return TableFlow(nominal_physics(rig, grid), np.zeros(grid.shape))
 
 
 def test_the_discharge_between_two_levels_is_charnys(make_rig) -> None:

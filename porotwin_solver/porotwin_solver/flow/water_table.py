@@ -36,7 +36,7 @@ LEFT_OVER = 1e-11
 height in head [-]: the surface is then right to round-off."""
 
 
-class WaterTable:
+class TableFlow:
     """The water table under one set of sources, and the flow below it.
 
     Attributes:

@@ -20,7 +20,7 @@ from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.flow import SHARED_FLOWS
-from porotwin_solver.flow.water_table import WaterTable
+from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport.diffusion import Exchanges, diffuse, dispersive_exchanges
@@ -158,7 +158,7 @@ class Engine:
 
             self._on_device = TorchTransport(device, scheme)
         self._accumulators = FluxAccumulators.zeros(self.grid)
-        self._kept_table: tuple[WellRates, WaterTable] | None = None
+        self._kept_table: tuple[WellRates, TableFlow] | None = None
         self._kept_exchanges: dict[float, Exchanges] = {}
         self._kept_rates: tuple[WellRates, Sources, FaceField] | None = None
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
@@ -213,14 +213,14 @@ class Engine:
                     flux = flux + self.flow.unit_flux(source_sink) * rate
         return flux if self.background is None else flux + self.background
 
-    def table(self, rates: WellRates) -> WaterTable:
+    def table(self, rates: WellRates) -> TableFlow:
         """Return the steady water table at `rates`; the latest one is kept.
 
         Raises:
             InputError: it does not settle.
         """
         if self._kept_table is None or self._kept_table[0] != rates:
-            found = WaterTable(self.physics, self.sources_and_sinks.sources(rates).net)
+            found = TableFlow(self.physics, self.sources_and_sinks.sources(rates).net)
             self._kept_table = dict(rates), found
         return self._kept_table[1]
 

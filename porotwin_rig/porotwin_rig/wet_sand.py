@@ -1,8 +1,8 @@
 """The steady water table of the virtual rig: the height of the wet sand over x.
 
 The wet sand ends where the pressure head is the negative height b of the capillary fringe:
-h = z - b (Bear 1972, sec. 8.1). A flow is computed below a guessed height; where its potential meets z - b is
-the next guess. The height is smooth, so it is found on a coarse mesh.
+h = z - b (Bear 1972, sec. 8.1). A flow is computed below a guessed height; where its potential
+meets z - b is the next guess. The height is smooth, so it is found on a coarse mesh.
 """
 
 import math
@@ -36,7 +36,7 @@ Places = Callable[[Mesh], WaterPlaces]
 """Returns where water stands on a mesh."""
 
 
-class WaterTable:
+class WetSand:
     """The height of the wet sand, and the flow below it.
 
     Attributes:
