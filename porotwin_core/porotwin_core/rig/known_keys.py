@@ -26,8 +26,6 @@ from porotwin_core.rig.sections import (
 SECTIONS: tuple[type[Section], ...] = (
     Rig,
     Boundaries,
-    WaterBody,
-    WaterTable,
     Well,
     Camera,
     Control,
@@ -40,6 +38,8 @@ SECTIONS: tuple[type[Section], ...] = (
     DepthPoints,
     DepthPointsFile,
     MapReference,
+    WaterBody,
+    WaterTable,
 )
 """Every section of the description."""
 
