@@ -46,6 +46,7 @@ from porotwin_solver.coefficients.water_contact import entering
 from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.engine import BALANCE_TOLERANCE
 from porotwin_solver.model.prediction_cost import (
     PredictionCost,
@@ -335,6 +336,8 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     if physics.boundaries.corners_with_a_jump:
         return 'heads: the rate between sides that meet in a corner is not determined'
     flux = background_flux(physics)
+    if physics.fringe is not None:
+        flux = TableFlow(physics, np.zeros(grid.shape)).flux
     if flux is None:
         return 'heads: with its effects the rig has equal water levels, which drive no water'
     through = np.concatenate([*entering(flux), flux.divergence().ravel()])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -124,7 +125,7 @@ class Physics:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
-    @property
+    @cached_property
     def contact(self) -> WaterContact:
         """Where water stands or falls at the sand."""
         if self.surface is not None:
@@ -132,7 +133,7 @@ class Physics:
         bodies = {**self.boundaries.bodies, **self.water}
         return contact_of(self.grid, bodies, blocks=self.blocks, seeps=self.fringe is not None)
 
-    @property
+    @cached_property
     def water_potentials(self) -> tuple[Outline, FloatArray] | None:
         """Potential [Pa] of the water at the outer faces and in canals; None: 0 everywhere.
 
