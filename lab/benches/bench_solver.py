@@ -92,9 +92,7 @@ class PlainModel:
     def __init__(self, physics: Physics) -> None:
         """Factorise the pressure of `physics`; its top must be open, its other sides closed."""
         self.physics, self._sources_and_sinks = physics, SourcesAndSinks(physics)
-        self._trans = transmissibilities(
-            physics.grid, physics.mobility_thickness, physics.boundaries
-        )
+        self._trans = transmissibilities(physics.grid, physics.mobility_thickness, physics.contact)
         self._pressure = splu(GridLevel.of(self._trans, pin=0.0).matrix())
 
     def flux(self, rates: WellRates) -> FaceField:

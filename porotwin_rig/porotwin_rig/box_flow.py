@@ -16,7 +16,6 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig import Boundaries
 from porotwin_rig.mesh import Mesh
 
 FloatArray = NDArray[np.floating]
@@ -179,16 +178,6 @@ def _matrix(mesh: Mesh, along_x: FloatArray, along_z: FloatArray) -> csc_matrix:
     return coo_matrix((values, (rows, columns)), shape=(numbers.size, numbers.size)).tocsc()
 
 
-def held_vertices(mesh: Mesh, boundaries: Boundaries) -> NDArray[np.bool_]:
-    """Return which vertices lie on an open side, shape (nz + 1, nx + 1)."""
-    held = np.zeros(mesh.shape, dtype=bool)
-    held[-1, :] |= boundaries.top == 'open'
-    held[0, :] |= boundaries.bottom == 'open'
-    held[:, 0] |= boundaries.left == 'open'
-    held[:, -1] |= boundaries.right == 'open'
-    return held
-
-
 class BoxFlow:
     """Flow through sand of a given transmissivity with some vertices at a known potential.
 
@@ -199,6 +188,7 @@ class BoxFlow:
         along_x: transmissivity of the elements along x [m^2/s], (nz, nx).
         along_z: the same along z.
         held: vertices at a known potential, (nz + 1, nx + 1).
+        canal: those of them in open water, which takes or gives any water; none if None.
         most_iterations: bound of the iterations for a changed transmissivity.
     """
 
@@ -209,6 +199,7 @@ class BoxFlow:
         along_z: FloatArray,
         *,
         held: NDArray[np.bool_],
+        canal: NDArray[np.bool_] | None = None,
         most_iterations: int = MOST_ITERATIONS,
     ) -> None:
         self.mesh = mesh
@@ -216,6 +207,7 @@ class BoxFlow:
         self.along_x = along_x
         self.along_z = along_z
         self.held = held
+        self._at_walls = held if canal is None else held & ~canal
         fixed = held.copy()
         if not fixed.any():
             fixed[0, 0] = True
@@ -231,11 +223,18 @@ class BoxFlow:
         )
         return factor.solve
 
-    def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
-        """Return the half-face fluxes of the singular potential of a unit well."""
+    def _here(
+        self, x: float, z: float, along: tuple[FloatArray, FloatArray] | None = None
+    ) -> float:
+        """Return the transmissivity [m^2/s] of the element at (x, z) [m]."""
+        along_x, along_z = (self.along_x, self.along_z) if along is None else along
         column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
         row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
-        here = math.sqrt(along_x[row, column] * along_z[row, column])
+        return math.sqrt(along_x[row, column] * along_z[row, column])
+
+    def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
+        """Return the half-face fluxes of the singular potential of a unit well."""
+        here = self._here(x, z, (along_x, along_z))
         return radial_half_faces(self.mesh, x, z).scaled(along_x / here, along_z / here)
 
     def _radial_potential(self, x: float, z: float, here: float) -> FloatArray:
@@ -252,6 +251,7 @@ class BoxFlow:
         *,
         held_potential: FloatArray | None = None,
         driven: HalfFaces | None = None,
+        forced: Fluxes | None = None,
         along: tuple[FloatArray, FloatArray] | None = None,
     ) -> Fluxes:
         """Return the fluxes of several wells and drives together.
@@ -260,12 +260,45 @@ class BoxFlow:
             wells: (x [m], z [m], rate [m^3/s]) of every well.
             held_potential: potential of the held vertices [m], (nz + 1, nx + 1); zero if None.
             driven: fluxes that a body force adds, such as buoyancy.
+            forced: fluxes through the walls, such as rain.
             along: changed transmissivity along x and z [m^2/s], (nz, nx) each. Conjugate gradients
                 solve for it, with the factorised transmissivity as preconditioner.
 
         Raises:
             InputError: the changed transmissivity differs too much from the factorised one.
         """
+        along_x, along_z = (self.along_x, self.along_z) if along is None else along
+        potential, extra, supply = self._smooth(
+            wells, held_potential=held_potential, driven=driven, forced=forced, along=along
+        )
+        smooth = bilinear_flow(self.mesh, potential, along_x, along_z).onto_boxes(self.mesh)
+        return self._through_open_sides(smooth + extra, supply)
+
+    def potential(
+        self,
+        wells: list[tuple[float, float, float]],
+        *,
+        held_potential: FloatArray,
+        forced: Fluxes,
+    ) -> FloatArray:
+        """Return the potential [m] at the vertices, (nz + 1, nx + 1), as `combined` finds it."""
+        found, _, _ = self._smooth(wells, held_potential=held_potential, forced=forced)
+        for *place, rate in wells:
+            x, z = self.mesh.off_faces(*place)
+            found = found + rate * self._radial_potential(x, z, self._here(x, z))
+        return found
+
+    def _smooth(
+        self,
+        wells: list[tuple[float, float, float]],
+        *,
+        held_potential: FloatArray | None = None,
+        driven: HalfFaces | None = None,
+        forced: Fluxes | None = None,
+        along: tuple[FloatArray, FloatArray] | None = None,
+    ) -> tuple[FloatArray, Fluxes, FloatArray]:
+        """Return the potential without the singular parts of wells, the other fluxes, and the rates
+        of the wells by box; arguments as in `combined`."""
         along_x, along_z = (self.along_x, self.along_z) if along is None else along
         known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
         extra = no_flux(self.mesh)
@@ -276,21 +309,17 @@ class BoxFlow:
             extra = extra + radial.onto_boxes(self.mesh) * rate
             supply[self._box_of(x, z)] += rate
             if self.held.any():
-                column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
-                row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
-                here = math.sqrt(along_x[row, column] * along_z[row, column])
-                known -= rate * self._radial_potential(x, z, here)
+                known -= rate * self._radial_potential(x, z, self._here(x, z, along))
         if driven is not None:
             extra = extra + driven.onto_boxes(self.mesh)
+        if forced is not None:
+            extra = extra + forced
         known = np.where(self.held, known, 0.0)
         smooth = bilinear_flow(self.mesh, known, along_x, along_z).onto_boxes(self.mesh)
         demand = (supply - extra.outflow - smooth.outflow).ravel()[self._free]
         potential = known.ravel()
         potential[self._free] += self._solve(demand, along)
-        smooth = bilinear_flow(
-            self.mesh, potential.reshape(self.mesh.shape), along_x, along_z
-        ).onto_boxes(self.mesh)
-        return self._through_open_sides(smooth + extra, supply)
+        return potential.reshape(self.mesh.shape), extra, supply
 
     def through_walls(self, forced: Fluxes) -> Fluxes:
         """Return the fluxes with the `forced` fluxes through the walls.
@@ -334,18 +363,15 @@ class BoxFlow:
 
     def _through_open_sides(self, fluxes: Fluxes, supply: FloatArray) -> Fluxes:
         """Return the fluxes with the gain of the held boxes leaving through their side."""
-        gain = np.where(self.held, supply - fluxes.outflow, 0.0)
-        if not self.held.any():
+        if not self._at_walls.any():
             return fluxes
-        top, bottom = self.held[-1].all(), self.held[0].all()
-        if top:
-            fluxes.z[-1] += gain[-1]
-            gain[-1] = 0.0
-        if bottom:
-            fluxes.z[0] -= gain[0]
-            gain[0] = 0.0
-        if self.held[:, 0].all():
-            fluxes.x[:, 0] -= gain[:, 0]
-        if self.held[:, -1].all():
-            fluxes.x[:, -1] += gain[:, -1]
+        gain = np.where(self._at_walls, supply - fluxes.outflow, 0.0)
+        for row, wall, outward in ((-1, -1, 1.0), (0, 0, -1.0)):
+            through = gain[row].copy()
+            # at a corner water takes the wall that is held beside it
+            through[[0, -1]] *= self._at_walls[row, [1, -2]]
+            fluxes.z[wall] += outward * through
+            gain[row] -= through
+        fluxes.x[:, 0] -= gain[:, 0]
+        fluxes.x[:, -1] += gain[:, -1]
         return fluxes

@@ -38,8 +38,9 @@ class Carrier:
         remainder_z: the same along z, (nz + 2, nx + 1).
         storage: porosity times depth times retardation [m], (nz + 1, nx + 1).
         wells: rows (x [m], z [m], radius [m], rate [m^3/s], concentration [-]), (wells, 5).
-        open_sides: whether water may enter through left, right, bottom, top, (4,); it has no
-            tracer.
+        entering: concentration of the water that may enter at the vertices, (nz + 1, nx + 1);
+            negative where none can.
+        canal: vertices in open water, (nz + 1, nx + 1).
         settling: settling velocity of the tracer [m/s].
         settling_length: height over which the settling velocity falls to zero at the bottom [m].
     """
@@ -50,7 +51,8 @@ class Carrier:
     remainder_z: FloatArray
     storage: FloatArray
     wells: FloatArray
-    open_sides: NDArray[np.bool_]
+    entering: FloatArray
+    canal: NDArray[np.bool_]
     settling: float = 0.0
     settling_length: float = 0.02
 
@@ -182,7 +184,8 @@ def _trace(
     uz: FloatArray,
     storage: FloatArray,
     wells: FloatArray,
-    open_sides: NDArray[np.bool_],
+    entering: FloatArray,
+    canal: NDArray[np.bool_],
     settling: float,
     settling_length: float,
     field: FloatArray,
@@ -195,13 +198,19 @@ def _trace(
     highest = np.empty(xs.size)
     along_x, along_z = np.empty(6), np.empty(6)
     reach = min(hx, hz)
+    has_canal = canal.any()
     for p in range(xs.size):
         x, z, remaining = xs[p], zs[p], durations[p]
         flushed = 0.0  # exchanges of the water by injectors along the path
         gained = 0.0  # concentration gained by these exchanges
         squeezed = 0.0  # logarithm of the compression along the path
-        fresh = False  # the water entered through an open side
+        fresh = -1.0  # concentration of the water, once it has entered from outside
         while remaining > 0.0:
+            column = min(int(x / hx + 0.5), columns - 1)
+            row = min(int(z / hz + 0.5), rows - 1)
+            if has_canal and canal[row, column]:
+                fresh = entering[row, column]
+                break
             vx, vz, rate, inflow, squeeze = _flow_at(
                 x, z, hx, hz, ux, uz, storage, wells, settling, settling_length
             )
@@ -239,27 +248,18 @@ def _trace(
                 if flushed > FLUSHED:
                     break
             remaining -= step
-            if x < 0.0:
-                if open_sides[0]:
-                    fresh = True
-                x = 0.0
-            elif x > width:
-                if open_sides[1]:
-                    fresh = True
-                x = width
-            if z < 0.0:
-                if open_sides[2]:
-                    fresh = True
-                z = 0.0
-            elif z > height:
-                if open_sides[3]:
-                    fresh = True
-                z = height
-            if fresh:
-                break
+            if x < 0.0 or x > width or z < 0.0 or z > height:
+                x, z = min(max(x, 0.0), width), min(max(z, 0.0), height)
+                fresh = entering[
+                    min(int(z / hz + 0.5), rows - 1), min(int(x / hx + 0.5), columns - 1)
+                ]
+                if fresh >= 0.0:
+                    break
         kept = math.exp(-flushed) if flushed < FLUSHED else 0.0
         old, low, high = 0.0, 0.0, 0.0
-        if kept > 0.0 and not fresh:
+        if fresh >= 0.0:
+            old = low = high = fresh
+        elif kept > 0.0:
             old, low, high = _read(x, z, hx, hz, field, along_x, along_z)
         growth = math.exp(squeezed)
         arrived[p] = (kept * old + gained) * growth
@@ -328,7 +328,8 @@ def arriving(
         carrier.remainder_z,
         carrier.storage,
         carrier.wells,
-        carrier.open_sides,
+        carrier.entering,
+        carrier.canal,
         carrier.settling,
         carrier.settling_length,
         field,

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,6 +19,17 @@ from porotwin_rig.water_flow import WaterFlow
 
 FloatArray = NDArray[np.floating]
 
+
+class InnerFaces(NamedTuple):
+    """Faces between boxes: the flux [m^3/s], and values and canals before and after each."""
+
+    flux: FloatArray
+    one: FloatArray
+    other: FloatArray
+    low: NDArray[np.bool_]
+    high: NDArray[np.bool_]
+
+
 RIM_POINTS = 24
 """Points on the rim of a producing well where the concentration of the water is read."""
 
@@ -29,6 +41,9 @@ GAUSS_POINTS = (
 )
 """Nodes and weights of the four-point Gauss rule on [0, 1]: the tracer that leaves in a step is an
 integral over time."""
+
+BESIDE_FACE = 1e-6
+"""Distance of a point from the face of a box, in elements, where it is in the box beside."""
 
 BESIDE_TRACER = 1e-3
 """Least concentration near a vertex that counts as next to tracer, relative to the highest."""
@@ -44,6 +59,8 @@ class TracerTransport:
         self._storage = rig.storage
         self._pore_depth = rig.pore_depth
         self._area = rig.mesh.box_area
+        self._places = rig.water_places
+        self._volume = np.where(self._places.canal, 0.0, self._storage * self._area)
         self._spreading = Spreading(
             rig.diffusion, rig.longitudinal_dispersivity, rig.transverse_dispersivity
         )
@@ -55,7 +72,11 @@ class TracerTransport:
 
     def empty(self) -> Tracer:
         """Return a rig without tracer."""
-        return Tracer(np.zeros(self._mesh.shape), np.zeros(self._mesh.shape))
+        return Tracer(self._with_canals(np.zeros(self._mesh.shape)), np.zeros(self._mesh.shape))
+
+    def _with_canals(self, mobile: FloatArray) -> FloatArray:
+        """Return `mobile` with the concentration of the water in canals."""
+        return np.where(self._places.canal, self._places.entering, mobile)
 
     def dissolved(self, tracer: Tracer) -> FloatArray:
         """Return the mean concentration [-] of all pore water, (nz + 1, nx + 1)."""
@@ -65,7 +86,7 @@ class TracerTransport:
 
     def mobile_mass(self, tracer: Tracer) -> float:
         """Return the volume of stock [m^3] that moves with the water or sorbs linearly."""
-        return float(np.sum(tracer.mobile * self._storage * self._area))
+        return float(np.sum(tracer.mobile * self._volume))
 
     def total_mass(self, tracer: Tracer) -> float:
         """Return the volume of stock [m^3] in the rig in any form."""
@@ -106,7 +127,10 @@ class TracerTransport:
             velocity=self._vertex_velocity(fluxes) if self._spreading.follows_flow else None,
             duration=duration,
         )
-        tracer = tracer._replace(mobile=np.clip(mobile, 0.0, None))
+        if self._places.canal.any():
+            into_canals = float(np.sum((tracer.mobile - mobile) * self._volume))
+            balance = replace(balance, removed=balance.removed + into_canals)
+        tracer = tracer._replace(mobile=self._with_canals(np.clip(mobile, 0.0, None)))
         return self._reacted(tracer, balance, 0.5 * duration)
 
     def _reacted(
@@ -129,8 +153,9 @@ class TracerTransport:
         wells = [
             (*water.places[name], rate.rate, rate.concentration) for name, rate in rates.items()
         ]
-        sides = self._rig.boundaries
-        all_open = self._rig.background_flux is not None
+        entering = self._places.entering
+        if self._rig.background_flux is not None:  # through all walls, without tracer
+            entering = np.maximum(entering, 0.0)
         return Carrier(
             hx=self._mesh.hx,
             hz=self._mesh.hz,
@@ -138,12 +163,8 @@ class TracerTransport:
             remainder_z=remainder.z / self._mesh.box_width[None, :],
             storage=self._storage,
             wells=np.array(wells, dtype=float).reshape(-1, 5),
-            open_sides=np.array(
-                [
-                    all_open or side == 'open'
-                    for side in (sides.left, sides.right, sides.bottom, sides.top)
-                ]
-            ),
+            entering=entering,
+            canal=self._places.canal,
             settling=self._rig.settling_velocity,
         )
 
@@ -164,23 +185,30 @@ class TracerTransport:
         gained = sum(
             rate.rate * rate.concentration * duration for rate in rates.values() if rate.rate > 0.0
         )
+        gained += duration * self._entering(fluxes)
         lost = self._lost_in_wells(field, carrier, water, rates, duration)
         lost += self._lost_through_sides(field, carrier, fluxes, duration)
+        lost += self._lost_in_canals(field, carrier, fluxes, duration)
         held = self.mobile_mass(tracer) + gained
         lost = min(lost, held)  # the last tracer may leave between the moments that are counted
         due = held - lost
-        highest = max(float(field.max()), *(rate.concentration for rate in rates.values()), 0.0)
-        volume = self._storage * self._area
+        highest = max(
+            float(field.max()),
+            float(self._places.entering.max()),
+            *(rate.concentration for rate in rates.values()),
+            0.0,
+        )
+        volume = self._volume
         corrected = with_mass(
             carried, low, high, volume,
             due=due, highest=highest, injected=self._unseen_injection(carrier),
         )  # fmt: skip
+        corrected = self._with_canals(corrected)
         return tracer._replace(mobile=corrected), replace(
             balance,
             injected=balance.injected + gained,
             removed=balance.removed + lost,
-            corrected=balance.corrected
-            + abs(float(np.sum((corrected - carried) * self._storage * self._area))),
+            corrected=balance.corrected + abs(float(np.sum((corrected - carried) * volume))),
         )
 
     def _unseen_injection(self, carrier: Carrier) -> FloatArray:
@@ -251,12 +279,69 @@ class TracerTransport:
                 lost += weight * duration * float(np.sum(out * there))
         return lost
 
+    def _entering(self, fluxes: Fluxes) -> float:
+        """Return the stock [m^3/s] that water from outside brings through walls and from canals."""
+        stock, canal = np.maximum(self._places.entering, 0.0), self._places.canal
+        if not stock.any():
+            return 0.0
+        found = 0.0
+        for flow, beside in (
+            (-fluxes.z[-1], stock[-1]),
+            (fluxes.z[0], stock[0]),
+            (-fluxes.x[:, -1], stock[:, -1]),
+            (fluxes.x[:, 0], stock[:, 0]),
+        ):
+            found += float(np.sum(np.maximum(flow, 0.0) * beside))
+        for flow, one, other, low, high in _inner_faces(fluxes, stock, canal):
+            found += float(np.sum(np.maximum(flow, 0.0) * one * (low & ~high)))
+            found += float(np.sum(np.maximum(-flow, 0.0) * other * (high & ~low)))
+        return found
+
+    def _lost_in_canals(
+        self, field: FloatArray, carrier: Carrier, fluxes: Fluxes, duration: float
+    ) -> float:
+        """Return the volume of stock [m^3] that flows into canals in a step of `duration` [s]."""
+        canal, mesh = self._places.canal, self._mesh
+        if not canal.any():
+            return 0.0
+        lost = 0.0
+        x, z = np.meshgrid(mesh.x, mesh.z)
+        middles = (0.5 * (x[:, 1:] + x[:, :-1]), z[:, 1:]), (x[1:], 0.5 * (z[1:] + z[:-1]))
+        faces = _inner_faces(fluxes, field, canal)
+        for (flow, _, _, low, high), (at_x, at_z), (dx, dz) in zip(
+            faces, middles, ((mesh.hx, 0.0), (0.0, mesh.hz)), strict=True
+        ):
+            for into, sign in ((flow * (high & ~low), -1.0), (-flow * (low & ~high), 1.0)):
+                at = into > 0.0
+                if not at.any():
+                    continue
+                for moment, weight in GAUSS_POINTS:
+                    there, _, _ = arriving(
+                        carrier,
+                        field,
+                        x=at_x[at] + sign * BESIDE_FACE * dx,
+                        z=at_z[at] + sign * BESIDE_FACE * dz,
+                        duration=np.full(int(at.sum()), moment * duration),
+                    )
+                    lost += weight * duration * float(np.sum(into[at] * there))
+        return lost
+
     def _vertex_velocity(self, fluxes: Fluxes) -> tuple[FloatArray, FloatArray]:
         """Return the pore velocity (vx, vz) [m/s] at the vertices."""
         pores = self._pore_depth * self._rig.mobile_fraction
         along_x = 0.5 * (fluxes.x[:, 1:] + fluxes.x[:, :-1]) / self._mesh.box_height[:, None]
         along_z = 0.5 * (fluxes.z[1:] + fluxes.z[:-1]) / self._mesh.box_width[None, :]
         return along_x / pores, along_z / pores
+
+
+def _inner_faces(
+    fluxes: Fluxes, values: FloatArray, canal: NDArray[np.bool_]
+) -> tuple[InnerFaces, InnerFaces]:
+    """Return for the faces between boxes, along x and z: flux, values and canals on both sides."""
+    return (
+        InnerFaces(fluxes.x[:, 1:-1], values[:, :-1], values[:, 1:], canal[:, :-1], canal[:, 1:]),
+        InnerFaces(fluxes.z[1:-1], values[:-1], values[1:], canal[:-1], canal[1:]),
+    )
 
 
 def with_mass(

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.rates.wells import WellRate
-from porotwin_core.rig import Boundaries, Rig
+from porotwin_core.rig import Boundaries, Rig, WaterBody
 from porotwin_rig.mesh import Mesh
+from porotwin_rig.water_places import WaterPlaces
 
 FloatArray = NDArray[np.floating]
 Quantity = Literal['depth_m', 'porosity', 'permeability_m2']
@@ -31,6 +32,7 @@ class TrueRig:
         rig: the nominal rig.
         mesh: the mesh.
         boundaries: which sides are open, and the heads of open ones.
+        water: other water at the sand, by name.
         permeability: of the elements [m^2].
         depth_factor: of the elements [-]; multiplies the nominal depth.
         anisotropies: of the elements [-]; each multiplies the conductivity along x and divides it
@@ -51,11 +53,13 @@ class TrueRig:
         table_amplitude: amplitude of the tilt of the water table [m].
         table_period: period of that tilt [s].
         clock_offset: pump time minus time of the photograph [s].
+        fringe: capillary fringe above a table in the sand [m]; None where the sand is full.
     """
 
     rig: Rig
     mesh: Mesh
     boundaries: Boundaries
+    water: Mapping[str, WaterBody]
     permeability: FloatArray
     depth_factor: FloatArray
     depth: FloatArray
@@ -75,6 +79,7 @@ class TrueRig:
     table_amplitude: float = 0.0
     table_period: float = math.inf
     clock_offset: float = 0.0
+    fringe: float | None = None
 
     @classmethod
     def nominal(cls, rig: Rig, mesh: Mesh) -> Self:
@@ -83,6 +88,8 @@ class TrueRig:
             rig=rig,
             mesh=mesh,
             boundaries=rig.boundaries,
+            water=rig.water,
+            fringe=None if rig.water_table is None else rig.water_table.fringe_m,
             permeability=_nearest(rig, 'permeability_m2', mesh),
             depth_factor=np.ones((mesh.nz, mesh.nx)),
             depth=_averaged(rig, 'depth_m', mesh),
@@ -120,6 +127,15 @@ class TrueRig:
         for anisotropy in self.anisotropies:
             along_x, along_z = along_x * anisotropy, along_z / anisotropy
         return along_x, along_z
+
+    @property
+    def water_places(self) -> WaterPlaces:
+        """Where water stands or falls at the sand."""
+        return self.water_places_on(self.mesh)
+
+    def water_places_on(self, mesh: Mesh) -> WaterPlaces:
+        """Return where water stands or falls at the sand, on another mesh."""
+        return WaterPlaces.on(mesh, {**self.boundaries.bodies, **self.water})
 
     @property
     def pore_depth(self) -> FloatArray:

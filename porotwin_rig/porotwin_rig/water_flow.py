@@ -6,17 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.rates.wells import WellRates
-from porotwin_core.rig import Boundaries
 from porotwin_rig.box_flow import (
     BoxFlow,
     Fluxes,
     HalfFaces,
-    held_vertices,
     no_flux,
     radial_fluxes,
 )
-from porotwin_rig.mesh import Mesh
 from porotwin_rig.true_rig import TrueRig
+from porotwin_rig.wet_sand import WetSand
 
 FloatArray = NDArray[np.floating]
 
@@ -35,18 +33,25 @@ class WaterFlow:
         mesh = rig.mesh
         self._rig = rig
         self._along_x, self._along_z = rig.transmissivity
-        self._held = held_vertices(mesh, rig.boundaries)
-        self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held)
+        water = rig.water_places
+        self._held = water.held
+        self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held, canal=water.canal)
         self.places = {
             name: (*mesh.off_faces(x, z), radius) for name, (x, z, radius) in rig.places.items()
         }
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._heads = side_heads(mesh, rig.boundaries)
+        self._table: tuple[WellRates, WetSand] | None = None
+        excess = rig.density_difference / rig.rig.density_kg_m3
+        self._heads = water.potential(mesh.z[:, None], excess)
+        self._rain = water.rain if water.rain.x.any() or water.rain.z.any() else None
         self._background = self._background_fluxes()
-        if self._heads is not None and rig.viscosity_ratio == 1.0:
-            self._background += self._flow.combined([], held_potential=self._heads)
+        is_driven = self._heads is not None or self._rain is not None
+        if is_driven and rig.viscosity_ratio == 1.0:
+            self._background += self._flow.combined(
+                [], held_potential=self._heads, forced=self._rain
+            )
         self._tilt: Fluxes | None = None
 
     def fluxes(self, rates: WellRates, tracer: FloatArray, time: float) -> Fluxes:
@@ -58,6 +63,8 @@ class WaterFlow:
                 act on the flow.
             time: time since the start [s], for a water table that sways.
         """
+        if self._rig.fringe is not None:
+            return self._below_table(rates, tracer)
         total = self._background
         if self._rig.density_difference == 0.0 and self._rig.viscosity_ratio == 1.0:
             for name, rate in rates.items():
@@ -65,6 +72,29 @@ class WaterFlow:
         else:
             total = total + self._coupled_fluxes(rates, tracer)
         return total + self._sway(time)
+
+    def _below_table(self, rates: WellRates, tracer: FloatArray) -> Fluxes:
+        """Return the fluxes below the steady table of `rates`; the latest table is kept.
+
+        Density and viscosity of the tracer act on the flow, not on the table.
+        """
+        rig = self._rig
+        assert rig.fringe is not None
+        if self._table is None or self._table[0] != rates:
+            table = WetSand(
+                rig.mesh,
+                (self._along_x, self._along_z),
+                rig.water_places_on,
+                fringe=rig.fringe,
+                wells=self._wells_at(rates),
+                excess=rig.density_difference / rig.rig.density_kg_m3,
+            )
+            self._table = dict(rates), table
+        table = self._table[1]
+        return self._flowing(table.flow, table.potential, self._rain, rates, tracer)
+
+    def _wells_at(self, rates: WellRates) -> list[tuple[float, float, float]]:
+        return [(*self.places[name][:2], rate.rate) for name, rate in rates.items()]
 
     def _unit_fluxes(self, name: str) -> Fluxes:
         """Return the fluxes of a unit rate at the place `name`."""
@@ -75,10 +105,23 @@ class WaterFlow:
 
     def _coupled_fluxes(self, rates: WellRates, c: FloatArray) -> Fluxes:
         """Return the fluxes where density or viscosity depends on the concentration `c`."""
+        alone = self._rig.viscosity_ratio == 1.0  # heads and rain are in the background
+        heads, rain = (None, None) if alone else (self._heads, self._rain)
+        return self._flowing(self._flow, heads, rain, rates, c)
+
+    def _flowing(
+        self,
+        flow: BoxFlow,
+        heads: FloatArray | None,
+        rain: Fluxes | None,
+        rates: WellRates,
+        c: FloatArray,
+    ) -> Fluxes:
+        """Return the fluxes of `flow` with the concentration `c`, all drives together."""
         ratio, density = self._rig.viscosity_ratio, self._rig.density_difference
         in_elements = 0.25 * (c[:-1, :-1] + c[:-1, 1:] + c[1:, :-1] + c[1:, 1:])
         mobility = ratio**-in_elements
-        along_x, along_z = self._along_x * mobility, self._along_z * mobility
+        along_x, along_z = flow.along_x * mobility, flow.along_z * mobility
         driven = None
         if density != 0.0:
             mesh, water = self._rig.mesh, self._rig.rig.density_kg_m3
@@ -92,10 +135,11 @@ class WaterFlow:
                 pull * (0.75 * left_side + 0.25 * right_side),
                 pull * (0.25 * left_side + 0.75 * right_side),
             )
-        return self._flow.combined(
-            [(*self.places[name][:2], rate.rate) for name, rate in rates.items()],
-            held_potential=None if ratio == 1.0 else self._heads,
+        return flow.combined(
+            self._wells_at(rates),
+            held_potential=heads,
             driven=driven,
+            forced=rain,
             along=None if ratio == 1.0 else (along_x, along_z),
         )
 
@@ -131,19 +175,3 @@ class WaterFlow:
             forced.x[:, -1] *= forced.x[:, 0].sum() / forced.x[:, -1].sum()
         closed = BoxFlow(mesh, self._along_x, self._along_z, held=np.zeros_like(self._held))
         return closed.through_walls(forced)
-
-
-def side_heads(mesh: Mesh, boundaries: Boundaries) -> FloatArray | None:
-    """Return the heads [m] at the vertices of open sides, (nz + 1, nx + 1); None if all are alike.
-
-    Where two open sides meet, the vertex has the head of the upper or lower one.
-    """
-    raised = boundaries.raised_heads
-    if not raised:
-        return None
-    heads = np.zeros(mesh.shape)
-    heads[:, 0], heads[:, -1] = raised.get('left', 0.0), raised.get('right', 0.0)
-    for row, side in ((0, 'bottom'), (-1, 'top')):
-        if side in boundaries.open_sides:
-            heads[row] = raised[side]
-    return heads

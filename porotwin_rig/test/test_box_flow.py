@@ -6,12 +6,17 @@ from rig_examples import SMALL
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Boundaries, rig_from_maps
-from porotwin_rig.box_flow import BoxFlow, Fluxes, held_vertices, no_flux, radial_fluxes
+from porotwin_rig.box_flow import BoxFlow, Fluxes, no_flux, radial_fluxes
 from porotwin_rig.mesh import Mesh
+from porotwin_rig.water_places import WaterPlaces
 
 TRANSMISSIVITY = 6.4e-5
 WIDTH, HEIGHT = 0.9, 0.6
 SOURCE, SINK = (0.2371, 0.2213), (0.6611, 0.3507)
+
+
+def held_vertices(mesh: Mesh, sides: Boundaries) -> np.ndarray:
+    return WaterPlaces.on(mesh, sides.bodies).held
 
 
 def uniform_flow(mesh: Mesh, top: str) -> BoxFlow:

@@ -107,7 +107,8 @@ def test_water_that_passes_a_well_enters_it_on_the_side_it_comes_from() -> None:
         remainder_z=np.zeros((22, 21)),
         storage=np.full((21, 21), PORE_DEPTH),
         wells=np.array([[0.1, 0.1, radius, -rate, 0.0]]),
-        open_sides=np.ones(4, bool),
+        entering=np.zeros((21, 21)),
+        canal=np.zeros((21, 21), bool),
     )
     angle = (np.arange(points) + 0.5) * (2.0 * math.pi / points)
     inflow = inflow_through_rim(carrier, 0.1, 0.1, radius, angle) * 2.0 * math.pi * radius / points
@@ -227,7 +228,8 @@ def test_uniform_flow_shifts_a_plume_without_smearing_it() -> None:
         np.zeros((shape[0] + 1, shape[1])),
         np.ones(shape),
         np.zeros((0, 5)),
-        np.ones(4, dtype=bool),
+        np.zeros(shape),
+        np.zeros(shape, bool),
     )
     x, z = np.meshgrid(mesh.x, mesh.z)
 

@@ -170,8 +170,8 @@ def _of_reservoirs(rig: Rig) -> list[Unknown]:
 
     Maps show conductivity times fall only, so that both are one factor on the conductivity.
     """
-    raised = rig.boundaries.raised_heads
-    if not raised:
+    if not rig.is_driven:
         return []
-    level = LEVEL_DEVIATION_M / max(raised.values())
+    heads = [body.head_m for body in rig.water_bodies.values() if body.head_m is not None]
+    level = LEVEL_DEVIATION_M / (max(heads) - min(heads) or rig.height_m)
     return [Unknown(RESERVOIRS, 0.0, float(np.hypot(CONDUCTIVITY_DEVIATION, level)))]

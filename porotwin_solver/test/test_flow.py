@@ -9,6 +9,7 @@ import pytest
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Boundaries
 from porotwin_solver.coefficients.physics import SourceSink
+from porotwin_solver.coefficients.water_contact import contact_of
 from porotwin_solver.flow.flow import Flow, FlowCache
 
 CLOSED = Boundaries(top='closed')
@@ -25,14 +26,14 @@ def random_mobility(seed: int, decades: float = 3.5) -> np.ndarray:
 def test_the_divergence_is_the_source_to_round_off(boundaries: Boundaries) -> None:
     source = np.zeros(GRID.shape)
     source[4, 5], source[11, 25] = 1.4e-7, -1.4e-7
-    flux = Flow(GRID, random_mobility(3), boundaries).flux(source)
+    flux = Flow(GRID, random_mobility(3), contact_of(GRID, boundaries.bodies)).flux(source)
     np.testing.assert_allclose(flux.divergence(), source, atol=1e-14 * 1.4e-7)
 
 
 def test_no_water_passes_closed_sides() -> None:
     source = np.zeros(GRID.shape)
     source[4, 5] = 1e-7
-    flux = Flow(GRID, random_mobility(4), Boundaries()).flux(source)
+    flux = Flow(GRID, random_mobility(4), contact_of(GRID, Boundaries().bodies)).flux(source)
     assert np.abs(flux.x[:, [0, -1]]).max() == 0.0
     assert np.abs(flux.z[0]).max() == 0.0
     assert flux.z[-1].sum() == pytest.approx(1e-7, rel=1e-12)
@@ -43,7 +44,7 @@ def test_a_closed_line_of_cells_carries_the_pumped_rate(shape) -> None:
     grid = Grid(*shape, 0.934, 0.562)
     source = np.zeros(grid.shape)
     source.flat[2], source.flat[9] = 1e-7, -1e-7
-    flux = Flow(grid, np.full(grid.shape, 1e-8), CLOSED).flux(source)
+    flux = Flow(grid, np.full(grid.shape, 1e-8), contact_of(grid, CLOSED.bodies)).flux(source)
     np.testing.assert_allclose(flux.divergence(), source, atol=1e-20)
     through = flux.z[1:-1, 0] if shape[0] == 1 else flux.x[0, 1:-1]
     np.testing.assert_allclose(
@@ -53,7 +54,7 @@ def test_a_closed_line_of_cells_carries_the_pumped_rate(shape) -> None:
 
 def test_a_single_closed_cell_has_no_flux() -> None:
     grid = Grid(1, 1, 0.934, 0.562)
-    flux = Flow(grid, np.full((1, 1), 1e-8), CLOSED).flux(np.zeros((1, 1)))
+    flux = Flow(grid, np.full((1, 1), 1e-8), contact_of(grid, CLOSED.bodies)).flux(np.zeros((1, 1)))
     assert not flux.x.any() and not flux.z.any()
 
 
@@ -62,7 +63,7 @@ def test_layers_carry_flow_in_proportion_to_their_mobility_thickness() -> None:
     sides = Boundaries(top='closed', left='open', right='open')
     source = np.zeros(GRID.shape)
     source[:, 0] = 1e-7 * mobility_thickness[:, 0] / mobility_thickness[:, 0].sum()
-    flux = Flow(GRID, mobility_thickness, sides).flux(source)
+    flux = Flow(GRID, mobility_thickness, contact_of(GRID, sides.bodies)).flux(source)
     leaving = flux.x[:, -1]
     np.testing.assert_allclose(leaving / leaving.sum(), source[:, 0] / 1e-7, rtol=1e-9)
 
@@ -70,8 +71,8 @@ def test_layers_carry_flow_in_proportion_to_their_mobility_thickness() -> None:
 def test_the_flux_does_not_depend_on_a_common_factor_of_the_permeability() -> None:
     source = np.zeros(GRID.shape)
     source[4, 5], source[11, 25] = 1e-7, -1e-7
-    one = Flow(GRID, random_mobility(5), Boundaries()).flux(source)
-    other = Flow(GRID, 7.0 * random_mobility(5), Boundaries()).flux(source)
+    one = Flow(GRID, random_mobility(5), contact_of(GRID, Boundaries().bodies)).flux(source)
+    other = Flow(GRID, 7.0 * random_mobility(5), contact_of(GRID, Boundaries().bodies)).flux(source)
     np.testing.assert_allclose(one.x, other.x, atol=1e-18)
 
 
@@ -79,16 +80,21 @@ def test_the_flow_of_the_same_coefficients_is_factorised_once() -> None:
     grid = Grid(9, 7, 0.9, 0.7)
     mobility_thickness = np.full(grid.shape, 2e-9)
     cache = FlowCache(max_cells=10_000)
-    first = cache.flow(grid, mobility_thickness, Boundaries())
-    again = cache.flow(grid, mobility_thickness.copy(), Boundaries())
+    first = cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies))
+    again = cache.flow(grid, mobility_thickness.copy(), contact_of(grid, Boundaries().bodies))
     assert again is first
     source_sink = SourceSink(0.4, 0.3)
     assert again.unit_flux(source_sink) is first.unit_flux(source_sink)
     unit = first.unit_flux(source_sink)
     assert unit.divergence().sum() == pytest.approx(1.0)
     mobility_thickness[0, 0] *= 1.0 + 1e-15
-    assert cache.flow(grid, mobility_thickness, Boundaries()) is not first
-    assert cache.flow(grid, np.full(grid.shape, 2e-9), Boundaries(left='open')) is not first
+    assert cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies)) is not first
+    assert (
+        cache.flow(
+            grid, np.full(grid.shape, 2e-9), contact_of(grid, Boundaries(left='open').bodies)
+        )
+        is not first
+    )
 
 
 def test_the_cache_drops_the_flow_used_longest_ago() -> None:
@@ -96,9 +102,13 @@ def test_the_cache_drops_the_flow_used_longest_ago() -> None:
     cache = FlowCache(max_cells=2 * grid.nx * grid.nz)
     mobilities = [np.full(grid.shape, number * 1e-9) for number in (1.1, 1.2, 1.3)]
     flows = [
-        cache.flow(grid, mobility_thickness, Boundaries()) for mobility_thickness in mobilities
+        cache.flow(grid, mobility_thickness, contact_of(grid, Boundaries().bodies))
+        for mobility_thickness in mobilities
     ]
-    again = [cache.flow(grid, mobilities[number], Boundaries()) for number in (2, 1, 0)]
+    again = [
+        cache.flow(grid, mobilities[number], contact_of(grid, Boundaries().bodies))
+        for number in (2, 1, 0)
+    ]
     assert again[0] is flows[2]
     assert again[1] is flows[1]
     assert again[2] is not flows[0]
@@ -106,7 +116,7 @@ def test_the_cache_drops_the_flow_used_longest_ago() -> None:
 
 def test_a_discarded_flow_is_freed_at_once_with_its_factor() -> None:
     grid = Grid(9, 7, 0.9, 0.7)
-    flow_used = Flow(grid, np.full(grid.shape, 1.4e-9), Boundaries())
+    flow_used = Flow(grid, np.full(grid.shape, 1.4e-9), contact_of(grid, Boundaries().bodies))
     flow_used.unit_flux(SourceSink(0.4, 0.3))
     held = weakref.ref(flow_used)
     gc.disable()

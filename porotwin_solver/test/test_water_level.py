@@ -37,7 +37,8 @@ def test_a_rise_acts_as_the_same_heads_in_rig_yaml(make_rig, heads) -> None:
     higher = {side: (heads or {}).get(side, 0.0) + rise for side, rise in wrong.items()}
     expected = physics_of(make_rig(boundaries={**RESERVOIRS, 'heads_m': higher}))
     found = physics_of(rig, 'water_level:left=0.005')
-    assert found.side_potentials == pytest.approx(expected.side_potentials)
+    for one, other in zip(found.water_potentials[0], expected.water_potentials[0], strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
     np.testing.assert_allclose(background_flux(found).x, background_flux(expected).x, rtol=1e-9)
 
 
@@ -46,7 +47,8 @@ def test_two_effects_add_up(make_rig) -> None:
     known = EFFECTS['water_level']
     physics = physics_of(rig, 'water_level:left=0.005')
     both = known.on_physics(physics, known.checked({'right': -0.002}))
-    assert both.side_potentials['left'] == pytest.approx(998.0 * GRAVITY * 0.007)
+    outer, _ = both.water_potentials
+    np.testing.assert_allclose(outer.left, 998.0 * GRAVITY * 0.007)
 
 
 @pytest.mark.parametrize(

@@ -42,9 +42,11 @@ from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
+from porotwin_solver.coefficients.water_contact import entering
 from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.engine import BALANCE_TOLERANCE
 from porotwin_solver.model.prediction_cost import (
     PredictionCost,
@@ -171,8 +173,8 @@ def _with_true_levels(rig: Rig) -> Rig:
 
 
 def resting_water(rig: Rig) -> bool:
-    """Return whether no heads drive water through `rig`, its effects included."""
-    return not _with_true_levels(rig).boundaries.raised_heads
+    """Return whether no water at the sand drives a flow through `rig`, its effects included."""
+    return not _with_true_levels(rig).is_driven
 
 
 def recorded_interval(data: RecordedData | None) -> PhotoInterval:
@@ -318,7 +320,7 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
-    if checked.runs and (checked.rig.boundaries.raised_heads or not resting_water(checked.rig)):
+    if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
@@ -326,7 +328,7 @@ def in_words(checked: CheckedRig) -> list[str]:
 
 
 def heads_in_words(rig: Rig, grid: Grid) -> str:
-    """Return how much water the heads of open sides drive through the rig without the wells.
+    """Return how much water heads and rain drive through the rig without the wells.
 
     The effects of the rig count.
     """
@@ -334,9 +336,11 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     if physics.boundaries.corners_with_a_jump:
         return 'heads: the rate between sides that meet in a corner is not determined'
     flux = background_flux(physics)
+    if physics.fringe is not None:
+        flux = TableFlow(physics, np.zeros(grid.shape)).flux
     if flux is None:
         return 'heads: with its effects the rig has equal water levels, which drive no water'
-    through = np.concatenate([flux.x[:, 0], -flux.x[:, -1], flux.z[0], -flux.z[-1]])
+    through = np.concatenate([*entering(flux), flux.divergence().ravel()])
     rate = float(through[through > 0.0].sum())
     seconds = float(physics.mobile_water.sum()) / rate
     return (

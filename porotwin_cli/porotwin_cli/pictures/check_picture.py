@@ -179,7 +179,7 @@ def _role_handles(rig: Rig, roles: Mapping[str, str]) -> list[Line2D]:
         for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
     ]
     if not rig.closed:
-        handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
+        handles.append(Line2D([], [], color=OPEN, lw=4, label='water'))
     return handles
 
 
@@ -238,24 +238,42 @@ def _draw_sides(axis: Axes, rig: Rig) -> None:
         'left': ([0, 0], [0, height]),
         'right': ([width, width], [0, height]),
     }
-    for side, (x, z) in sides.items():
-        is_open = side in rig.boundaries.open_sides
-        axis.plot(
-            np.array(x), np.array(z), color=OPEN if is_open else 'black', lw=4 if is_open else 1.5
-        )
+    for x, z in sides.values():
+        axis.plot(np.array(x), np.array(z), color='black', lw=1.5)
     inward = {'bottom': (0, 12), 'top': (0, -12), 'left': (12, 0), 'right': (-12, 0)}
-    for side, head in (rig.boundaries.heads_m or {}).items():
-        axis.annotate(
-            f'head {head:g} m',
-            (0.5 * sum(sides[side][0]), 0.5 * sum(sides[side][1])),
-            xytext=inward[side],
-            textcoords='offset points',
-            color=OPEN,
-            ha='center',
-            va='center',
-            rotation=0 if side in ('top', 'bottom') else 90,
-            bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'edgecolor': 'none'},
+    for name, body in rig.water_bodies.items():
+        words = (
+            f'{name}, {body.rate_ml_h:g} ml/h' if body.head_m is None else f'head {body.head_m:g} m'
         )
+        if body.corners_m is not None:
+            axis.fill(*np.array(body.corners_m).T, color=OPEN, alpha=0.5)
+            _label(axis, words, np.mean(body.corners_m, axis=0), (0, 0), 0)
+            continue
+        assert body.side is not None
+        (x0, x1), (z0, z1) = sides[body.side]
+        along_z = body.side in ('left', 'right')
+        end = body.to_m or (height if along_z else width)
+        x, z = ([x0, x1], [body.from_m, end]) if along_z else ([body.from_m, end], [z0, z1])
+        axis.plot(x, z, color=OPEN, lw=4, ls='-' if body.rate_ml_h is None else ':')
+        if body.side not in rig.boundaries.open_sides or rig.boundaries.heads_m:
+            middle = np.array([sum(x), sum(z)]) / 2.0
+            _label(axis, words, middle, inward[body.side], 90 if along_z else 0)
+
+
+def _label(
+    axis: Axes, words: str, place: FloatArray, offset: tuple[int, int], rotation: int
+) -> None:
+    axis.annotate(
+        words,
+        (float(place[0]), float(place[1])),
+        xytext=offset,
+        textcoords='offset points',
+        color=OPEN,
+        ha='center',
+        va='center',
+        rotation=rotation,
+        bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'edgecolor': 'none'},
+    )
 
 
 def _draw_photograph(axis: Axes, checked: CheckedRig, roles: Mapping[str, str]) -> None:

@@ -23,6 +23,8 @@ from porotwin_core.rig.sections import (
     MapReference,
     Polygon,
     SideName,
+    WaterBody,
+    WaterTable,
     Well,
     ZoneFile,
 )
@@ -41,6 +43,8 @@ __all__ = [
     'Polygon',
     'Rig',
     'SideName',
+    'WaterBody',
+    'WaterTable',
     'Well',
     'ZoneFile',
     'load_rig',

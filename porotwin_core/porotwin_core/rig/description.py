@@ -29,6 +29,8 @@ from porotwin_core.rig.sections import (
     EffectDescription,
     MapReference,
     Section,
+    WaterBody,
+    WaterTable,
     Well,
 )
 
@@ -37,6 +39,9 @@ DEFAULT_CELL_M = 0.005
 
 MOST_DEFAULT_CELLS = 250_000
 """Most cells of a grid that nobody asked for: one prediction takes a second or two."""
+
+SLIP = 1e-9
+"""Excess of a length over the rig [-] that is round-off."""
 
 FINGERPRINT_LENGTH = 12
 """Hexadecimal digits of a fingerprint: 48 bits, enough to tell the rigs of a laboratory apart."""
@@ -121,6 +126,14 @@ class Rig(Section):
     viscosity_pa_s: Positive = Field(description='dynamic viscosity of the water [Pa s]')
     density_kg_m3: Positive = Field(description='density of the water [kg/m3]')
     boundaries: Boundaries = Field(Boundaries(), description='conditions on the four sides')
+    water: dict[str, WaterBody] = Field(
+        default_factory=dict,
+        description='water at the sand by name, beside the open sides: heads on parts of sides, '
+        'open water in the picture, rain',
+    )
+    water_table: WaterTable | None = Field(
+        None, description='a water table inside the sand; without it the sand is full of water'
+    )
     wells: dict[str, Well] = Field(description='wells by name')
     camera: Camera | None = Field(None, description='needed for photographs')
     control: Control | None = Field(None, description='needed for setpoints')
@@ -146,6 +159,7 @@ class Rig(Section):
             hint = f'; was this in percent? {self.porosity:g} percent = {self.porosity / 100:g}'
             raise ValueError(f'porosity {self.porosity}: must not exceed 1{hint}')
         self._check_sands()
+        self._check_water()
         if self.control is not None:
             self.control.check_wells(self.wells, closed=self.closed)
         return self
@@ -202,6 +216,56 @@ class Rig(Section):
             if name not in self.sands:
                 raise ValueError(f"sand '{name}' is unknown; sands has {', '.join(self.sands)}")
 
+    def _check_water(self) -> None:
+        """Check that the water bodies lie apart on the sides, and that their heads are known.
+
+        Raises:
+            ValueError: they overlap, reach beyond the rig, have no head, or no outlet.
+        """
+        sides = self.boundaries
+        taken: dict[str, list[tuple[float, float, str]]] = {}
+        for name, body in self.water.items():
+            if not (name.isprintable() and name.strip()) or name in sides.open_sides:
+                raise ValueError(f"water '{name}': give it another name")
+            if body.side is None:
+                continue
+            length = self.height_m if body.side in ('left', 'right') else self.width_m
+            end = body.to_m or length
+            if not body.from_m < end <= length * (1.0 + SLIP):
+                raise ValueError(
+                    f"water '{name}' reaches from {body.from_m:g} to {end:g} m, but the "
+                    f'{body.side} side is {length:g} m long; correct from_m and to_m'
+                )
+            if body.side in sides.open_sides:
+                raise ValueError(
+                    f"water '{name}' stands at the {body.side} side, which is open as a whole; "
+                    f'write {body.side}: closed in boundaries'
+                )
+            for low, high, other in taken.setdefault(body.side, []):
+                if body.from_m < high and low < end:
+                    raise ValueError(f"water '{name}' overlaps '{other}'; correct from_m and to_m")
+            taken[body.side].append((body.from_m, end, name))
+        has_heads = any(body.head_m is not None for body in self.water.values())
+        if (has_heads or self.water_table) and sides.open_sides and not sides.heads_m:
+            raise ValueError(
+                f'the {" and ".join(sides.open_sides)} side is open without a head; give '
+                'boundaries.heads_m, or close it (the top is open unless you write top: closed)'
+            )
+        if self.closed and (self.water or self.water_table):
+            raise ValueError('water cannot leave: give some water a head_m')
+
+    @property
+    def water_bodies(self) -> dict[str, WaterBody]:
+        """All water at the sand by name: beyond the open sides, and that of `water`."""
+        return {**self.boundaries.bodies, **self.water}
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether water flows without wells: heads differ, rain falls, or dense water stands."""
+        rains = any(body.rate_ml_h or body.concentration for body in self.water.values())
+        heads = {body.head_m for body in self.water_bodies.values()} - {None}
+        return rains or len(heads) > 1
+
     @property
     def placed_sands(self) -> tuple[str, ...]:
         """The names of the sands in layers, picture and polygons."""
@@ -226,8 +290,10 @@ class Rig(Section):
 
     @property
     def closed(self) -> bool:
-        """Whether every side is closed, so that the wells must balance."""
-        return self.boundaries.all_closed
+        """Whether no water has a head, so that the wells must balance."""
+        return self.boundaries.all_closed and all(
+            body.head_m is None for body in self.water.values()
+        )
 
     def __eq__(self, other: object) -> bool:
         return (
@@ -283,6 +349,10 @@ class Rig(Section):
         del data['boundaries']['heads_m']
         if raised := self.boundaries.raised_heads:  # only differences count
             data['boundaries']['raised_heads_m'] = raised
+        if self.water:  # beside other water the level counts
+            data['boundaries']['heads_m'] = self.boundaries.heads_m
+        for key in ('water', 'water_table'):
+            data = {name: value for name, value in data.items() if name != key or value}
         for name in PROPERTIES:
             values = self.nominal_map(name)
             if isinstance(values, float):

@@ -18,6 +18,8 @@ from porotwin_core.rig.sections import (
     EffectDescription,
     MapReference,
     Section,
+    WaterBody,
+    WaterTable,
     Well,
 )
 
@@ -36,6 +38,8 @@ SECTIONS: tuple[type[Section], ...] = (
     DepthPoints,
     DepthPointsFile,
     MapReference,
+    WaterBody,
+    WaterTable,
 )
 """Every section of the description."""
 

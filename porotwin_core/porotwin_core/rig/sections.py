@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig.numbers import Number, Positive
+from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
 
 DEFAULT_WELL_RADIUS = 0.004
 """Radius of a well without `radius_m` [m]: a tube of the small rig (experiment folder format)."""
@@ -93,6 +93,59 @@ class ZoneFile(Section):
     )
 
 
+class WaterBody(Section):
+    """Water at the sand: on a part of a side, or open water in a polygon of the picture.
+
+    It has a level, or it enters at a rate, such as rain. An open side is such a body as well.
+    """
+
+    side: SideName | None = Field(None, description='the side of the rig where the water stands')
+    from_m: NotNegative = Field(
+        0.0, description='begin of the part of the side [m]: x from the left, or z from below'
+    )
+    to_m: Positive | None = Field(
+        None, description='end of the part of the side [m]; default: the end of the side'
+    )
+    corners_m: Polygon | None = Field(
+        None, description='instead of a side: corners (x, z) of open water in the picture [m]'
+    )
+    head_m: Number | None = Field(
+        None, description='height of the level of the water above the lower edge of the sand [m]'
+    )
+    rate_ml_h: NotNegative | None = Field(
+        None, description='instead of a head: rate at which water enters, such as rain [ml/h]'
+    )
+    concentration: Share = Field(
+        0.0, description='concentration of the water that enters: 0 water, 1 tracer stock'
+    )
+
+    @model_validator(mode='after')
+    def _is_complete(self) -> Self:
+        if (self.side is None) == (self.corners_m is None):
+            raise ValueError('needs a place: give either side or corners_m')
+        if (self.head_m is None) == (self.rate_ml_h is None):
+            raise ValueError('needs either head_m or rate_ml_h')
+        if self.corners_m is not None and (self.rate_ml_h is not None or self.to_m is not None):
+            raise ValueError('corners_m takes head_m only; rate_ml_h, from_m and to_m need a side')
+        if self.to_m is not None and self.to_m <= self.from_m:
+            raise ValueError(f'from_m {self.from_m:g} must be less than to_m {self.to_m:g}')
+        return self
+
+    def with_change(self, rise: float, factor: float) -> Self:
+        """Return this water with a level higher by `rise` [m], or a rate times `factor`."""
+        head = None if self.head_m is None else self.head_m + rise
+        rate = None if self.rate_ml_h is None else self.rate_ml_h * factor
+        return self.model_copy(update={'head_m': head, 'rate_ml_h': rate})
+
+
+class WaterTable(Section):
+    """A water table inside the sand: the sand above the capillary fringe is dry."""
+
+    fringe_m: NotNegative = Field(
+        0.0, description='height to which capillarity fills the sand above the water table [m]'
+    )
+
+
 class Boundaries(Section):
     """Conditions on the four sides.
 
@@ -129,8 +182,14 @@ class Boundaries(Section):
 
     @property
     def all_closed(self) -> bool:
-        """Whether no side is open, so that the wells must balance."""
+        """Whether no side is open."""
         return not self.open_sides
+
+    @property
+    def bodies(self) -> dict[str, WaterBody]:
+        """The water beyond the open sides, by side; a head that nobody gave is 0 m."""
+        heads = self.heads_m or {}
+        return {side: WaterBody(side=side, head_m=heads.get(side, 0.0)) for side in self.open_sides}
 
     @property
     def raised_heads(self) -> dict[SideName, float]:
@@ -153,8 +212,10 @@ class Boundaries(Section):
             if one in raised and other in raised and raised[one] != raised[other]
         ]
 
-    def with_water_raised(self, rises: Mapping[SideName, float]) -> Self:
+    def with_water_raised(self, rises: Mapping[SideName, float], *, others: bool = False) -> Self:
         """Return the conditions after the water beyond open sides rose by `rises` [m].
+
+        `others` tells whether other water stands at the sand.
 
         Raises:
             InputError: the water rises beyond a closed side, or beyond the only open one, where no
@@ -167,7 +228,7 @@ class Boundaries(Section):
                 raise InputError(
                     f'no water stands beyond the {side} side, which is closed; open sides: {known}'
                 )
-        if changed and len(self.open_sides) < 2:
+        if changed and len(self.open_sides) < 2 and not others:
             raise InputError(
                 f'only the {known} is open, so that no flow depends on the water level there; '
                 'open a second side in rig.yaml'

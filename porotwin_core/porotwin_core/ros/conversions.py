@@ -27,6 +27,7 @@ from porotwin_core.rig import (
     Control,
     EffectDescription,
     Rig,
+    WaterBody,
 )
 from porotwin_core.ros.from_messages import RIG_FRAME as RIG_FRAME
 from porotwin_core.ros.from_messages import cost_term_from_msg as cost_term_from_msg
@@ -57,6 +58,7 @@ from porotwin_msgs.msg import (
 from porotwin_msgs.msg import CostTerm as CostTermMessage
 from porotwin_msgs.msg import LearntPhysics as LearntPhysicsMessage
 from porotwin_msgs.msg import RateStep as RateStepMessage
+from porotwin_msgs.msg import WaterBody as WaterMessage
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
@@ -230,6 +232,19 @@ def _control_to_msg(control: Control, zone: PictureZone | None) -> ControlLimits
     return message
 
 
+def _water_to_msg(name: str, body: WaterBody) -> WaterMessage:
+    ends = [body.from_m] if body.to_m is None else [body.from_m, body.to_m]
+    return WaterMessage(
+        name=name,
+        side=body.side or '',
+        ends=ends if body.side else [],
+        corners=[value for corner in body.corners_m or () for value in corner],
+        head=[] if body.head_m is None else [body.head_m],
+        rate=[] if body.rate_ml_h is None else [from_ml_h(body.rate_ml_h)],
+        concentration=body.concentration,
+    )
+
+
 def rig_to_msg(rig: Rig) -> RigDescription:
     """Return the message of a rig with its maps."""
     return RigDescription(
@@ -248,6 +263,8 @@ def rig_to_msg(rig: Rig) -> RigDescription:
         heads=[
             SideHead(side=side, head=head) for side, head in (rig.boundaries.heads_m or {}).items()
         ],
+        water=[_water_to_msg(name, body) for name, body in rig.water.items()],
+        fringe=[rig.water_table.fringe_m] if rig.water_table else [],
         wells=[
             WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)
             for name, well in rig.wells.items()

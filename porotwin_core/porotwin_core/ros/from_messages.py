@@ -320,6 +320,22 @@ def _orders_from_msg(message: Any) -> dict[str, Any]:
     }
 
 
+def _water_from_msg(message: Any) -> dict[str, Any]:
+    """Return the section of one water body."""
+    ends, corners = list(message.ends), list(message.corners)
+    place = (
+        {'side': message.side, **dict(zip(('from_m', 'to_m'), ends, strict=False))}
+        if message.side
+        else {'corners_m': list(zip(corners[::2], corners[1::2], strict=False))}
+    )
+    return {
+        **place,
+        'head_m': next(iter(message.head), None),
+        'rate_ml_h': next((_rounded(to_ml_h(rate)) for rate in message.rate), None),
+        'concentration': message.concentration,
+    }
+
+
 def rig_from_msg(message: Any) -> Rig:
     """Return the rig of a message.
 
@@ -331,6 +347,7 @@ def rig_from_msg(message: Any) -> Rig:
     }
     if heads := getattr(message, 'heads', ()):  # older bags have none
         sides['heads_m'] = {head.side: head.head for head in heads}
+    fringe = list(getattr(message, 'fringe', []))
     rig = rig_from_maps(
         {
             'name': message.name,
@@ -339,6 +356,8 @@ def rig_from_msg(message: Any) -> Rig:
             'viscosity_pa_s': message.viscosity,
             'density_kg_m3': message.density,
             'boundaries': sides,
+            'water': {body.name: _water_from_msg(body) for body in getattr(message, 'water', ())},
+            'water_table': {'fringe_m': fringe[0]} if fringe else None,
             'wells': {
                 well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
                 for well in message.wells

@@ -15,6 +15,7 @@ from porotwin_core.basis.units import ML
 from porotwin_core.checks.mass_check import LEAST_SHARE, stock_in_map
 from porotwin_core.checks.well_check import Maps, cells_around
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.polygons import inside
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 
@@ -86,7 +87,7 @@ def _largest_rise(values: FloatArray) -> tuple[int, int]:
 
 
 def _exits(rig: Rig, schedule: Schedule, grid: Grid) -> NDArray[np.bool_]:
-    """Return the cells (nz, nx) at wells that produce, and at open sides."""
+    """Return the cells (nz, nx) at wells that produce, at sides with water, and in canals."""
     exits: NDArray[np.bool_] = np.zeros(grid.shape, dtype=bool)
     for name in {row.well for row in schedule.rows if row.rate.rate < 0.0}:
         exits[cells_around(rig.wells[name], grid, _EXIT_REACH)] = True
@@ -96,6 +97,11 @@ def _exits(rig: Rig, schedule: Schedule, grid: Grid) -> NDArray[np.bool_]:
         'left': exits[:, :_EXIT_REACH],
         'right': exits[:, -_EXIT_REACH:],
     }
-    for side in rig.boundaries.open_sides:
-        edges[side][:] = True
+    for body in rig.water_bodies.values():
+        if body.side is not None:
+            edges[body.side][:] = True
+        else:
+            x, z = np.meshgrid(grid.x, grid.z)
+            places, corners = np.column_stack([x.ravel(), z.ravel()]), np.array(body.corners_m)
+            exits |= inside(places, corners).reshape(grid.shape)
     return exits

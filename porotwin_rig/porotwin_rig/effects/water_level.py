@@ -16,7 +16,8 @@ def raise_water(rig: TrueRig, values: Values) -> TrueRig:
         InputError: one of these sides is closed, or the only open one.
     """
     rises: dict[SideName, float] = {side: values[side] for side in SIDES}
-    return replace(rig, boundaries=rig.boundaries.with_water_raised(rises))
+    raised = rig.boundaries.with_water_raised(rises, others=bool(rig.water))
+    return replace(rig, boundaries=raised)
 
 
 EFFECT = AssetEffect(

@@ -104,7 +104,7 @@ def well_derivatives(
     A rate acts through its unit flow, through the sources of its cells and, by `by_source`, through
     the tracer-driven flow. For a well at rest it is the derivative for the start of an injection.
     """
-    at, units = engine.sources_and_sinks, engine.unit_fluxes
+    at, units = engine.sources_and_sinks, engine.flux_per_rate(rates)
     flux_bar, sources_bar, _ = derivatives.advection
     found_rate, found_concentration = {}, {}
     for name, source_sink in engine.physics.wells.items():
@@ -142,7 +142,7 @@ def by_commands(
     """
     factors = {name: physics.rate_factors.get(name, 1.0) for name in by_delivered}
     found = {name: factors[name] * value for name, value in by_delivered.items()}
-    if not physics.rate_factors or not physics.boundaries.all_closed:
+    if not physics.rate_factors or not physics.contact.closed:
         return found
     with_factors = {name: well.rate * factors[name] for name, well in rates.items()}
     put_in, taken = in_and_out(with_factors.values())

@@ -15,6 +15,7 @@ from porotwin_solver.adjoint.transport_adjoint_kernels import (
     advection_adjoint,
 )
 from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.model.engine import Engine, State, StepCoefficients, StepTapes
 from porotwin_solver.model.model import Model
 from porotwin_solver.transport.diffusion import (
@@ -23,6 +24,7 @@ from porotwin_solver.transport.diffusion import (
     dispersion_tensor,
     dispersion_tensor_adjoint,
 )
+from porotwin_solver.transport.sources_and_sinks import with_water, with_water_adjoint
 from porotwin_solver.transport.transport import Sources
 
 NEGLIGIBLE_DERIVATIVE = 1e-100
@@ -104,6 +106,7 @@ def step_adjoint(
         coefficients,
         tapes,
         derivatives,
+        engine.contact(rates),
         with_tensor=bool(varied) or engine.physics.disperses,
     )
     by_parameter += _reaction_derivatives(varied, bar, first, half)
@@ -119,6 +122,7 @@ def _transport_adjoint(
     coefficients: StepCoefficients,
     tapes: StepTapes,
     derivatives: StepDerivatives,
+    contact: WaterContact,
     *,
     with_tensor: bool,
 ) -> None:
@@ -151,6 +155,7 @@ def _transport_adjoint(
         *bar.bounds,
     )
     diffusion_adjoint(tapes.first_diffusion)
+    with_water_adjoint(contact, flux, derivatives.advection.sources, derivatives.advection.flux)
     if with_tensor:
         _add_tensor_derivatives(engine, flux, exchanges, weight_bar, derivatives)
 
@@ -214,11 +219,12 @@ def _weighted(
 ) -> float:
     """Return the scalar product of the coefficients of `model` and the derivatives by them.
 
-    The tensor is taken at the given `flux`: dJ/dflux already contains its dependence on the flux.
+    The tensor and the water of canals are taken at the given `flux`: dJ/dflux already contains
+    their dependence on the flux.
     """
     engine, physics = model.engine, model.engine.physics
     own_flux = engine.coupled_flux(engine.water_flux(rates), rates, first.mobile)
-    sources = engine.sources_and_sinks.sources(rates)
+    sources = with_water(engine.contact(rates), flux, engine.sources_and_sinks.sources(rates))
     advection = derivatives.advection
     parts = [
         np.vdot(advection.flux.x, own_flux.x),

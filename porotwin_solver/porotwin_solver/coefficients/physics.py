@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRates
-from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig, SideName
+from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig, WaterBody
+from porotwin_solver.coefficients.water_contact import Outline, WaterContact, contact_of
 
 MOST_CONTRAST = 1e12
 """Largest over least permeability [-]. From 1e13 on the round-off of the flow shows: more than the
@@ -46,6 +48,10 @@ class Physics:
     viscosity: of water [Pa s].
     density: of water [kg/m^3].
     boundaries: which sides are open (constant potential) or closed, and heads of open ones.
+    water: other water at the sand, by name.
+    fringe: height of the capillary fringe [m] above a table in the sand; None: the sand is full.
+    surface: the contact with water at a known table; None: it follows from the bodies.
+    blocks: cells along each side of the blocks of which the contact with water consists.
     wells: place of every well by name.
     rate_factors: delivered rate of a well divided by the commanded one [-]; 1 where absent.
     diffusion: molecular diffusion of the tracer in the pores [m^2/s].
@@ -70,6 +76,10 @@ class Physics:
     density: float
     boundaries: Boundaries
     wells: Mapping[str, SourceSink]
+    water: Mapping[str, WaterBody] = field(default_factory=dict)
+    blocks: int = 1
+    fringe: float | None = None
+    surface: WaterContact | None = None
     rate_factors: Mapping[str, float] = field(default_factory=dict)
     diffusion: float = MOLECULAR_DIFFUSION
     longitudinal_dispersivity: float = 0.0
@@ -115,17 +125,27 @@ class Physics:
         """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
-    @property
-    def side_potentials(self) -> dict[SideName, float]:
-        """Potential beyond open sides [Pa], by side, 0 at the lowest; empty: all alike."""
-        weight = self.density * GRAVITY
-        return {side: weight * head for side, head in self.boundaries.raised_heads.items()}
+    @cached_property
+    def contact(self) -> WaterContact:
+        """Where water stands or falls at the sand."""
+        if self.surface is not None:
+            return self.surface
+        bodies = {**self.boundaries.bodies, **self.water}
+        return contact_of(self.grid, bodies, blocks=self.blocks, seeps=self.fringe is not None)
 
-    @property
-    def has_side_potential(self) -> bool:
-        """Whether heads, or a tilted water table on an open upper side, drive water."""
-        tilted = self.table_tilt != 0.0 and self.boundaries.top == 'open'
-        return tilted or bool(self.side_potentials)
+    @cached_property
+    def water_potentials(self) -> tuple[Outline, FloatArray] | None:
+        """Potential [Pa] of the water at the outer faces and in canals; None: 0 everywhere.
+
+        With the tilt t [Pa], an open upper side also has t (x / W - 1/2).
+        """
+        weight, excess = self.density * GRAVITY, self.density_difference * GRAVITY
+        found = self.contact.potentials(self.grid, weight, excess)
+        if self.table_tilt == 0.0 or self.boundaries.top != 'open':
+            return found
+        outer, inner = found or (Outline.zeros(self.grid), np.zeros(self.grid.shape))
+        tilt = self.table_tilt * (self.grid.x / self.grid.width - 0.5)
+        return outer._replace(top=outer.top + tilt), inner
 
     def delivered(self, rates: WellRates) -> dict[str, float]:
         """Return the rate [m^3/s] of every well: the commanded one times its rate factor.
@@ -144,7 +164,7 @@ class Physics:
             name: well.rate * self.rate_factors.get(self.well(name), 1.0)
             for name, well in rates.items()
         }
-        if not self.rate_factors or not self.boundaries.all_closed:
+        if not self.rate_factors or not self.contact.closed:
             return found
         put_in, taken = in_and_out(found.values())
         asked_in, asked_out = in_and_out(well.rate for well in rates.values())
@@ -186,6 +206,8 @@ def nominal_physics(rig: Rig, grid: Grid) -> Physics:
         wells={
             name: SourceSink(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
         },
+        water=rig.water,
+        fringe=None if rig.water_table is None else rig.water_table.fringe_m,
     )
     check(physics)
     return physics

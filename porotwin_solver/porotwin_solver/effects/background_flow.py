@@ -23,9 +23,9 @@ def drift(physics: Physics, values: Values) -> Physics:
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit both components in steps that move fronts by one cell.
 
-    Where several sides are open, their water levels drive such a flow: see `water_level`.
+    Where water stands at several places, its levels drive such a flow: see `water_level`.
     """
-    if len(context.rig.boundaries.open_sides) > 1:
+    if len(context.rig.water_bodies) > 1:
         return []
     step = context.front_speed * context.porosity
     return [

@@ -19,7 +19,7 @@ def change(physics: Physics, values: Values) -> Physics:
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor where heads drive water; wells alone drive the same flow in any sand."""
     rig = context.rig
-    is_driven = rig.boundaries.raised_heads or any(e.name == 'water_level' for e in rig.effects)
+    is_driven = rig.is_driven or any(e.name == 'water_level' for e in rig.effects)
     if not is_driven:
         return []
     fitted = FitParameter('factor', '-', 1.0, 0.05, 0.01, 100.0, log=True)

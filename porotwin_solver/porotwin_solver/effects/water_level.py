@@ -31,7 +31,8 @@ def raise_water(physics: Physics, values: Values) -> Physics:
     Raises:
         InputError: one of these sides is closed, or the only open one.
     """
-    return replace(physics, boundaries=physics.boundaries.with_water_raised(_rises(values)))
+    raised = physics.boundaries.with_water_raised(_rises(values), others=bool(physics.water))
+    return replace(physics, boundaries=raised)
 
 
 def with_true_levels(rig: Rig) -> Rig:
@@ -43,7 +44,8 @@ def with_true_levels(rig: Rig) -> Rig:
     boundaries = rig.boundaries
     for described in rig.effects:
         if described.name == EFFECT.name:
-            boundaries = boundaries.with_water_raised(_rises(EFFECT.checked(described.parameters)))
+            rises = _rises(EFFECT.checked(described.parameters))
+            boundaries = boundaries.with_water_raised(rises, others=bool(rig.water))
     return rig.model_copy(update={'boundaries': boundaries})
 
 
@@ -52,14 +54,18 @@ def _rises(values: Values) -> dict[SideName, float]:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the rises beyond all open sides but one; none where fewer than two sides are open."""
-    fitted = context.rig.boundaries.open_sides[:-1]
+    """Fit the rises beyond all open sides, but one where no other water has a level."""
+    rig = context.rig
+    others = any(body.head_m is not None for body in rig.water.values())
+    fitted = rig.boundaries.open_sides[: None if others else -1]
     limit = min(context.rig.height_m, MOST_WATER_LEVEL)
-    rises = (FitParameter(side, 'm', 0.0, _step(context, side), -limit, limit) for side in fitted)
+    rises = (
+        FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted
+    )
     return [Candidate('water_level', tuple(rises))] if fitted else []
 
 
-def _step(context: SearchContext, side: SideName) -> float:
+def level_step(context: SearchContext, side: SideName) -> float:
     """Return the rise [m] that drives fronts one cell further through the rig."""
     rig = context.rig
     length = rig.width_m if side in ('left', 'right') else rig.height_m

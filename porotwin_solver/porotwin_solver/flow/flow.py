@@ -8,15 +8,17 @@ rate of every well. Other rates are a superposition of these unit flows.
 
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rig import Boundaries
 from porotwin_solver.coefficients.discs import disc_fractions
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import SourceSink
+from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.flow.multigrid import GridLevel, Solve
 from porotwin_solver.flow.pressure import Pressures
 
@@ -32,47 +34,69 @@ UNIT_FLOWS_KEPT = 16
 
 
 def transmissibilities(
-    grid: Grid, mobility_thickness: FloatArray, boundaries: Boundaries
+    grid: Grid, mobility_thickness: FloatArray, contact: WaterContact
 ) -> FaceField:
     """Return the two-point transmissibility of every face [m^3/(s Pa)].
 
     `mobility_thickness` (nz, nx) is d k / mu [m^3/(Pa s)]. The harmonic mean joins neighbours. A
-    face on an open side sees half a cell; a face on a closed side has transmissibility zero.
+    face to open water sees half a cell of sand; a face that is closed, or lies in open water, has
+    transmissibility zero.
     """
     half_x = 2.0 * mobility_thickness * grid.dz / grid.dx
     half_z = 2.0 * mobility_thickness * grid.dx / grid.dz
     faces = FaceField.zeros(grid)
     faces.x[:, 1:-1] = half_x[:, :-1] * half_x[:, 1:] / (half_x[:, :-1] + half_x[:, 1:])
     faces.z[1:-1] = half_z[:-1] * half_z[1:] / (half_z[:-1] + half_z[1:])
-    if boundaries.left == 'open':
-        faces.x[:, 0] = half_x[:, 0]
-    if boundaries.right == 'open':
-        faces.x[:, -1] = half_x[:, -1]
-    if boundaries.bottom == 'open':
-        faces.z[0] = half_z[0]
-    if boundaries.top == 'open':
-        faces.z[-1] = half_z[-1]
-    return faces
+    faces.x[:, 0] = half_x[:, 0] * contact.open.left
+    faces.x[:, -1] = half_x[:, -1] * contact.open.right
+    faces.z[0] = half_z[0] * contact.open.bottom
+    faces.z[-1] = half_z[-1] * contact.open.top
+    if contact.canal is not None:
+        _border(faces.x, half_x, contact.canal)
+        _border(faces.z.T, half_z.T, contact.canal.T)
+    return faces if contact.scale is None else faces * contact.scale
+
+
+def _border(faces: FloatArray, half: FloatArray, canal: NDArray[np.bool_]) -> None:
+    """Set the transmissibility of the `faces` (rows, columns + 1) of open water in place.
+
+    `half` (rows, columns) is the one of half a cell [m^3/(s Pa)].
+    """
+    one, other = canal[:, :-1], canal[:, 1:]
+    sand = np.where(one, half[:, 1:], half[:, :-1])
+    faces[:, 1:-1] = np.where(one | other, np.where(one & other, 0.0, sand), faces[:, 1:-1])
+    faces[:, [0, -1]] = np.where(canal[:, [0, -1]], 0.0, faces[:, [0, -1]])
 
 
 def transmissibilities_adjoint(
-    grid: Grid, mobility_thickness: FloatArray, trans: FaceField, bar: FaceField
+    grid: Grid,
+    mobility_thickness: FloatArray,
+    trans: FaceField,
+    bar: FaceField,
+    contact: WaterContact,
 ) -> FloatArray:
     """Return dJ/d(mobility_thickness), (nz, nx), of a cost J with `bar` = dJ/dtrans.
 
-    For T = a b / (a + b) of two half cells, dT/da = (T / a)^2. On an open side, T = a.
+    For T = a b / (a + b) of two half cells, dT/da = (T / a)^2. To open water, T is a share of a.
     """
+    if (scale := contact.scale) is not None:
+        contact, bar = replace(contact, scale=None), bar * scale
+        trans = transmissibilities(grid, mobility_thickness, contact)
     half_x = 2.0 * mobility_thickness * grid.dz / grid.dx
     half_z = 2.0 * mobility_thickness * grid.dx / grid.dz
-    by_x = bar.x[:, :-1] * (trans.x[:, :-1] / half_x) ** 2
-    by_x += bar.x[:, 1:] * (trans.x[:, 1:] / half_x) ** 2
-    by_z = bar.z[:-1] * (trans.z[:-1] / half_z) ** 2
-    by_z += bar.z[1:] * (trans.z[1:] / half_z) ** 2
-    return (by_x * half_x + by_z * half_z) / mobility_thickness
+    west, east = (trans.x[:, :-1] / half_x) ** 2, (trans.x[:, 1:] / half_x) ** 2
+    south, north = (trans.z[:-1] / half_z) ** 2, (trans.z[1:] / half_z) ** 2
+    # the square of a share is not the share
+    west[:, 0], east[:, -1] = contact.open.left, contact.open.right
+    south[0], north[-1] = contact.open.bottom, contact.open.top
+    by_x = bar.x[:, :-1] * west + bar.x[:, 1:] * east
+    by_z = bar.z[:-1] * south + bar.z[1:] * north
+    found: FloatArray = (by_x * half_x + by_z * half_z) / mobility_thickness
+    return contact.where_canal(found, np.zeros(grid.shape))
 
 
 def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
-    """Return -T grad p [m^3/s] on every face, for `pressure` (nz, nx) [Pa], zero on open sides."""
+    """Return -T grad p [m^3/s] on every face, for `pressure` (nz, nx) [Pa], zero beyond sides."""
     nz, nx = pressure.shape
     drop = FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx)))
     np.subtract(pressure[:, :-1], pressure[:, 1:], out=drop.x[:, 1:-1])
@@ -85,26 +109,26 @@ def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
 class Flow:
     """The flow for one field of coefficients, solved for any sources.
 
-    Open sides have a constant potential. In a rig with closed sides only, the caller makes sure
-    that the sources add up to zero; the flux then does not depend on the pinned pressure.
+    Water at the sand has the potential zero. In a rig without any, the caller makes sure that the
+    sources add up to zero; the flux then does not depend on the pinned pressure.
     """
 
     def __init__(
         self,
         grid: Grid,
         mobility_thickness: FloatArray,
-        boundaries: Boundaries,
+        contact: WaterContact,
         *,
         make_pressures: Callable[[GridLevel], Pressures] = Pressures,
     ) -> None:
         """Prepare the pressures of `mobility_thickness` = d k / mu [m^3/(Pa s)], (nz, nx)."""
         self.grid = grid
-        self.transmissibility = transmissibilities(grid, mobility_thickness, boundaries)
-        self.closed = boundaries.all_closed
+        self.transmissibility = transmissibilities(grid, mobility_thickness, contact)
+        self.closed, self.canal = contact.closed, contact.canal
         trans = self.transmissibility
         # any transmissibility will do; one column has none along x, one cell none at all
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
-        self._pressures = make_pressures(GridLevel.of(trans, pin=self.pin))
+        self._pressures = make_pressures(GridLevel.of(trans, pin=self.pin, canal=self.canal))
         # not lru_cache on a method: it would keep a discarded flow and its factor alive
         self._unit_fluxes: OrderedDict[SourceSink, FaceField] = OrderedDict()
         self._lock = Lock()
@@ -156,9 +180,11 @@ class Flow:
     def _imbalance(self, source: FloatArray, flux: FaceField) -> FloatArray:
         """Return the part of `source` that `flux` does not carry out of each cell [m^3/s].
 
-        In a closed rig the pinned cell takes the net rate of the sources.
+        In a closed rig the pinned cell takes the net rate of the sources. Canals take any water.
         """
         imbalance = source - flux.divergence()
+        if self.canal is not None:
+            imbalance[self.canal] = 0.0
         if self.closed:
             imbalance[0, 0] -= imbalance.sum()
         return imbalance
@@ -200,14 +226,14 @@ class FlowCache:
         self._cells = 0
         self._lock = Lock()
 
-    def flow(self, grid: Grid, mobility_thickness: FloatArray, boundaries: Boundaries) -> Flow:
+    def flow(self, grid: Grid, mobility_thickness: FloatArray, contact: WaterContact) -> Flow:
         """Return the `Flow` of exactly these coefficients, a kept one where there is one."""
-        key = (grid, boundaries.open_sides, mobility_thickness.tobytes())
+        key = (grid, contact.key, mobility_thickness.tobytes())
         with self._lock:
             if key in self._flows:
                 self._flows.move_to_end(key)
                 return self._flows[key]
-        flow = Flow(grid, mobility_thickness, boundaries)
+        flow = Flow(grid, mobility_thickness, contact)
         with self._lock:
             if key not in self._flows:  # another thread may have been faster
                 self._cells += grid.nx * grid.nz

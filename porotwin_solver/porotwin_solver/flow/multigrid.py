@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags
 
 from porotwin_core.geometry.grid import FloatArray
@@ -40,12 +41,15 @@ class GridLevel:
     diagonal: FloatArray
 
     @classmethod
-    def of(cls, trans: FaceField, *, pin: float) -> 'GridLevel':
+    def of(
+        cls, trans: FaceField, *, pin: float, canal: NDArray[np.bool_] | None = None
+    ) -> 'GridLevel':
         """Return the symmetric positive definite matrix of the pressures.
 
         `trans` [m^3/(s Pa)] includes the open sides. `pin` is added to the first diagonal entry. In
         a rig without open sides the pressure is known up to a constant; the pin fixes it, and with
-        balanced sources it changes no flux.
+        balanced sources it changes no flux. The cells of `canal` (nz, nx) have the potential zero,
+        for sources that are zero there.
         """
         x, z = trans
         diagonal = x[:, :-1] + x[:, 1:] + z[:-1] + z[1:]
@@ -53,6 +57,10 @@ class GridLevel:
         inner = FaceField(x.copy(), z.copy())
         inner.x[:, [0, -1]] = 0.0
         inner.z[[0, -1]] = 0.0
+        if canal is not None:
+            inner.x[:, 1:-1][canal[:, :-1] | canal[:, 1:]] = 0.0
+            inner.z[1:-1][canal[:-1] | canal[1:]] = 0.0
+            diagonal[canal] = diagonal.max()
         return cls(inner, diagonal)
 
     @property

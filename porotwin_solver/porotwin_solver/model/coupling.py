@@ -14,7 +14,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import WellRates
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.flow.background_flux import side_flux
+from porotwin_solver.flow.background_flux import driven_by_water, side_flux
 from porotwin_solver.flow.flow import (
     SHARED_FLOWS,
     pressure_flux,
@@ -69,7 +69,7 @@ class Coupling:
         self.sources_and_sinks = SourcesAndSinks(physics)
         self._max_iterations = max_iterations
         self._pure_water: PureWater | None = None
-        self._water = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
+        self._water = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.contact)
 
     def flux(self, rates: WellRates, concentration: FloatArray) -> FaceField:
         """Return the flux [m^3/s] with tracer minus the flux of pure water at the same `rates`.
@@ -100,18 +100,19 @@ class Coupling:
         if kept is None or kept.rates != rates:
             water = self._water
             source = self.sources_and_sinks.sources(rates).net
-            by_sides = side_flux(self.physics, water.transmissibility)
+            by_sides = driven_by_water(self.physics, water.transmissibility)
             total = source if by_sides is None else source - by_sides.divergence()
+            total = self.physics.contact.where_canal(total, np.zeros(self.grid.shape))
             pressure = water.solve(total.ravel()).reshape(self.grid.shape)
             kept = PureWater(dict(rates), source, pressure, water.flux(source, by_sides))
             self._pure_water = kept
         return kept
 
     def _driven(self, trans: FaceField, concentration: FloatArray) -> FaceField:
-        """Return the flux [m^3/s] that density and the heads of open sides drive."""
+        """Return the flux [m^3/s] that density, the heads of water and rain drive."""
         buoyant = buoyant_flux(self.physics, trans, concentration)
-        by_sides = side_flux(self.physics, trans)
-        return buoyant if by_sides is None else buoyant + by_sides
+        by_water = driven_by_water(self.physics, trans)
+        return buoyant if by_water is None else buoyant + by_water
 
     def flux_adjoint(
         self, rates: WellRates, concentration: FloatArray, bar: FaceField
@@ -131,17 +132,24 @@ class Coupling:
         by_flux = bar + pressure_flux(adjoint_pressure, ones) * -1.0
         weight = -physics.density_difference * GRAVITY * self.grid.dz
         on_faces = 0.5 * weight * trans.z * by_flux.z
-        by_concentration = on_faces[:-1] + on_faces[1:]
+        nothing = np.zeros(self.grid.shape)
+        by_concentration = physics.contact.where_canal(on_faces[:-1] + on_faces[1:], nothing)
         if physics.viscosity_ratio == 1.0:
             return by_concentration, np.zeros(self.grid.shape)
         pure = self._pure(rates)
         driven = self._driven(trans, concentration)
         pressure = self._pressure(trans, pure.source - driven.divergence(), pure.pressure)
-        by_trans = (pressure_flux(pressure, ones) + self._driven(ones, concentration)) * by_flux
+        per_trans = pressure_flux(pressure, ones) + buoyant_flux(physics, ones, concentration)
+        if (by_heads := side_flux(physics, ones)) is not None:
+            per_trans = per_trans + by_heads
+        by_trans = per_trans * by_flux
         mobility_thickness = self._mobility_thickness(concentration)
-        by_mobility = transmissibilities_adjoint(self.grid, mobility_thickness, trans, by_trans)
+        by_mobility = transmissibilities_adjoint(
+            self.grid, mobility_thickness, trans, by_trans, physics.contact
+        )
         by_concentration -= by_mobility * mobility_thickness * math.log(physics.viscosity_ratio)
         water = (self._water.transmissibility * bar).divergence()
+        water = physics.contact.where_canal(water, nothing)
         by_source = adjoint_pressure - self._water.solve(water.ravel()).reshape(self.grid.shape)
         return by_concentration, by_source
 
@@ -156,7 +164,7 @@ class Coupling:
         if self.physics.viscosity_ratio == 1.0:
             return self._water.transmissibility
         return transmissibilities(
-            self.grid, self._mobility_thickness(concentration), self.physics.boundaries
+            self.grid, self._mobility_thickness(concentration), self.physics.contact
         )
 
     def _pressure(
@@ -167,6 +175,7 @@ class Coupling:
         `begin` (nz, nx) [Pa] is a first guess.
         """
         shape, water = self.grid.shape, self._water
+        source = self.physics.contact.where_canal(source, np.zeros(shape))
         if trans is water.transmissibility:
             return water.solve(source.ravel()).reshape(shape)
         strong = abs(math.log(self.physics.viscosity_ratio)) > math.log(STRONG_RATIO)
@@ -187,7 +196,7 @@ class Coupling:
         self, trans: FaceField, source: FloatArray, begin: FloatArray | None
     ) -> FloatArray | None:
         """Return the pressure; None where cells are long or the sand differs too much."""
-        level = GridLevel.of(trans, pin=self._water.pin)
+        level = GridLevel.of(trans, pin=self._water.pin, canal=self._water.canal)
         cycles = Multigrid(level, factorised, largest_factor=COARSEST_CELLS)
         most = min(WORTHWHILE_CYCLES, self._max_iterations)
         return cycles.solve(source, begin=begin, tolerance=TOLERANCE, most_iterations=most)
@@ -196,7 +205,7 @@ class Coupling:
         self, trans: FaceField, source: FloatArray, begin: FloatArray | None
     ) -> FloatArray | None:
         """Return the pressure by conjugate gradients; the factor of pure water preconditions."""
-        level = GridLevel.of(trans, pin=self._water.pin)
+        level = GridLevel.of(trans, pin=self._water.pin, canal=self._water.canal)
 
         def of_water(residual: FloatArray) -> FloatArray:
             potential = level.potential()
@@ -216,10 +225,11 @@ class Coupling:
 def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) -> FaceField:
     """Return -T dz density_difference g c on horizontal faces [m^3/s].
 
-    `trans` is the transmissibility T [m^3/(s Pa)], `concentration` (nz, nx). Pure water lies beyond
-    an open side.
+    `trans` is the transmissibility T [m^3/(s Pa)], `concentration` (nz, nx). Water beyond an open
+    side acts by its potential alone, and a canal has the concentration of its water.
     """
-    grid = physics.grid
+    grid, contact = physics.grid, physics.contact
+    concentration = contact.where_canal(concentration, contact.canal_concentration)
     flux = FaceField.zeros(grid)
     if physics.density_difference == 0.0:
         return flux

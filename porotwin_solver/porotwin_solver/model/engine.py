@@ -17,14 +17,16 @@ from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
+from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.flow import SHARED_FLOWS
+from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport.diffusion import Exchanges, diffuse, dispersive_exchanges
 from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels, tape_length
 from porotwin_solver.transport.scheme import Scheme
-from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks, with_water
 from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
 
 LONGEST_STEP = 60.0
@@ -73,7 +75,7 @@ class StepCoefficients(NamedTuple):
     """The coefficients of one splitting step.
 
     flux: water through the faces [m^3/s].
-    sources: water and tracer of wells and leaks [m^3/s].
+    sources: water and tracer of wells, leaks and water bodies [m^3/s].
     levels: local time step levels of advection.
     exchanges: diffusive exchange between cells, for half the step.
     """
@@ -143,11 +145,11 @@ class Engine:
         self.supervision = supervision
         self.longest_step = longest_step
         self.grid = physics.grid
-        self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
+        self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.contact)
         self.sources_and_sinks = SourcesAndSinks(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
-        self.background = background_flux(physics)
-        coupled = coupled_physics or physics
+        self.background = None if physics.fringe is not None else background_flux(physics)
+        coupled = coupled_physics if coupled_physics and physics.fringe is None else physics
         self.coupling = Coupling(coupled) if physics.is_coupled else None
         self._coupling_refinement = self.grid.nx // coupled.grid.nx
         self._on_device = None
@@ -156,6 +158,7 @@ class Engine:
 
             self._on_device = TorchTransport(device, scheme)
         self._accumulators = FluxAccumulators.zeros(self.grid)
+        self._kept_table: tuple[WellRates, TableFlow] | None = None
         self._kept_exchanges: dict[float, Exchanges] = {}
         self._kept_rates: tuple[WellRates, Sources, FaceField] | None = None
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
@@ -181,11 +184,13 @@ class Engine:
         )
 
     def water_flux(self, rates: WellRates) -> FaceField:
-        """Return the flux [m^3/s] of pure water: a superposition of unit flows.
+        """Return the flux [m^3/s] of pure water: a superposition of unit flows, or below a table.
 
         Raises:
             InputError: an unknown well, or rates that do not balance in a rig without open side.
         """
+        if self.physics.fringe is not None:
+            return self.table(rates).flux
         active = self.sources_and_sinks.active(rates)
         net = math.fsum(source.rate for source in active)
         total = math.fsum(abs(source.rate) for source in active)
@@ -208,6 +213,37 @@ class Engine:
                     flux = flux + self.flow.unit_flux(source_sink) * rate
         return flux if self.background is None else flux + self.background
 
+    def table(self, rates: WellRates) -> TableFlow:
+        """Return the steady water table at `rates`; the latest one is kept.
+
+        Raises:
+            InputError: it does not settle.
+        """
+        if self._kept_table is None or self._kept_table[0] != rates:
+            found = TableFlow(self.physics, self.sources_and_sinks.sources(rates).net)
+            self._kept_table = dict(rates), found
+        return self._kept_table[1]
+
+    def contact(self, rates: WellRates) -> WaterContact:
+        """Return the contact of the sand with water at `rates`."""
+        physics = self.physics if self.physics.fringe is None else self.table(rates).physics
+        return physics.contact
+
+    def flux_per_rate(self, rates: WellRates) -> FaceField:
+        """Return dflux per rate into each of `sources_and_sinks.all`, as `unit_fluxes`."""
+        if self.physics.fringe is None:
+            return self.unit_fluxes
+        table, places = self.table(rates), self.sources_and_sinks
+        found = [table.flux_per_source(places.spread(place)) for place in places.all]
+        return FaceField(np.array([one.x for one in found]), np.array([one.z for one in found]))
+
+    def _prepare_coupling(self, rates: WellRates) -> None:
+        """Let the tracer-driven flow take the water table of `rates`, which it does not move."""
+        if self.physics.fringe is not None and self.coupling is not None:
+            table = self.table(rates)
+            if self.coupling.physics is not table.physics:
+                self.coupling = Coupling(table.physics)
+
     def coupled_flux(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:
         """Return the flux [m^3/s] with the tracer `mobile` (nz, nx), from the flux of pure `water`.
 
@@ -216,6 +252,7 @@ class Engine:
         """
         if self.coupling is None:
             return water
+        self._prepare_coupling(rates)
         coarse = coarsen(mobile, self.coupling.grid.shape)
         return water + self.coupling.flux(rates, coarse).refined(self._coupling_refinement)
 
@@ -230,6 +267,7 @@ class Engine:
             InputError: the iterative solver for large grids does not converge.
         """
         assert self.coupling is not None
+        self._prepare_coupling(rates)
         coarse = coarsen(mobile, self.coupling.grid.shape)
         by_flux = bar.refined_adjoint(self._coupling_refinement)
         by_coarse, by_source = self.coupling.flux_adjoint(rates, coarse, by_flux)
@@ -252,6 +290,7 @@ class Engine:
         """
         sources, water = self._of_rates(rates)
         flux = self.coupled_flux(water, rates, state.mobile)
+        sources = with_water(self.contact(rates), flux, sources)
         return StepCoefficients(
             flux,
             sources,

@@ -69,6 +69,6 @@ def _driven(physics: Physics) -> float:
     flux = math.hypot(*physics.background_flux)
     flux += conductance * abs(physics.density_difference) * GRAVITY
     flux += conductance * abs(physics.table_tilt) / grid.width
-    highest = max(physics.side_potentials.values(), default=0.0)
+    highest = physics.density * GRAVITY * physics.contact.highest
     flux += conductance * highest / min(grid.width, grid.height)
-    return flux * depth * max(grid.width, grid.height)
+    return flux * depth * max(grid.width, grid.height) + physics.contact.rainfall

@@ -19,6 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import WellRates
 from porotwin_solver.model.model import Model, validated_duration
+from porotwin_solver.transport.sources_and_sinks import with_water
 
 FACTORS_KEPT = 8
 """Factorised steps that are kept: experiments have few different rates."""
@@ -122,7 +123,8 @@ class ImplicitModel(Model):
                 "preset 'implicit': knows the paper's equations only, without density, viscosity, "
                 "dispersion or immobile water; use preset 'upwind'"
             )
-        flux, sources = engine.water_flux(rates), engine.sources_and_sinks.sources(rates)
+        flux = engine.water_flux(rates)
+        sources = with_water(engine.contact(rates), flux, engine.sources_and_sinks.sources(rates))
         storage = engine.storage
         right, up = flux.x[:, 1:-1], flux.z[1:-1]
         outflow = storage / time_step + sources.outflow

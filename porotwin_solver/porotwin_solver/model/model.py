@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +98,8 @@ class Model:
         self.physics = fine_physics = adapt(described_physics(rig, grid, effects))
         if (factor := refinement or chosen.refinement(grid)) > 1:
             fine_physics = adapt(described_physics(rig, grid.refined(factor), effects))
+            if fine_physics.is_coupled:  # its flow is solved on the coarser grid
+                fine_physics = replace(fine_physics, blocks=factor)
         self.engine = Engine(
             fine_physics,
             scheme=chosen.scheme,

@@ -1,4 +1,4 @@
-"""Wells and leaks on a grid: the water and tracer that they add to the cells."""
+"""Wells, leaks and water bodies on a grid: the water and tracer that they add to the cells."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,14 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import WellRates
 from porotwin_solver.coefficients.discs import CellArray, disc_fractions
+from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics, SourceSink
+from porotwin_solver.coefficients.water_contact import (
+    Outline,
+    WaterContact,
+    entering,
+    outer_flux,
+)
 from porotwin_solver.transport.transport import Sources
 
 
@@ -67,6 +74,13 @@ class SourcesAndSinks:
                 outflow.ravel()[cells] -= rate * fractions
         return Sources(inflow, tracer, outflow)
 
+    def spread(self, source_sink: SourceSink) -> FloatArray:
+        """Return a rate of 1 m^3/s into `source_sink`, over the cells (nz, nx)."""
+        source = np.zeros(self.physics.grid.shape)
+        cells, fractions = self._fractions_of(source_sink)
+        source.ravel()[cells] = fractions
+        return source
+
     def disc_mean(self, source_sink: SourceSink, field: FloatArray) -> float:
         """Return the mean of `field` (nz, nx) over the disc of `source_sink`, in its unit."""
         cells, fractions = self._fractions_of(source_sink)
@@ -74,3 +88,51 @@ class SourcesAndSinks:
 
     def _fractions_of(self, source_sink: SourceSink) -> tuple[CellArray, FloatArray]:
         return disc_fractions(self.physics.grid, source_sink.x, source_sink.z, source_sink.radius)
+
+
+def with_water(contact: WaterContact, flux: FaceField, sources: Sources) -> Sources:
+    """Return `sources` with the water of canals, and the tracer of all water that `flux` brings.
+
+    `flux` [m^3/s] is through all faces. A canal adds or takes what does not balance in its cells.
+    """
+    if contact.is_plain:
+        return sources
+    inflow, tracer, outflow = (part.copy() for part in sources)
+    entered = entering(flux).map(
+        lambda water, stock: stock * np.maximum(water, 0.0), contact.concentration
+    )
+    tracer -= outer_flux(entered).divergence()
+    if contact.canal is not None:
+        net = np.where(contact.canal, flux.divergence() - sources.net, 0.0)
+        inflow += np.maximum(net, 0.0)
+        tracer += contact.canal_concentration * np.maximum(net, 0.0)
+        outflow += np.maximum(-net, 0.0)
+    return Sources(inflow, tracer, outflow)
+
+
+def with_water_adjoint(
+    contact: WaterContact, flux: FaceField, bar: Sources, flux_bar: FaceField
+) -> None:
+    """Add to `flux_bar` the derivative by `flux` through the result of `with_water`.
+
+    `bar` holds the derivatives by that result.
+    """
+    if contact.is_plain:
+        return
+    beside = Outline(bar.tracer[:, 0], bar.tracer[:, -1], bar.tracer[0], bar.tracer[-1])
+    through = entering(flux).map(
+        lambda water, stock, by: np.where(water > 0.0, stock * by, 0.0),
+        contact.concentration,
+        beside,
+    )
+    by_outer = outer_flux(through)
+    flux_bar.x[:] += by_outer.x
+    flux_bar.z[:] += by_outer.z
+    if contact.canal is not None:
+        net = flux.divergence()
+        gain = bar.inflow + contact.canal_concentration * bar.tracer
+        by_net = np.where(net > 0.0, gain, -bar.outflow) * contact.canal
+        flux_bar.x[:, 1:] += by_net
+        flux_bar.x[:, :-1] -= by_net
+        flux_bar.z[1:] += by_net
+        flux_bar.z[:-1] -= by_net

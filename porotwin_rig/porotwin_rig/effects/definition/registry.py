@@ -100,14 +100,15 @@ def refuse_slips(described: Iterable[EffectDescription], rig: Rig) -> None:
     for description in described:
         values = _checked(description, rig)
         effect = EFFECTS[description.name]
-        key = (effect.name, values.get('well'))
-        differ_in_place = effect.is_repeatable and effect.shape and 'well' not in values
+        names = [key for key, parameter in effect.parameters.items() if parameter.is_name]
+        key = (effect.name, tuple(values[name] for name in names))
+        differ_in_place = effect.is_repeatable and effect.shape and not names
         if key in seen and not differ_in_place:
             raise InputError(f'effect {effect.name}: is given twice; keep one')
         seen.add(key)
         _refuse_flood(effect, values, rig)
         if effect.changes_nothing(values):
-            strengths = [key for key in values if key not in (*effect.shape, 'well')]
+            strengths = [key for key in values if key not in (*effect.shape, *names)]
             words = ', '.join(f'{key} = {values[key]:g}' for key in strengths)
             raise InputError(
                 f'effect {description.name}: changes nothing with {words}; give another value'

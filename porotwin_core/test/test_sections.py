@@ -1,0 +1,104 @@
+"""Water at the sand in `rig.yaml`: what is read, refused, odd, and sent."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rig import Rig, parse_rig, write_rig
+from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.rig_file import load_rig
+from porotwin_core.ros import conversions
+
+PLAIN = {
+    'name': 'tank',
+    'width_m': 0.65,
+    'height_m': 0.51,
+    'depth_m': 0.02,
+    'porosity': 0.38,
+    'permeability_m2': 5e-10,
+    'viscosity_pa_s': 1e-3,
+    'density_kg_m3': 998.0,
+    'boundaries': {'top': 'closed'},
+    'wells': {'ink': {'x_m': 0.3, 'z_m': 0.3}},
+}
+CORNERS = [[0.0, 0.4], [0.04, 0.4], [0.04, 0.45], [0.0, 0.45]]
+WATER: dict[str, Any] = {
+    'canal': {'corners_m': CORNERS, 'head_m': 0.452},
+    'sea': {'side': 'right', 'to_m': 0.4, 'head_m': 0.457, 'concentration': 1.0},
+    'rain': {'side': 'top', 'from_m': 0.2, 'to_m': 0.4, 'rate_ml_h': 300.0},
+}
+
+
+def rig_with(water: dict[str, Any], **others: Any) -> Rig:
+    return parse_rig({**PLAIN, **others, 'water': water}, Path('rig.yaml'))
+
+
+def test_water_is_written_and_read_again(tmp_path: Path) -> None:
+    rig = rig_with(WATER)
+    write_rig(rig, tmp_path / 'rig.yaml')
+    assert load_rig(tmp_path) == rig
+    assert not rig.closed
+    assert rig.is_driven
+
+
+def test_water_survives_the_wire() -> None:
+    rig = rig_with(WATER)
+    message = conversions.rig_to_msg(rig)
+    again = conversions.rig_from_msg(deserialize_message(serialize_message(message), type(message)))
+    assert again == rig
+    assert again.physics_fingerprint == rig.physics_fingerprint
+
+
+def test_the_fingerprint_of_a_rig_without_water_is_the_old_one_and_water_changes_it() -> None:
+    plain = parse_rig(PLAIN, Path('rig.yaml'))
+    assert plain.physics_fingerprint == OLD_FINGERPRINT
+    higher = {**WATER, 'canal': {**WATER['canal'], 'head_m': 0.453}}
+    found = {rig_with(water).physics_fingerprint for water in (WATER, higher)}
+    assert len({plain.physics_fingerprint, *found}) == 3
+
+
+OLD_FINGERPRINT = '3bb408e3cd70'
+
+
+@pytest.mark.parametrize(
+    ('water', 'others', 'complaint'),
+    [
+        ({'a': {'head_m': 0.4}}, {}, 'give either side or corners_m'),
+        ({'a': {'side': 'left', 'corners_m': CORNERS, 'head_m': 1}}, {}, 'give either side or'),
+        ({'a': {'side': 'left'}}, {}, 'either head_m or rate_ml_h'),
+        ({'a': {'corners_m': CORNERS, 'rate_ml_h': 3.0}}, {}, 'corners_m takes head_m only'),
+        ({'a': {'side': 'left', 'from_m': 0.3, 'to_m': 0.2, 'head_m': 1}}, {}, 'less than to_m'),
+        ({'a': {'side': 'left', 'to_m': 0.6, 'head_m': 0.4}}, {}, 'left side is 0.51 m long'),
+        ({'a': {'side': 'top', 'rate_ml_h': 9}}, {}, 'water cannot leave'),
+        (
+            {'a': {'side': 'left', 'head_m': 0.4}, 'b': {'side': 'left', 'head_m': 0.5}},
+            {},
+            "overlaps 'a'",
+        ),
+        ({'a': {'side': 'left', 'head_m': 0.4}}, {'boundaries': {}}, 'open without a head'),
+        (
+            {'a': {'side': 'left', 'head_m': 0.4}},
+            {'boundaries': {'top': 'closed', 'left': 'open', 'heads_m': {'left': 0.5}}},
+            'write left: closed',
+        ),
+        (
+            {'a': {'corners_m': [[0.2, 0.2], [0.4, 0.2], [0.4, 0.4], [0.2, 0.4]], 'head_m': 0.4}},
+            {},
+            'lies in the open water',
+        ),
+    ],
+)
+def test_impossible_water_is_refused(water, others, complaint) -> None:
+    with pytest.raises(InputError, match=complaint):
+        rig_with(water, **others)
+
+
+def test_a_level_in_another_unit_is_odd_or_refused() -> None:
+    water = {'a': {'side': 'left', 'head_m': 0.9}, 'b': {'side': 'right', 'head_m': 0.5}}
+    (remark,) = remarks_about(rig_with(water))
+    assert remark.key == 'water.a.head_m'
+    with pytest.raises(InputError, match='is it in cm'):
+        rig_with({**water, 'a': {'side': 'left', 'head_m': 45.2}})
