@@ -65,9 +65,7 @@ class Known:
         value = getattr(self, name)
         if isinstance(value, Schedule):
             return bool(value.rows)
-        if name.endswith('maps'):
-            return value is not None and len(self.times) > 0
-        return value is not None and len(value) > 0
+        return value is not None and len(self.times if name.endswith('maps') else value) > 0
 
     def name_of(self, number: int) -> str:
         """Return the name of a map by its `number`."""

@@ -57,9 +57,6 @@ MUCH_INJECTED = 100.0
 LITTLE_INJECTED = 0.01
 """Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
 
-STEP_TOLERANCE_ML_H = 1e-3
-"""Difference from a step of the pump that is rounding [ml/h]: far below any display."""
-
 Kind = Literal['rig', 'experiment folder', 'bag']
 
 OUTSIDE_PHOTOGRAPH = 0.02
@@ -144,7 +141,7 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
-        remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
+        remarks += [] if data is None else _pumped(data)
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
         if photograph is not None and not any(remark.refused for remark in remarks):
@@ -405,31 +402,6 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
     if volume > MUCH_INJECTED * pores:
         why = f'all wells inject {volume / pores:.3g} times the pore volume until {end:.4g} s'
         yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
-
-
-def _off_steps(data: RecordedData) -> Iterator[Remark]:
-    """Yield a remark about commanded rates that the pumps of control wells cannot be set to."""
-    control = data.rig.control
-    if control is None or data.commanded is None:
-        return
-    step = control.rate_step_ml_h
-    off = [
-        row
-        for row in data.commanded.rows
-        if row.well in control.wells
-        and abs(math.remainder(to_ml_h(row.rate.rate), step)) > STEP_TOLERANCE_ML_H
-    ]
-    if off:
-        first = off[0]
-        why = f'no multiple of control.rate_step_ml_h {step:g}'
-        if len(off) > 1:
-            why += f', like {len(off) - 1} more'
-        yield Remark(
-            f'rates.csv at {first.time:g} s',
-            f'{first.well} {to_ml_h(first.rate.rate):.6g} ml/h',
-            why,
-            'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it',
-        )
 
 
 def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:
