@@ -1,5 +1,5 @@
-"""Is something odd? One check, one file in `checks`; `remarks.remarks_about` asks all that can be.
+"""Is something odd? One check, one file in `checks`; `all_checks.remarks_about` asks them.
 
-Whoever opens, imports, images, diagnoses or runs a rig says what is known of it (`Known`), and gets
-the same remarks in the same words. A check looks at arrays and tables, and reads no file.
+Commands and nodes give their data (`Known`), and all get the same remarks in the same words. A
+check looks at arrays and tables, and reads no file.
 """

@@ -1,4 +1,4 @@
-"""What a check is."""
+"""The class of checks."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Check:
     Attributes:
         needs: attributes of `Known` without which it cannot be asked.
         find: yields the remarks.
-        explained_by: codes of remarks that explain what this check would tell: it is silent then.
+        explained_by: codes of other remarks; with one of them this check is silent.
     """
 
     needs: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What is known of an experiment: all that a check may look at."""
+"""The data of an experiment for the checks."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class ListedPhoto(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """What is known; None or empty where nothing is.
+    """The known data of an experiment; None or empty where nothing is known.
 
     Attributes:
         rig: its description.

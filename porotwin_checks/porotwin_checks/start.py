@@ -1,4 +1,4 @@
-"""What the rig holds when a recording begins: nothing, or tracer from before it.
+"""The start of a recording: with a clean rig, or with tracer from before it.
 
 A camera whose clock is late shows tracer in its first map as well. Then the rig was clean when the
 pumps began, and the model must start clean, so that the effect `clock` can explain the map.
@@ -63,16 +63,16 @@ REACH = 2.5
 
 
 class Start(Enum):
-    """What a rig holds when its recording begins."""
+    """The content of a rig when its recording begins."""
 
-    CLEAN = 'no tracer, or what the known rates explain'
+    CLEAN = 'no tracer, or that of the known rates'
     LATE = 'no tracer, since the clock of the camera is late'
     LATE_OR_USED = 'the same, while tracer from before explains the maps about as well'
     USED = 'the tracer of the first map'
 
 
 def start_of(known: Known) -> Start:
-    """Return what the rig holds at the first of the `known` maps, beside the known rates.
+    """Return the start of the `known` maps.
 
     The rig has `held` [m^3] of stock in its first map. It is tracer from before the recording if
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from porotwin_checks.all_checks import OF_MAPS, OF_TABLES, remarks_about
 from porotwin_checks.known import Known
-from porotwin_checks.remarks import OF_MAPS, OF_TABLES, remarks_about
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
@@ -155,7 +155,7 @@ def test_single_cells_that_no_neighbour_is_like_are_told() -> None:
     values = np.array(given.maps)
     values[:, 26, 3] = 1.0
     (remark,) = found(with_maps(given, values))
-    assert (remark.code, remark.facts['count']) == ('false_cells', 10)
+    assert (remark.code, remark.facts['count']) == ('lone_cells', 10)
     assert remark.facts['x_m'] == pytest.approx(0.065, abs=5e-4)
 
 

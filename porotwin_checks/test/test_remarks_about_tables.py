@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from recording_examples import controlled_rig
 
+from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_checks.checks.map_values import CHECK
 from porotwin_checks.known import Known
-from porotwin_checks.remarks import OF_TABLES, remarks_about
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate

@@ -9,7 +9,7 @@
 import time
 from collections.abc import Callable, Sequence
 
-from porotwin_checks.remarks import OF_MAPS, OF_TABLES
+from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause

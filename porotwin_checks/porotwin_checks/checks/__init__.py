@@ -1,1 +1,1 @@
-"""The checks, one file each; `porotwin_checks.remarks` finds them."""
+"""The checks, one file each; `porotwin_checks.all_checks` finds them."""

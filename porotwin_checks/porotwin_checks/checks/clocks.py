@@ -90,7 +90,7 @@ def _interval(known: Known) -> Iterator[Remark]:
 
 
 def _beside_the_pumps(known: Known) -> Iterator[Remark]:
-    """Yield remarks if photographs or maps do not fit to the times at which the pumps ran."""
+    """Yield remarks if photographs or maps do not fit the times of the pumps."""
     rows = () if known.commanded is None else known.commanded.rows
     pumping = [row.time for row in rows if row.rate.rate]
     if known.commanded is None or not pumping:

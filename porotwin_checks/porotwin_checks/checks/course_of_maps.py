@@ -31,7 +31,7 @@ from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 
 LEAST_RATIO = 1.1
-"""Ratio r(k) from which on a map may be out of place."""
+"""Least ratio r(k) of a map out of place."""
 
 LEAST_OUTLIER, NEARBY = 1.7, 9
 """The same, relative to the median of that many maps nearby. Noise and flicker make all ratios
@@ -76,7 +76,7 @@ def _find(known: Known) -> Iterator[Remark]:
 
 
 def _shown(name: str, jump: 'Jump | None') -> str:
-    """Return the `name` of a map with its tracer and that of its neighbours, if it jumps."""
+    """Return the `name` of a map; if it jumps, with its tracer and its neighbours' tracer."""
     if jump is None:
         return name
     return (

@@ -18,8 +18,8 @@ FEW_CELLS = 1e-3
 """Share of the cells of maps that are single ones."""
 
 FAINT, LEAST_PLUME_CELLS = 0.4, 50.0
-"""Concentration over the injected one below which maps are odd, and the volume of the injected
-stock [cells] from which on the plume is larger than its fronts."""
+"""Concentration over the injected one below which maps are odd, and the least volume of the
+injected stock [cells] of a plume larger than its fronts."""
 
 FAINT_WORDS = (
     'the strongest tracer has {largest:.3g}, while the pumps inject {injected:g}, and a plume this '

@@ -14,7 +14,7 @@ def _find(known: Known) -> Iterator[Remark]:
 
 
 def _idle_producer(known: Known) -> Iterator[Remark]:
-    """Yield a remark if wells inject, and no row tells what the producer takes out."""
+    """Yield a remark if wells inject, and the producer has no row."""
     control = known.rig.control
     if control is None or control.producer is None or known.commanded is None:
         return

@@ -1,8 +1,8 @@
 """Do maps and pumps agree? The tracer in the maps is the tracer that the pumps injected.
 
 Tracer may leave through wells and open sides, at an unknown concentration. Therefore less tracer is
-told only while none is near a way out. Where a prediction tells what left, `amount_remark` compares
-both ways.
+told only while none is near a way out. A prediction knows the tracer that left, so that
+`amount_remark` compares both ways.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ FEWEST_MAPS = 5
 """Maps that show a course: a median of neighbours leaves out a single wrong one."""
 
 INVERTED_LEVEL = 0.5
-"""Median of the first map [-] above which its values may be those of water."""
+"""Largest median of a first map [-] whose values are those of tracer."""
 
 AMOUNT = '{map} holds {held_ml:.3g} ml of tracer, and by the pumps it would be {pumped_ml:.3g} ml'
 REMEDY = (
@@ -39,10 +39,7 @@ REMEDY = (
 FLUSHED = '; if the rig was flushed before, begin the rates after that'
 INVERTED = '; if 1 is water in these maps, write 1 minus their values'
 LATE = 'the clock of the camera is late, or the rig held tracer before the recording: '
-REVERSED = (
-    'the maps hold what the pumps injected if the last one comes first; correct their order or '
-    'their times'
-)
+REVERSED = 'in reversed order the maps hold the injected tracer; correct their order or their times'
 EARLIER = (
     'the first map, at {time_s:g} s, holds tracer from before the recording, with which the model '
     'starts; if the rig was clean then, compare the clocks of camera and pumps'
@@ -82,7 +79,7 @@ def _volumes(held: float, pumped: float, name: str) -> dict[str, Any]:
 
 
 class _Course(NamedTuple):
-    """The maps in time (nt,): held and injected stock [m^3], and what each shows.
+    """The maps in time (nt,): held and injected stock [m^3], and signs of tracer.
 
     known: some cell is known; whole: nearly all are; visible: some cell shows tracer; leaving: one
     near a way out does.

@@ -9,7 +9,7 @@ from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
 
 MOST_UNSEEN = 0.25
-"""Share of the cells that no map shows, from which on it is odd."""
+"""Largest usual share of cells without any map."""
 
 
 def _find(known: Known) -> Iterator[Remark]:
@@ -40,7 +40,7 @@ def _find(known: Known) -> Iterator[Remark]:
             'maps',
             'unseen_cells',
             '{share:.0%} of the cells have no value (NaN) in any map; was something before the '
-            'rig? What happens there is not judged',
+            'rig? Nothing there is judged',
             share=unseen,
         )
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from porotwin_checks.remarks import remarks_about as remarks_about_known
+from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings

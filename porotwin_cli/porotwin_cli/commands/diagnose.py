@@ -224,7 +224,7 @@ def _each(
     as_json: bool,
 ) -> None:
     """Diagnose every recording alone and print a table."""
-    from porotwin_checks.remarks import OF_MAPS
+    from porotwin_checks.all_checks import OF_MAPS
     from porotwin_core.basis.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
     from porotwin_recording.experiment.recording import odd_lines, open_recording

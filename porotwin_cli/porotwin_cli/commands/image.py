@@ -58,7 +58,7 @@ def command(
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
-    from porotwin_checks.remarks import OF_MAPS, remarks_about
+    from porotwin_checks.all_checks import OF_MAPS, remarks_about
     from porotwin_cli.options.grids import grid_of
     from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.photographs.imaged_maps import ExperimentPhotos, write_maps

@@ -256,7 +256,7 @@ def test_image_tells_what_is_odd_about_a_photograph(
     command(folder, tmp_path / 'maps.nc', '40x24', given)
     told = capsys.readouterr().err
     assert f'{name}: ' in told
-    assert 'if the last one comes first' in told
+    assert 'in reversed order the maps hold the injected tracer' in told
 
 
 def test_image_names_swapped_photographs(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_checks.checks.false_cells import false_cells
+from porotwin_checks.checks.lone_cells import false_cells
 from porotwin_checks.near_wells import cells_near
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import Maps

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from porotwin_checks.remarks import OF_TABLES, remarks_about
+from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig, read_rig, write_rig
 from porotwin_recording.tables.concentration import (

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_checks.all_checks import CHECKS, OF_TABLES, remarks_about
 from porotwin_checks.check import Check
-from porotwin_checks.remarks import CHECKS, OF_TABLES, remarks_about
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule

@@ -1,4 +1,4 @@
-"""The runner of the checks: what is known decides which are asked."""
+"""The runner of the checks: the known data decide about the checks."""
 
 import ast
 from dataclasses import fields
@@ -9,8 +9,8 @@ import pytest
 from box_rig import box_rig
 
 from porotwin_checks import checks
+from porotwin_checks.all_checks import CHECKS, OF_MAPS, OF_TABLES, remarks_about
 from porotwin_checks.known import Known
-from porotwin_checks.remarks import CHECKS, OF_MAPS, OF_TABLES, remarks_about
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 
 RIG = box_rig(**{'in': (0.1, 0.1)})

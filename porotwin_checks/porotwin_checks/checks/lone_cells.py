@@ -1,4 +1,4 @@
-"""Does a single cell show what no tracer explains: a glare, a dead pixel, a number for no value?"""
+"""Does a single cell show a glare, a dead pixel, or a number for no value?"""
 
 from collections.abc import Iterator
 
@@ -34,7 +34,7 @@ def false_cells(frame: FloatArray, wells: NDArray[np.bool_]) -> NDArray[np.bool_
 
 
 def _stand_alone(frame: FloatArray) -> NDArray[np.bool_]:
-    """Return the cells (nz, nx) that no neighbour is like; those of the rim have neighbours."""
+    """Return the cells (nz, nx) unlike all neighbours. Cells of the rim have mirrored ones."""
     rim = np.pad(frame, 1, mode='reflect' if min(frame.shape) > 1 else 'edge')
     rows, columns = frame.shape
     around = np.stack(

@@ -20,7 +20,7 @@ OF_TABLES = {name: check for name, check in CHECKS.items() if not check.opens_ma
 
 
 def remarks_about(known: Known, checks: Mapping[str, Check] = CHECKS) -> tuple[Remark, ...]:
-    """Return the remarks of `checks` that what is `known` allows, the impossible things first."""
+    """Return the remarks of `checks` about the `known` data, the impossible things first."""
     found = {
         name: [replace(one, code=one.code or name) for one in check.find(known)]
         for name, check in checks.items()
