@@ -49,23 +49,29 @@ ROS_SHELLS = {
 
 MAY_IMPORT = {
     'porotwin_core': set(),
-    'porotwin_recording': {'porotwin_core'},
+    'porotwin_checks': {'porotwin_core'},
+    'porotwin_recording': {'porotwin_core', 'porotwin_checks'},
     'porotwin_imaging': {'porotwin_core'},
     'porotwin_solver': {'porotwin_core'},
     'porotwin_siblings': {'porotwin_core', 'porotwin_solver'},
     'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
-    'porotwin_hub': {'porotwin_core'},
+    'porotwin_hub': {'porotwin_core', 'porotwin_checks'},
     'porotwin_guard': {'porotwin_core'},  # it judges the hub, so it shares no limits with it
     'porotwin_pumps': {'porotwin_core'},
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
     'porotwin_page': {'porotwin_core'},
-    'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},
+    'porotwin_diagnosis': {
+        'porotwin_core', 'porotwin_checks', 'porotwin_recording', 'porotwin_solver',
+    },
     'porotwin_cli': set(PACKAGES),
 }  # fmt: skip
 """Imports point one way; the virtual rig and the solver, above all, share no numerics."""
 
 ROOMS = {
-    'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'checks', 'ros'),
+    'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'ros'),
+    'porotwin_checks': (
+        'known', 'check', 'near_wells', 'tracer_errors', 'start', 'checks', 'all_checks',
+    ),
     'porotwin_recording': (
         'tables', 'mcap', 'experiment', 'importers', 'live', 'player_node', 'recorder_node',
     ),

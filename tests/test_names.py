@@ -23,6 +23,8 @@ TESTS_WITHOUT_MODULE = {
     'test_bad_baselines.py': 'image and calibrate with the same bad baselines',
     'test_exact_solutions.py': 'the whole model against exact solutions',
     'test_pump_stop.py': 'the whole twin when a pump stops',
+    'test_remarks_about_maps.py': 'all checks together on maps',
+    'test_remarks_about_tables.py': 'all checks together on rates, times and lists',
     'test_real_photographs.py': 'the whole imaging on real photographs',
     'test_chart_panels.py': 'all small panels with a chart',
     'test_map_panels.py': 'all small panels with a map',

@@ -14,8 +14,7 @@ from porotwin_core.rig.known_keys import SECTIONS, json_schema
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import OBJECTIVES, make_objective
-from porotwin_recording.experiment.odd_recording import remarks_about_recording
-from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.experiment.recording import odd_lines, open_recording
 from porotwin_solver.model.simulation import simulate
 from porotwin_solver.service.effects_in_force import checked_effects
 
@@ -108,7 +107,7 @@ def test_a_rig_to_copy_is_not_odd_and_can_be_simulated(name: str) -> None:
     recording = open_recording(ROOT / 'rigs' / name)
     rig = recording.rig
     assert remarks_about(rig) == ()
-    assert list(remarks_about_recording(recording)) == []
+    assert odd_lines([recording]) == []
     last = recording.schedule.rows[-1].time
     grid = rig.default_grid(0.05)
     tracer = simulate(rig, recording.schedule, [last], grid=grid, preset='fast')[0]

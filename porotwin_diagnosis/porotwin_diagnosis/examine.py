@@ -9,6 +9,7 @@
 import time
 from collections.abc import Callable, Sequence
 
+from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
@@ -18,7 +19,6 @@ from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_diagnosis.data.odd_heads import odd_heads
-from porotwin_diagnosis.data.odd_tracer import odd_lines, odd_times
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
@@ -33,7 +33,7 @@ from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
 from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
-from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.experiment.recording import Recording, odd_lines
 from porotwin_solver.model.model import preset_named
 
 SIMULATION_BYTES = 3e8
@@ -70,8 +70,8 @@ def examine(
     _check_same_rig(recordings)
     progress = forward_only(progress)
     progress('reading the recording', 0.0)
-    odd = odd_lines(recordings)
-    for line in odd:
+    odd = odd_lines(recordings, OF_MAPS)
+    for line in odd:  # opening them told the others
         tell(line)
     averaged: list[str] = []
     recordings = [
@@ -119,7 +119,7 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
-        remarks=(*odd_times(recordings), *odd, *averaged, *odd_heads(found)),
+        remarks=(*odd_lines(recordings, OF_TABLES), *odd, *averaged, *odd_heads(found)),
         seconds=time.perf_counter() - began,
     )
 

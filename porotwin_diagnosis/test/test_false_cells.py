@@ -5,7 +5,9 @@ from diagnosis_examples import with_frames
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_diagnosis.data.false_cells import cells_near, false_cells, without_false_cells
+from porotwin_checks.checks.lone_cells import false_cells
+from porotwin_checks.near_wells import cells_near
+from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_recording.experiment.recording import open_recording
 
 SHAPE = (30, 60)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from porotwin_checks.start import Start
 from porotwin_core.basis.units import ML, from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_diagnosis.data.initial_tracer import initial_tracer, start_of
+from porotwin_diagnosis.data.initial_tracer import initial_tracer, start_and_tracer
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_recording.tables.concentration import ConcentrationMaps
 
@@ -79,11 +80,11 @@ def test_without_a_pause_a_short_lateness_is_a_clock_and_a_long_one_is_not() -> 
 
 
 def test_only_a_change_of_a_rate_tells_a_late_clock_from_tracer_before_the_recording() -> None:
-    assert start_of(late(STEADY, 0.12 * 3600.0)).may_have_held_tracer
-    assert not start_of(late(PULSES, 420.0)).may_have_held_tracer
-    assert not start_of(late(STEADY, 0.0)).may_have_held_tracer
+    assert start_and_tracer(late(STEADY, 0.12 * 3600.0))[0] is Start.LATE_OR_USED
+    assert start_and_tracer(late(PULSES, 420.0))[0] is not Start.LATE_OR_USED
+    assert start_and_tracer(late(STEADY, 0.0))[0] is not Start.LATE_OR_USED
     long_ago = used_before(STEADY, STEADY.injected_stock(0.0, 1800.0))
-    assert not start_of(long_ago).may_have_held_tracer
+    assert start_and_tracer(long_ago)[0] is not Start.LATE_OR_USED
 
 
 def test_a_rig_that_loses_as_much_tracer_as_it_gets_held_it_before() -> None:

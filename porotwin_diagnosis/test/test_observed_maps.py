@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL
 
+from porotwin_checks.known import tracer_share
 from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.data.observed_maps import (
     evenly_spread,
     filled_map,
     observed_maps,
-    tracer_share,
 )
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps

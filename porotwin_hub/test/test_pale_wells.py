@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rates.wells import WellRate
@@ -16,7 +17,7 @@ SHAPE = (56, 93)
 INJECTS = {'injector': WellRate(from_ml_h(500.0), 1.0)}
 
 
-def told(wells: PaleWells, level: float, minutes: list[float]) -> list[str]:
+def told(wells: PaleWells, level: float, minutes: list[float]) -> list[Remark | None]:
     """Return the remark about every map of one `level`, a minute after the one before."""
     return [
         wells.remark(
@@ -32,7 +33,8 @@ def test_a_well_that_stays_pale_is_told_after_some_maps() -> None:
     found = told(PaleWells(RIG), 0.1, [*range(1, 21)])
     first = next(number for number, line in enumerate(found) if line)
     assert first >= MAPS_IN_A_ROW
-    assert 'the maps show 10 % of the tracer at well injector' in found[first]
+    assert (found[first].code, found[first].facts['well']) == ('pale_well', 'injector')
+    assert found[first].facts['share'] == pytest.approx(0.1)
     assert all(found[first:])
 
 

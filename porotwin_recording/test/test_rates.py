@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
-from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.tables.rates import later_commands, measured_to, read_rates, write_rates
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, later_commands
+from porotwin_recording.tables.rates import measured_to, read_rates, write_rates
 
 WELLS = ('in', 'out')
 

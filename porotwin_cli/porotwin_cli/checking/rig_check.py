@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT, Remark
+from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
@@ -27,7 +29,6 @@ from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
-from porotwin_diagnosis.data.odd_tracer import remarks_about_tracer
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.control.setpoint_limits import Limits
@@ -37,8 +38,6 @@ from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
 from porotwin_recording.experiment.experiment_folder import FILES, folder_data
-from porotwin_recording.experiment.odd_recording import remarks_about_recording
-from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -59,9 +58,6 @@ MUCH_INJECTED = 100.0
 
 LITTLE_INJECTED = 0.01
 """Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
-
-STEP_TOLERANCE_ML_H = 1e-3
-"""Difference from a step of the pump that is rounding [ml/h]: far below any display."""
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -137,11 +133,9 @@ def check(
     rig, found, data, kind = _read(path)
     remarks = list(found)
     if data is not None:
-        remarks += remarks_about_recording(data)
-        if data.maps is not None:
-            with gathered_warnings() as unread:
-                remarks += remarks_about_tracer(Recording(source=path, **vars(data)))
-            remarks += [_told(text, kind) for text in unread]
+        with gathered_warnings() as unread:
+            remarks += remarks_about_known(data.known())
+        remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
@@ -149,7 +143,7 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
-        remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
+        remarks += [] if data is None else _pumped(data)
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
         if photograph is not None and not any(remark.refused for remark in remarks):
@@ -281,14 +275,9 @@ class Pumped(NamedTuple):
     end: float
 
 
-def delivered_rates(data: RecordedData) -> Schedule:
-    """Return the rates that drive the model: measured ones where there are any; empty: none."""
-    return Recording(source=Path(), **vars(data)).known_rates or Schedule()
-
-
 def pumped_in(data: RecordedData) -> Pumped:
     """Return what all wells inject until the last time of the recording, by the delivered rates."""
-    schedule = delivered_rates(data)
+    schedule = data.known_rates or Schedule()
     times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
     end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
     injected = [
@@ -417,31 +406,6 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
     if volume > MUCH_INJECTED * pores:
         why = f'all wells inject {volume / pores:.3g} times the pore volume until {end:.4g} s'
         yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
-
-
-def _off_steps(data: RecordedData) -> Iterator[Remark]:
-    """Yield a remark about commanded rates that the pumps of control wells cannot be set to."""
-    control = data.rig.control
-    if control is None or data.commanded is None:
-        return
-    step = control.rate_step_ml_h
-    off = [
-        row
-        for row in data.commanded.rows
-        if row.well in control.wells
-        and abs(math.remainder(to_ml_h(row.rate.rate), step)) > STEP_TOLERANCE_ML_H
-    ]
-    if off:
-        first = off[0]
-        why = f'no multiple of control.rate_step_ml_h {step:g}'
-        if len(off) > 1:
-            why += f', like {len(off) - 1} more'
-        yield Remark(
-            f'rates.csv at {first.time:g} s',
-            f'{first.well} {to_ml_h(first.rate.rate):.6g} ml/h',
-            why,
-            'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it',
-        )
 
 
 def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:

@@ -224,10 +224,10 @@ def _each(
     as_json: bool,
 ) -> None:
     """Diagnose every recording alone and print a table."""
+    from porotwin_checks.all_checks import OF_MAPS
     from porotwin_core.basis.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
-    from porotwin_diagnosis.data.odd_tracer import odd_lines
-    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.experiment.recording import odd_lines, open_recording
     from porotwin_recording.tables.one_writer import only_writer
 
     tasks = archive_tasks(recordings, output, rig=rig, preset=preset)
@@ -246,7 +246,9 @@ def _each(
         with suppress(InputError):  # the table tells why it is refused
             recording = open_recording(task.recording, rig=task.rig)
             _tell_maps(recording)
-            for line in odd_lines([recording]):  # a refused recording has no report with them
+            for line in odd_lines(
+                [recording], OF_MAPS
+            ):  # a refused recording has no report with them
                 say(line)
     if as_json:
         print_json({'output': output, 'recordings': table})

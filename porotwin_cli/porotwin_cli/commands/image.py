@@ -1,5 +1,6 @@
 """./porotwin image: photographs to concentration maps."""
 
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from porotwin_cli.photographs.imaged_maps import ExperimentPhotos
     from porotwin_core.geometry.grid import Grid
-    from porotwin_core.rates.wells import Schedule
     from porotwin_core.rig import Rig
     from porotwin_imaging.tracer.calibration import Calibration
     from porotwin_recording.experiment.recording import Recording
@@ -58,6 +58,7 @@ def command(
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
+    from porotwin_checks.all_checks import OF_MAPS, remarks_about
     from porotwin_cli.options.grids import grid_of
     from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.photographs.imaged_maps import ExperimentPhotos, write_maps
@@ -79,7 +80,7 @@ def command(
     from porotwin_imaging.tracer.calibration import load_calibration, save_calibration
     from porotwin_recording.experiment.photo_source import fingerprints
     from porotwin_recording.experiment.recording import open_recording
-    from porotwin_recording.tables.concentration import MapOrigin
+    from porotwin_recording.tables.concentration import MapOrigin, open_maps
     from porotwin_recording.tables.map_parts import MapParts
 
     picture = picture_beside(output)
@@ -115,8 +116,9 @@ def command(
             say(_learnt_words(learnt, corrected))
         _draw(picture, output, rig, calibrated=calibration is not None)
     names = [str(entry['photo']) for entry in made.entries]
-    masses = _remarks_about_masses(output, rig, recording.known_rates if used else None, names)
-    for line in (*told(made.same_files), *filter(None, masses.values())):
+    imaged = replace(recording, maps=open_maps(output, rig))
+    odd = remarks_about(imaged.known(names), OF_MAPS)
+    for line in (*told(made.same_files), *map(str, odd)):
         say(line)
     known_factors = used.factor_deviations if used else ()
     if as_json:
@@ -132,7 +134,7 @@ def command(
                 'refused': made.refused,
                 'covered_baseline': str(cover) if cover else None,
                 'same_files': [run.entry for run in made.same_files],
-                **masses,
+                'remarks': [asdict(remark) for remark in odd],
             }
         )
         return
@@ -196,36 +198,6 @@ def _learnt_words(folder: Path, corrected: int) -> str:
     """Return how to use the calibration in `folder`, with the number of `corrected` factors."""
     what = f'{corrected} learnt factors' if corrected else 'no other factors than before'
     return f'{folder}: calibration with {what}; use it with --calibration {folder}/calibration.yaml'
-
-
-def _remarks_about_masses(
-    output: Path, rig: 'Rig', rates: 'Schedule | None', photos: list[str]
-) -> dict[str, str | None]:
-    """Return remarks about the tracer in the maps of `output` beside the `rates`, by their keys.
-
-    - `out_of_course`: which of the `photos` are out of the course of the tracer.
-    - `too_much_tracer`: a map holds more tracer than was injected before it.
-    - `pale_well`: the maps show no tracer at a well that injects it.
-    - `drifting_tracer`: the tracer in the maps leaves the injected tracer.
-    """
-    from porotwin_core.checks.mass_check import excess_remark
-    from porotwin_core.checks.well_check import pale_well_remark
-    from porotwin_imaging.measures.mass_course import jump_remark
-    from porotwin_imaging.measures.mass_drift import drift_remark
-    from porotwin_recording.tables.concentration import open_maps
-
-    if rates is None:
-        keys = ('out_of_course', 'too_much_tracer', 'pale_well', 'drifting_tracer')
-        return dict.fromkeys(keys)
-    maps = open_maps(output, rig)
-    times = maps.times.tolist()
-    excess = (excess_remark(maps[index], time, rig, rates) for index, time in enumerate(times))
-    return {
-        'out_of_course': jump_remark(maps, times, photos, rig, rates) or None,
-        'too_much_tracer': next(filter(None, excess), None),
-        'pale_well': pale_well_remark(maps, times, rig, rates) or None,
-        'drifting_tracer': drift_remark(maps, times, rig, rates) or None,
-    }
 
 
 def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:

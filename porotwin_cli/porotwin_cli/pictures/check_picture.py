@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from porotwin_cli.checking.rig_check import CheckedRig, delivered_rates
+from porotwin_cli.checking.rig_check import CheckedRig
 from porotwin_cli.options.output_files import maker
 from porotwin_cli.pictures.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.basis.errors import InputError, writing
@@ -185,7 +185,7 @@ def _role_handles(rig: Rig, roles: Mapping[str, str]) -> list[Line2D]:
 
 def well_roles(checked: CheckedRig) -> dict[str, str]:
     """Return the part of every well: in the control section, or else in the recording."""
-    rates = Schedule() if checked.data is None else delivered_rates(checked.data)
+    rates = (checked.data and checked.data.known_rates) or Schedule()
     roles = {name: _role(checked.rig, name) for name in checked.rig.wells}
     return {
         name: _flow([row.rate for row in rates.rows if row.well == name])

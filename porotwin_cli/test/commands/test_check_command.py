@@ -97,7 +97,15 @@ def test_what_is_impossible_is_listed_with_status_2(tmp_path: Path) -> None:
     assert answer['cost'] is None
     refused = {remark['key'] for remark in answer['remarks'] if remark['refused']}
     assert refused == {'depth_m', 'permeability_m2'}
-    assert set(answer['remarks'][0]) == {'key', 'value', 'why', 'remedy', 'refused'}
+    assert set(answer['remarks'][0]) == {
+        'key',
+        'value',
+        'why',
+        'remedy',
+        'refused',
+        'code',
+        'facts',
+    }
     assert Path(picture).is_file()
 
 

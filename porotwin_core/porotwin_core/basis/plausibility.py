@@ -7,6 +7,7 @@ number would be usual with that unit.
 
 from dataclasses import dataclass
 
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import DARCY, GRAVITY, ML_H
 
 MOST_GUESSES = 3
@@ -17,25 +18,6 @@ CORRECT = 'correct the number'
 
 Interval = tuple[float, float]
 """The lowest and the highest value of a range."""
-
-
-@dataclass(frozen=True)
-class Remark:
-    """An odd or impossible value: `key` (where), `value`, `why` and `remedy` as text.
-
-    `refused` is true for an impossible value, which must not be used.
-    """
-
-    key: str
-    value: str
-    why: str
-    remedy: str
-    refused: bool = False
-
-    def __str__(self) -> str:
-        """Return the remark on one line."""
-        about = f'{self.key} is {self.value}: ' if self.value else f'{self.key}: '
-        return f'{about}{self.why}; {self.remedy}'
 
 
 @dataclass(frozen=True)

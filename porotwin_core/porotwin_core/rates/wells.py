@@ -187,6 +187,23 @@ class Schedule:
         )
 
 
+def quoted(wells: Iterable[str]) -> str:
+    """Return names of wells in words: 'left' and 'right'."""
+    return ' and '.join(f"'{well}'" for well in wells)
+
+
+def later_commands(commanded: Schedule | None, measured: Schedule) -> list[ScheduleRow]:
+    """Return the commands that count after the `measured` rates, which are not empty.
+
+    They are those from the last measured row of all wells on, without those of a well that is
+    measured at their time.
+    """
+    end = measured.rows[-1].time
+    there = {row.well for row in measured.rows if row.time == end}
+    rows = () if commanded is None else commanded.rows
+    return [row for row in rows if row.time > end or (row.time == end and row.well not in there)]
+
+
 def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, WellRate]:
     """Return the constant rates that pump as much water and tracer as periods of other rates.
 

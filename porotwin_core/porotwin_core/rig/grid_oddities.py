@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plausibility import Remark
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_core.rig.control_zones import control_zones
 from porotwin_core.rig.description import Rig

@@ -18,9 +18,9 @@ from porotwin_core.basis.plausibility import (
     WELL_RADIUS,
     WIDTH,
     PlausibleRange,
-    Remark,
     rate_remark,
 )
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.polygons import crosses_itself, inside, signed_area
 from porotwin_core.rig.description import Rig

@@ -10,8 +10,8 @@ import numpy as np
 import pydantic
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plausibility import Remark
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_checks.known import FILLED_SHARE, tracer_share
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.stamps import believed_start
@@ -18,7 +19,6 @@ from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.data.map_file import MapFile
-from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.tables.concentration import (
     UNKNOWN_ORIGIN,

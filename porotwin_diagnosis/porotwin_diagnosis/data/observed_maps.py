@@ -9,15 +9,6 @@ from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_recording.experiment.recording import Recording
 
-TRACER_LEVEL = 0.3
-"""Concentration [-] above which a cell clearly holds tracer, whatever the noise."""
-
-VISIBLE_TRACER = 0.1
-"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
-
-FILLED_SHARE = 0.02
-"""Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
-
 HOLE_FILL_WIDTH = 3.0
 """Width [cells] of the Gaussian mean that fills unseen cells from their neighbours."""
 
@@ -27,11 +18,6 @@ LEAST_SEEN = 0.5
 LEAST_INTERVAL = 0.5
 """Least time between two frames, as a share of the median interval. Photographs in quick succession
 differ by their noise only."""
-
-
-def tracer_share(concentration: FloatArray) -> float:
-    """Return the share [-] of cells (nz, nx) with tracer; compare it with `FILLED_SHARE`."""
-    return float(np.mean(concentration > TRACER_LEVEL))
 
 
 def filled_map(frame: FloatArray, grid: Grid) -> FloatArray:

@@ -24,14 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
+from porotwin_checks.known import VISIBLE_TRACER
+from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
-from porotwin_diagnosis.data.initial_tracer import start_of
+from porotwin_diagnosis.data.initial_tracer import start_and_tracer
 from porotwin_diagnosis.data.noise import Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
-from porotwin_diagnosis.data.observed_maps import VISIBLE_TRACER, evenly_spread
+from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
     ErrorSizes,
@@ -362,7 +364,7 @@ def read_sample(recording: Recording) -> Sample:
         [evenly_spread(fitted, FITTED_FRAMES), evenly_spread(after, HELD_OUT_FRAMES)]
     )
     own, shared = _delivered(recording, chosen)
-    start = start_of(recording)
+    start, initial = start_and_tracer(recording)
     return Sample(
         rig=recording.rig,
         schedule=recording.delivered,
@@ -374,8 +376,8 @@ def read_sample(recording: Recording) -> Sample:
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
-        initial=start.tracer,
-        may_have_held_tracer=start.may_have_held_tracer,
+        initial=initial,
+        may_have_held_tracer=start is Start.LATE_OR_USED,
         own_deviation=own,
         shared_errors=shared,
     )

@@ -3,7 +3,9 @@
 from collections import deque
 from collections.abc import Sequence
 
-from porotwin_core.checks.well_check import pale_well_remark
+from porotwin_checks.checks.tracer_at_wells import pale_well
+from porotwin_checks.known import Known
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rates.wells import Schedule, WellRates
@@ -30,8 +32,10 @@ class PaleWells:
         self._changes.clear()
         self._pale = 0
 
-    def remark(self, observed: FloatArray, time: float, periods: Sequence[RatePeriod]) -> str:
-        """Return a remark about a pale well; empty without one.
+    def remark(
+        self, observed: FloatArray, time: float, periods: Sequence[RatePeriod]
+    ) -> Remark | None:
+        """Return a remark about a pale well; None without one.
 
         Args:
             observed: concentration in the photograph [-], (nz, nx); NaN where nothing was seen.
@@ -42,6 +46,6 @@ class PaleWells:
             if not self._changes or self._changes[-1][1] != period.rates:
                 self._changes.append((period.start, period.rates))
         schedule = Schedule.from_rates(self._changes)
-        told = pale_well_remark([observed], [time], self._rig, schedule)
-        self._pale = self._pale + 1 if told else 0
-        return told if self._pale >= MAPS_IN_A_ROW else ''
+        told = pale_well(Known(rig=self._rig, rates=schedule, times=[time], maps=[observed]), [0])
+        self._pale = 0 if told is None else self._pale + 1
+        return told if self._pale >= MAPS_IN_A_ROW else None

@@ -8,14 +8,9 @@ import math
 
 import numpy as np
 
-from porotwin_core.basis.units import ML
+from porotwin_checks.checks.tracer_amount import amount_remark
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray
-
-MOST_DIFFERENCE = 0.3
-"""Largest believable difference, relative to the larger volume; calibrated maps are off by 0.1."""
-
-LEAST_VOLUME_M3 = 3e-6
-"""A smaller difference is no news [m^3]: the plume of the first photographs is small and pale."""
 
 
 class PumpedTracer:
@@ -38,8 +33,8 @@ class PumpedTracer:
         *,
         pumped: float,
         assumed: float,
-    ) -> str:
-        """Return in words that a photograph does not fit the pumps, or an empty string.
+    ) -> Remark | None:
+        """Return the remark that a photograph does not fit the pumps; None if it does.
 
         Args:
             observed: concentration in the photograph [-], (nz, nx); NaN where nothing was seen.
@@ -57,8 +52,10 @@ class PumpedTracer:
         return imbalance(observed, share * predicted, self._pore_volume)
 
 
-def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArray) -> str:
-    """Return in words that an observed map has too much or too little tracer, or an empty string.
+def imbalance(
+    observed: FloatArray, predicted: FloatArray, pore_volume: FloatArray
+) -> Remark | None:
+    """Return the remark that an observed map has too much or too little tracer; None if not.
 
     The volumes are sums of concentration times pore volume over the observed cells.
 
@@ -70,10 +67,4 @@ def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArr
     seen = np.isfinite(observed)
     found = float(np.sum(observed[seen] * pore_volume[seen]))
     expected = float(np.sum(predicted[seen] * pore_volume[seen]))
-    difference = abs(found - expected)
-    if difference <= max(LEAST_VOLUME_M3, MOST_DIFFERENCE * max(found, expected)):
-        return ''
-    return (
-        f'the photograph shows {found * ML:.3g} ml of tracer, and by the pumps it would be '
-        f'{expected * ML:.3g} ml; look at the photograph, the baseline and the pumps'
-    )
+    return amount_remark(found, expected, float(pore_volume.sum()), 'the photograph')

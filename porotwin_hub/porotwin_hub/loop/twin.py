@@ -306,7 +306,7 @@ class Twin:
         if self._wells is not None:
             seen = cycle.observation
             remark = self._wells.remark(seen.concentration, seen.time, cycle.periods)
-            cycle.remarks += [remark] if remark else []
+            cycle.remarks += [str(remark)] if remark else []
         if cycle.elapsed is None:
             try:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
@@ -330,7 +330,7 @@ class Twin:
                 pumped=injected_tracer(periods),
                 assumed=factor * injected_tracer(cycle.periods),
             )
-            cycle.remarks += [remark] if remark else []
+            cycle.remarks += [str(remark)] if remark else []
 
     def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time

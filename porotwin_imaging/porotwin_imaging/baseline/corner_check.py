@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.basis.plausibility import Remark
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import percent
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.baseline.edge_search import SeenEdge, Side, seen_edges

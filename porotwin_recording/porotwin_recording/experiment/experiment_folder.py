@@ -4,9 +4,9 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig, read_rig, write_rig
-from porotwin_recording.experiment.odd_recording import remarks_about_recording
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
     ConcentrationWriter,
@@ -52,7 +52,7 @@ def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
     data = folder_data(folder, rig)
     for text in data.remarks:
         LOG.warning('%s: %s', folder, text)
-    for remark in remarks_about_recording(data):
+    for remark in remarks_about(data.known(), OF_TABLES):
         if remark.refused:
             raise InputError(f'{folder}: {remark}')
         LOG.warning('%s: %s', folder, remark)

@@ -1,6 +1,7 @@
 """A recording of one experiment, whether a folder or a bag holds it."""
 
 import logging
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,18 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_checks.all_checks import CHECKS, OF_TABLES, remarks_about
+from porotwin_checks.check import Check
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rates.rates_in_force import balanced
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, load_rig
 from porotwin_recording.experiment.bag import read_bag
 from porotwin_recording.experiment.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
-from porotwin_recording.experiment.odd_recording import remarks_about_times
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.concentration import ConcentrationMaps, Maps
 from porotwin_recording.tables.map_files import files_with_maps
-from porotwin_recording.tables.rates import later_commands
 from porotwin_recording.tables.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')
@@ -48,40 +48,12 @@ class Recording(RecordedData):
 
     @cached_property
     def delivered(self) -> Schedule:
-        """Measured rates where they exist, commanded rates elsewhere, well by well.
-
-        The commanded rates of a well count before its first measured row, from the last measured
-        row of all wells on, and always if the well is not measured. In a closed rig the producer
-        balances all others, as in the hub, because measured rates never add up to zero exactly.
+        """The known rates.
 
         Raises:
-            InputError: the recording holds neither.
+            InputError: the recording holds neither measured nor commanded ones.
         """
-        if self.measured is None or not self.measured.rows:
-            return self.schedule
-        rows = self.measured.rows
-        begin = {row.well: row.time for row in reversed(rows)}
-        later = later_commands(self.commanded, self.measured)
-        earlier = [
-            row
-            for row in (() if self.commanded is None else self.commanded.rows)
-            if row.time < begin.get(row.well, rows[-1].time)
-        ]
-        return self._balanced(Schedule((*rows, *earlier, *later)))
-
-    def _balanced(self, schedule: Schedule) -> Schedule:
-        """Return `schedule`, balanced by the producer of the control section in a closed rig."""
-        producer = self.rig.control.producer if self.rig.control else None
-        if producer is None or not self.rig.closed:
-            return schedule
-        times = dict.fromkeys(row.time for row in schedule.rows)
-        return Schedule.from_rates((time, balanced(schedule.at(time), producer)) for time in times)
-
-    @property
-    def known_rates(self) -> Schedule | None:
-        """The delivered rates; None if the recording holds none."""
-        measured = self.measured is not None and bool(self.measured.rows)
-        return self.delivered if measured or self.commanded is not None else None
+        return self.schedule if self.known_rates is None else self.known_rates
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -161,11 +133,21 @@ def open_recording(
     if is_folder and segment not in (None, 1):
         raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
     data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
+    recording = Recording(source=path, **vars(data))
     if not is_folder:  # read_folder has told them
-        for remark in remarks_about_times(data):
-            LOG.warning('%s: %s', path, remark)
+        for line in odd_lines([recording], OF_TABLES):
+            LOG.warning(line)
     tell_other_rig(path, data.rig, data.replaced_rig)
-    return Recording(source=path, **vars(data))
+    return recording
+
+
+def odd_lines(recordings: Iterable[Recording], checks: Mapping[str, Check] = CHECKS) -> list[str]:
+    """Return a line for all that `checks` find odd in `recordings`."""
+    return [
+        f'{recording.source}: {remark}'
+        for recording in recordings
+        for remark in remarks_about(recording.known(), checks)
+    ]
 
 
 def tell_other_rig(path: Path, used: Rig, own: Rig | None) -> None:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from porotwin_checks.checks.measured_rates import wells_with_turned_sign
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
-from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, quoted
 from porotwin_core.rig import Rig
-from porotwin_recording.experiment.odd_recording import quoted, wells_with_turned_sign
 from porotwin_recording.importers.foreign_table import ForeignTable, number_in, read_foreign_table
 from porotwin_recording.importers.foreign_time import names_zone
 from porotwin_recording.importers.foreign_units import (

@@ -1,14 +1,11 @@
 """Pump rates over time: `rates.csv` and `rates_measured.csv` of an experiment folder."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plausibility import Remark, plausible_rate_ml_h, rate_remark
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_core.rig import Rig
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
 
 PERCENT = 100.0
@@ -54,52 +51,6 @@ def measured_to(measured: Schedule, end: float) -> Schedule:
         ScheduleRow(end, well, rate) for well, rate in measured.at(end).items() if well not in there
     ]
     return Schedule((*measured.rows, *held))
-
-
-def later_commands(commanded: Schedule | None, measured: Schedule) -> list[ScheduleRow]:
-    """Return the commands that count after the `measured` rates, which are not empty.
-
-    They are those from the last measured row of all wells on, without those of a well that is
-    measured at their time.
-    """
-    end = measured.rows[-1].time
-    there = {row.well for row in measured.rows if row.time == end}
-    rows = () if commanded is None else commanded.rows
-    return [row for row in rows if row.time > end or (row.time == end and row.well not in there)]
-
-
-def remarks_about_rates(schedule: Schedule, rig: Rig, name: str = 'rates.csv') -> list[Remark]:
-    """Return the remarks about rates that no pump delivers or no rig stands, one for each well.
-
-    Args:
-        schedule: the rates [m^3/s].
-        rig: its pore volume says which rates are plausible.
-        name: the file, for the remarks.
-    """
-    pores = rig.pore_volume
-    least = plausible_rate_ml_h(pores)[0]
-    found: dict[str, Remark] = {}
-    rates = [abs(to_ml_h(row.rate.rate)) for row in schedule.rows]
-    hopeless = 0.0 < max(rates, default=0.0) < least
-    for row in schedule.rows:
-        remark = rate_remark(f'{name}: well {row.well}', to_ml_h(row.rate.rate), pores)
-        if remark is not None:
-            found.setdefault(row.well, replace(remark, refused=remark.refused or hopeless))
-    return [*found.values(), *_contradictions(schedule, name)]
-
-
-def _contradictions(schedule: Schedule, name: str) -> Iterator[Remark]:
-    """Yield a remark for the first well that has two different rates at one time."""
-    seen: dict[tuple[float, str], WellRate] = {}
-    for row in schedule.rows:
-        if seen.setdefault((row.time, row.well), row.rate) != row.rate:
-            yield Remark(
-                f'{name}: well {row.well}',
-                f'{to_ml_h(row.rate.rate):g} ml/h',
-                f'it has another rate at the same time of {row.time:g} s',
-                'keep one row; the last one counts',
-            )
-            return
 
 
 def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:

@@ -1,8 +1,11 @@
 """The data of one experiment, as a folder or a bag holds them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from porotwin_core.rates.wells import Schedule
+from porotwin_checks.known import Known
+from porotwin_core.rates.rates_in_force import balanced
+from porotwin_core.rates.wells import Schedule, later_commands
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_recording.tables.photos import Photo
@@ -31,3 +34,50 @@ class RecordedData:
     photos: tuple[Photo, ...] = ()
     remarks: tuple[str, ...] = ()
     replaced_rig: Rig | None = None
+
+    @property
+    def known_rates(self) -> Schedule | None:
+        """Measured rates where they exist, commanded rates elsewhere, well by well.
+
+        The commanded rates of a well count before its first measured row, from the last measured
+        row of all wells on, and always if the well is not measured. In a closed rig the producer
+        balances all others, as in the hub, because measured rates never add up to zero exactly.
+        None if there are neither.
+        """
+        if self.measured is None or not self.measured.rows:
+            return self.commanded
+        rows = self.measured.rows
+        begin = {row.well: row.time for row in reversed(rows)}
+        later = later_commands(self.commanded, self.measured)
+        earlier = [
+            row
+            for row in (() if self.commanded is None else self.commanded.rows)
+            if row.time < begin.get(row.well, rows[-1].time)
+        ]
+        return self._balanced(Schedule((*rows, *earlier, *later)))
+
+    def _balanced(self, schedule: Schedule) -> Schedule:
+        """Return `schedule`, balanced by the producer of the control section in a closed rig."""
+        producer = self.rig.control.producer if self.rig.control else None
+        if producer is None or not self.rig.closed:
+            return schedule
+        times = dict.fromkeys(row.time for row in schedule.rows)
+        return Schedule.from_rates((time, balanced(schedule.at(time), producer)) for time in times)
+
+    def known(self, names: Sequence[str] = ()) -> Known:
+        """Return what the checks may look at; `names` for the maps, such as their photographs.
+
+        Maps that no calibration made hide no tracer, but their concentrations mean nothing.
+        """
+        maps = self.maps
+        return Known(
+            rig=self.rig,
+            commanded=self.commanded,
+            measured=self.measured,
+            rates=self.known_rates,
+            times=() if maps is None else maps.times,
+            maps=maps,
+            scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
+            photos=self.photos,
+            names=names,
+        )

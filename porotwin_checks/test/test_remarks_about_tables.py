@@ -2,23 +2,19 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from recording_examples import controlled_rig
 
+from porotwin_checks.all_checks import OF_TABLES, remarks_about
+from porotwin_checks.checks.map_values import CHECK
+from porotwin_checks.known import Known
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
-from porotwin_recording.experiment.odd_recording import (
-    remarks_about_maps,
-    remarks_about_recording,
-    remarks_about_times,
-)
-from porotwin_recording.tables.concentration import ConcentrationMaps
-from porotwin_recording.tables.photos import Photo
-from porotwin_recording.tables.recorded_data import RecordedData
 
 
 def with_control(**changes: float | None) -> Rig:
@@ -33,19 +29,33 @@ RIG = with_control(producer=None)
 
 def recording(
     *, rate_ml_h: float = 523.2, last: float = 1800.0, end: float = 4800.0, value: float = 0.5
-) -> RecordedData:
+) -> Known:
     """Return a recording with one injection until `last` [s] and two maps until `end` [s]."""
     rows = (
         ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate_ml_h), 1.0)),
         ScheduleRow(last, 'in', WellRate()),
     )
     values = np.full((2, 4, 5), value, np.float32)
-    maps = ConcentrationMaps(np.array([0.0, end]), RIG.grid(5, 4), lambda a, b: values[a:b])
-    return RecordedData(RIG, commanded=Schedule(rows), maps=maps)
+    rates = Schedule(rows)
+    return Known(rig=RIG, commanded=rates, rates=rates, times=[0.0, end], maps=values)
+
+
+class Photo(NamedTuple):
+    time: float
+    name: str
+    role: str
 
 
 def photo(time: float, name: str, role: str = 'state') -> Photo:
-    return Photo(time, role, name, bytes, Path(name))  # type: ignore[arg-type]
+    return Photo(time, name, role)
+
+
+def found_in(known: Known) -> tuple[Remark, ...]:
+    return remarks_about(known, OF_TABLES)
+
+
+def values(known: Known) -> list[Remark]:
+    return list(CHECK.find(known))
 
 
 REST = WellRate()
@@ -54,12 +64,12 @@ BASELINE = photo(-30.0, 'a.jpg', 'baseline')
 
 def test_a_usual_recording_is_not_odd() -> None:
     data = replace(recording(), photos=(BASELINE, photo(0.0, 'b.jpg')))
-    assert list(remarks_about_recording(data)) == []
-    assert list(remarks_about_maps(data)) == []
+    assert found_in(data) == ()
+    assert values(data) == []
 
 
 def test_rates_that_the_control_section_does_not_allow_are_odd() -> None:
-    found = list(remarks_about_recording(recording(rate_ml_h=400.0)))
+    found = list(found_in(recording(rate_ml_h=400.0)))
     assert [remark.why for remark in found] == ['control.fixed says 523.2 ml/h']
 
 
@@ -68,14 +78,14 @@ def test_a_chase_with_water_at_another_rate_is_not_odd() -> None:
     chase = ScheduleRow(60.0, 'in', WellRate(from_ml_h(90.0), 0.0))
     first, last = data.commanded.rows
     data = replace(data, commanded=Schedule((first, chase, last)))
-    assert list(remarks_about_recording(data)) == []
+    assert list(found_in(data)) == []
 
 
 def test_control_wells_that_inject_too_much_together_are_odd() -> None:
     data = replace(recording(), rig=with_control(producer=None, max_total_rate_ml_h=150.0))
     rows = [ScheduleRow(60.0, 'water', WellRate(from_ml_h(rate))) for rate in (150.0, 160.0)]
     found = [
-        [str(remark) for remark in remarks_about_recording(replace(data, commanded=schedule))]
+        [str(remark) for remark in found_in(replace(data, commanded=schedule))]
         for schedule in (Schedule((*data.commanded.rows, row)) for row in rows)
     ]
     assert found == [
@@ -89,15 +99,15 @@ def test_control_wells_that_inject_too_much_together_are_odd() -> None:
 
 def test_a_producer_without_a_row_is_odd() -> None:
     data = replace(recording(), rig=controlled_rig())
-    (remark,) = remarks_about_recording(data)
+    (remark,) = found_in(data)
     assert "no row is of control.producer 'out'" in str(remark)
     rests = Schedule((*data.commanded.rows, ScheduleRow(0.0, 'out', REST)))
-    assert list(remarks_about_recording(replace(data, commanded=rests))) == []
+    assert list(found_in(replace(data, commanded=rests))) == []
 
 
 def test_rates_without_an_end_are_odd() -> None:
-    data = replace(recording(last=0.0), maps=None)
-    assert 'when the experiment ends' in str(list(remarks_about_recording(data))[-1])
+    data = replace(recording(last=0.0), times=())
+    assert 'no_end' in [remark.code for remark in found_in(data)]
 
 
 def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
@@ -105,7 +115,7 @@ def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
         ScheduleRow(0.0, 'in', WellRate(from_ml_h(523.2), 1.0)),
         ScheduleRow(600.0, 'out', WellRate(from_ml_h(-523.2))),
     )
-    (found,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(rows)))
+    (found,) = found_in(Known(rig=RIG, commanded=Schedule(rows)))
     assert "at its last rows 'in' and 'out' pump, and nothing says until when" in str(found)
 
 
@@ -123,7 +133,7 @@ def test_rates_whose_last_rows_pump_say_no_end_of_the_experiment() -> None:
     ],
 )
 def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused: bool) -> None:
-    (remark,) = remarks_about_recording(recording(**change))
+    (remark,) = found_in(recording(**change))
     assert remark.refused is refused
     assert re.search(named, str(remark))
 
@@ -131,17 +141,14 @@ def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused:
 def test_two_rates_of_a_well_at_one_time_are_odd() -> None:
     rows = [ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate), 1.0)) for rate in (523.2, 400.0)]
     rows.append(ScheduleRow(60.0, 'in', WellRate()))
-    (remark,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(tuple(rows))))
+    (remark,) = found_in(Known(rig=RIG, commanded=Schedule(tuple(rows))))
     assert 'another rate at the same time of 0 s' in str(remark)
 
 
 @pytest.mark.parametrize(('value', 'count'), [(0.25, 1), (0.9, 0), (0.0, 0)])
 def test_maps_far_paler_than_the_injected_stock_are_odd(value: float, count: int) -> None:
-    values = np.full((2, 56, 93), value, np.float32)
-    maps = ConcentrationMaps(np.array([0.0, 4800.0]), RIG.grid(93, 56), lambda a, b: values[a:b])
-    found = list(remarks_about_maps(replace(recording(), maps=maps)))
-    assert [str(remark) for remark in found if 'is 1 the stock?' not in str(remark)] == []
-    assert len(found) == count
+    found = values(replace(recording(), maps=np.full((2, 56, 93), value, np.float32)))
+    assert [remark.code for remark in found] == count * ['faint_maps']
 
 
 @pytest.mark.parametrize(
@@ -161,16 +168,16 @@ def test_maps_far_paler_than_the_injected_stock_are_odd(value: float, count: int
     ],
 )
 def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], named: str) -> None:
-    (remark,) = remarks_about_recording(RecordedData(RIG, photos=photos))
+    (remark,) = found_in(Known(rig=RIG, photos=photos))
     assert named in str(remark)
 
 
 @pytest.mark.parametrize(
     ('value', 'named'),
-    [(50.0, 'percent'), (255.0, 'grey values'), (np.nan, 'missing'), (2.0, 'scale')],
+    [(50.0, 'percent'), (255.0, 'grey values'), (2.0, 'scale')],
 )
 def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> None:
-    (remark,) = remarks_about_maps(recording(value=value))
+    (remark,) = values(recording(value=value))
     assert named in str(remark)
 
 
@@ -179,22 +186,25 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
     [
         (
             (photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')),
-            'a baseline is of 60 s, .* injects tracer',
+            'a baseline is of 60 s, but tracer is injected from 0 s',
         ),
-        ((BASELINE, photo(2588340.0, 'b.jpg')), 'photographs are from 2588340 .* clocks of camera'),
-        ((BASELINE, photo(-1e5, 'b.jpg')), 'the pumps run from 0 to 1800 s'),
+        (
+            (BASELINE, photo(2588340.0, 'b.jpg')),
+            'imaging.csv: it is from 2588340 .* clocks of camera',
+        ),
+        ((BASELINE, photo(-1e5, 'b.jpg')), 'the rates are from 0 to 1800 s'),
         (
             (photo(-3600.0, 'a.jpg', 'baseline'), *(photo(t, 'b') for t in (-900.0, -60.0, 30.0))),
-            'photographs are from -900 to 30 s, the pumps run from 0 to 1800 s',
+            'it is from -900 to 30 s, and the rates are from 0 to 1800 s',
         ),
     ],
 )
 def test_photographs_that_miss_the_pumps_are_odd(photos: tuple[Photo, ...], named: str) -> None:
-    found = list(remarks_about_recording(replace(recording(), maps=None, photos=photos)))
+    found = list(found_in(replace(recording(), times=(), photos=photos)))
     assert any(re.search(named, str(remark)) for remark in found), found
 
 
-def measured(*rows: tuple[float, str, float]) -> RecordedData:
+def measured(*rows: tuple[float, str, float]) -> Known:
     """Return a recording of two wells with the `rows` (time [s], well, rate [ml/h]) measured."""
     asked = [(0.0, 'in', 523.2), (0.0, 'out', -523.2), (1800.0, 'in', 0.0), (1800.0, 'out', 0.0)]
     commanded, seen = (
@@ -209,7 +219,7 @@ def measured(*rows: tuple[float, str, float]) -> RecordedData:
     [
         (
             [(0.0, 'in', 520.0), (1800.0, 'in', 0.0)],
-            "well 'out' pumps by rates.csv, but has no measured rates",
+            "have no measured rates: 'out'; the commanded rates count there",
         ),
         (
             [(0.0, 'in', 520.0), (1200.0, 'out', -520.0)],
@@ -224,9 +234,7 @@ def measured(*rows: tuple[float, str, float]) -> RecordedData:
     ],
 )
 def test_incomplete_or_far_measured_rates_are_named(rows, named: str) -> None:
-    (found,) = (
-        str(one) for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key
-    )
+    (found,) = (str(one) for one in found_in(measured(*rows)) if 'measured' in one.key)
     assert re.search(named, found)
 
 
@@ -242,20 +250,20 @@ def test_a_measured_change_of_fluid_that_is_missing_is_odd() -> None:
         (right, []),
     ):
         data = replace(recording(), commanded=asked, measured=seen)
-        found = [one.key for one in remarks_about_recording(data) if 'measured' in one.key]
+        found = [one.key for one in found_in(data) if 'measured' in one.key]
         assert found == expected
 
 
 def test_measured_rates_that_cover_everything_are_not_odd() -> None:
     rows = [(0.0, 'in', 520.0), (0.0, 'out', -511.0), (1801.0, 'in', 0.0), (1801.0, 'out', 0.0)]
-    assert not [one for one in remarks_about_recording(measured(*rows)) if 'measured' in one.key]
+    assert not [one for one in found_in(measured(*rows)) if 'measured' in one.key]
 
 
 def test_rates_that_are_confirmed_after_the_last_command_are_not_odd() -> None:
     data = measured((115.0, 'in', 523.2), (115.0, 'out', -523.2))
     assert data.commanded is not None
     running = Schedule(data.commanded.rows[:2])  # the pumps go on: the last rows are no end
-    found = remarks_about_recording(replace(data, commanded=running))
+    found = found_in(replace(data, commanded=running))
     assert not [one for one in found if 'measured' in one.key]
 
 
@@ -272,7 +280,7 @@ def test_rates_that_are_confirmed_after_the_last_command_are_not_odd() -> None:
 def test_an_odd_interval_asks_for_the_clock(steps: list[float], odd: bool) -> None:
     times = np.concatenate([[0.0], np.cumsum(steps)])
     photos = tuple(photo(float(time), f'{time:g}.jpg') for time in times)
-    found = [str(one) for one in remarks_about_times(replace(recording(), photos=photos))]
+    found = [str(one) for one in found_in(replace(recording(), photos=photos))]
     assert any('was the clock of the camera set' in line for line in found) is odd
 
 
@@ -281,11 +289,8 @@ def test_maps_that_are_late_as_a_whole_are_no_matter_of_units() -> None:
         ScheduleRow(0.0, 'in', WellRate(from_ml_h(523.2), 1.0)),
         ScheduleRow(1800.0, 'in', REST),
     )
-    values = np.full((3, 4, 5), 0.5, np.float32)
     times = 86400.0 + np.array([0.0, 900.0, 2700.0])
-    maps = ConcentrationMaps(times, RIG.grid(5, 4), lambda a, b: values[a:b])
     for last in (rows, rows[:1]):
-        data = RecordedData(RIG, commanded=Schedule(last), maps=maps)
-        (found,) = map(str, remarks_about_times(data))
-        assert 'the first map is of 86400 s' in found
-        assert 'compare the clocks' in found
+        data = Known(rig=RIG, commanded=Schedule(last), times=times)
+        (found,) = found_in(data)
+        assert (found.code, found.facts['first_s']) == ('other_times', 86400.0)

@@ -1,0 +1,48 @@
+"""Does the list of photographs name each once, with a baseline before the tracer?"""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from porotwin_checks.check import Check
+from porotwin_checks.known import Known
+from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.units import MINUTE_S
+
+
+def _find(known: Known) -> Iterator[Remark]:
+    names = [photo.name for photo in known.photos]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        yield Remark(
+            'imaging.csv',
+            twice[0],
+            'the photograph stands twice',
+            'remove one line',
+            code='listed_twice',
+        )
+    baselines = [photo.time for photo in known.photos if photo.role == 'baseline']
+    if not baselines:
+        why = 'no photograph has the role baseline: sand and water only'
+        yield Remark(
+            'imaging.csv', '', why, 'give the first photograph this role', code='no_baseline'
+        )
+    elif max(baselines) > min((p.time for p in known.photos if p.role == 'state'), default=np.inf):
+        why = 'a baseline comes after a photograph with tracer'
+        shown = f'{max(baselines):g} s'
+        yield Remark('imaging.csv', shown, why, 'compare times and roles', code='late_baseline')
+    states = [photo for photo in known.photos if photo.role == 'state']
+    same = [pair for pair in itertools.pairwise(states) if pair[0].time == pair[1].time]
+    if same:
+        first, second = same[0]
+        why = f'{first.name} and {second.name} have the same time of {first.time:g} s'
+        remedy = 'correct one time'
+        if len(same) > 1:
+            why += f', and {len(same) - 1} more pairs likewise'
+        if all(photo.time % MINUTE_S == states[0].time % MINUTE_S for photo in states):
+            remedy = 'a table program may have dropped the seconds; write them again'
+        yield Remark('imaging.csv', '', why, remedy, code='same_time')
+
+
+CHECK = Check(needs=('photos',), find=_find)

@@ -1,0 +1,62 @@
+"""Do the commanded rates keep to the control section of the rig, and to the steps of its pumps?"""
+
+import math
+from collections.abc import Iterator
+
+from porotwin_checks.check import Check
+from porotwin_checks.known import Known
+from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.units import to_ml_h
+
+SAME_RATE = 0.005
+"""Relative difference of a rate from the described one that rounding of units makes."""
+
+STEP_TOLERANCE_ML_H = 1e-3
+"""Difference from a step of the pump that is rounding [ml/h]: far below any display."""
+
+REMEDY = 'compare rates.csv with the control section of rig.yaml'
+ROUND = 'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it'
+
+
+def _find(known: Known) -> Iterator[Remark]:
+    """Yield remarks about wells, each once, the sum of the control wells, and their steps.
+
+    A control well that injects tracer is not used as one.
+    """
+    control, commanded = known.rig.control, known.commanded
+    if control is None or commanded is None:
+        return
+    odd: dict[str, Remark] = {}
+    off = []
+    for row in commanded.rows:
+        rate = to_ml_h(row.rate.rate)
+        fixed, why = control.fixed.get(row.well), ''
+        if fixed is not None and rate and row.rate.concentration == fixed.concentration:
+            if not math.isclose(rate, fixed.rate_ml_h, rel_tol=SAME_RATE):
+                why = f'control.fixed says {fixed.rate_ml_h:g} ml/h'
+        elif row.well in control.wells and rate > control.max_rate_ml_h:
+            why = f'control.max_rate_ml_h is {control.max_rate_ml_h:g} ml/h'
+        if why:
+            remark = Remark(f'rates.csv: well {row.well}', f'{rate:g} ml/h', why, REMEDY)
+            odd.setdefault(row.well, remark)
+        beside = abs(math.remainder(rate, control.rate_step_ml_h))
+        if row.well in control.wells and beside > STEP_TOLERANCE_ML_H:
+            off.append((row.time, f'{row.well} {rate:.6g} ml/h'))
+    yield from odd.values()
+    for time in dict.fromkeys(row.time for row in commanded.rows):
+        rates = commanded.at(time)
+        water = [rates[well] for well in control.wells if well in rates]
+        total = math.fsum(to_ml_h(rate.rate) for rate in water if rate.concentration == 0.0)
+        if total > (1.0 + SAME_RATE) * control.max_total_rate_ml_h:
+            key = f'rates.csv at {time:g} s: sum of the control wells'
+            why = f'control.max_total_rate_ml_h is {control.max_total_rate_ml_h:g} ml/h'
+            yield Remark(key, f'{total:g} ml/h', why, REMEDY, code='sum_of_rates')
+            break
+    if off:
+        time, shown = off[0]
+        more = f', like {len(off) - 1} more' if len(off) > 1 else ''
+        why = f'no multiple of control.rate_step_ml_h {control.rate_step_ml_h:g}{more}'
+        yield Remark(f'rates.csv at {time:g} s', shown, why, ROUND, code='rate_off_step')
+
+
+CHECK = Check(needs=('commanded',), find=_find, explained_by=('odd_rate', 'two_rates'))

@@ -1,0 +1,107 @@
+"""The data of an experiment for the checks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.wells import Schedule
+from porotwin_core.rig import Rig
+
+MOST_MAPS = 24
+"""Maps that a check looks at, evenly spread, where it need not see all."""
+
+
+class Maps(Protocol):
+    """Maps (nz, nx) in the order of their times, with NaN where nothing is known [-]."""
+
+    def __getitem__(self, number: int, /) -> NDArray[Any]: ...
+    def __iter__(self) -> Iterator[NDArray[Any]]: ...
+
+
+class ListedPhoto(Protocol):
+    """A line of `imaging.csv`: time [s], name and role of a photograph."""
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def role(self) -> str: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """The known data of an experiment; None or empty where nothing is known.
+
+    Attributes:
+        rig: its description.
+        commanded: rates that the pumps should deliver.
+        measured: rates that they delivered, where somebody measured them.
+        rates: the delivered rates as far as they are known: measured, else commanded.
+        times: times of the maps [s], ascending, (nt,).
+        maps: the maps; None where they are not to be opened.
+        scaled_maps: the maps, if their concentrations may be right; None if nothing calibrated
+            them.
+        photos: the listed photographs, ordered by time.
+        names: a name for each map, such as its photograph; empty: they are named by their times.
+    """
+
+    rig: Rig
+    commanded: Schedule | None = None
+    measured: Schedule | None = None
+    rates: Schedule | None = None
+    times: Sequence[float] | FloatArray = ()
+    maps: Maps | None = None
+    scaled_maps: Maps | None = None
+    photos: Sequence[ListedPhoto] = ()
+    names: Sequence[str] = ()
+
+    def has(self, name: str) -> bool:
+        """Return whether the attribute `name` is known, and not empty."""
+        value = getattr(self, name)
+        if isinstance(value, Schedule):
+            return bool(value.rows)
+        return value is not None and len(self.times if name.endswith('maps') else value) > 0
+
+    def name_of(self, number: int) -> str:
+        """Return the name of a map by its `number`."""
+        return self.names[number] if self.names else f'the map at {self.times[number]:.0f} s'
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of the maps."""
+        assert self.maps is not None
+        return self.rig.grid(*self.maps[0].shape[::-1])
+
+    @property
+    def looked_at(self) -> list[int]:
+        """Numbers of at most `MOST_MAPS` maps, evenly spread to both ends."""
+        count = min(len(self.times), MOST_MAPS)
+        spread = np.linspace(0, len(self.times) - 1, count).round().astype(int)
+        numbers: list[int] = spread.tolist()
+        return numbers
+
+
+VISIBLE_TRACER = 0.1
+"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
+
+TRACER_LEVEL = 0.3
+"""Concentration [-] above which a cell clearly holds tracer, whatever the noise."""
+
+FILLED_SHARE = 0.02
+"""Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
+
+
+def tracer_share(concentration: FloatArray) -> float:
+    """Return the share [-] of cells (nz, nx) with tracer; compare it with `FILLED_SHARE`."""
+    return float(np.mean(concentration > TRACER_LEVEL))
+
+
+def stock_in_map(values: FloatArray, rig: Rig) -> float:
+    """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-]; NaN counts as 0."""
+    rows, columns = values.shape
+    return float(np.nansum(values * rig.cell_pore_volume(rig.grid(columns, rows))))

@@ -1,0 +1,43 @@
+"""The one record of what is odd or impossible, whoever finds it and wherever it is told."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Remark:
+    """An odd or impossible thing.
+
+    Attributes:
+        key: the thing: a key of `rig.yaml`, a file, or the maps.
+        value: its value; empty where there is no single one.
+        why: the reason.
+        remedy: what would mend it.
+        refused: the severity: an impossible thing must not be used, an odd one may.
+        code: the kind of the oddity. Programs and tests compare it, because words may change.
+        facts: the evidence that the words state, by names with units: numbers and places.
+    """
+
+    key: str
+    value: str
+    why: str
+    remedy: str
+    refused: bool = False
+    code: str = ''
+    facts: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    @classmethod
+    def of(cls, key: str, code: str, words: str, **facts: Any) -> 'Remark':
+        """Return the remark with `words` "what is wrong; what would mend it" about `facts`.
+
+        The words are a template: `{held_ml:.3g}` stands for a fact.
+        """
+        why, _, remedy = words.partition('; ')
+        told = (why.format_map(facts), remedy.format_map(facts))
+        return cls(key, '', *told, code=code, facts=facts)
+
+    def __str__(self) -> str:
+        """Return the remark on one line."""
+        about = f'{self.key} is {self.value}: ' if self.value else f'{self.key}: '
+        return f'{about}{self.why}; {self.remedy}'
