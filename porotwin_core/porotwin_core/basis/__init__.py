@@ -1,1 +1,1 @@
-"""What knows nothing of a rig: errors, units, whole files, parallel work."""
+"""Parts that know nothing of a rig: errors, units, whole files, parallel work."""

@@ -62,7 +62,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def refuse_file(folder: Path, purpose: str) -> None:
-    """Check that `folder` is a folder or new; the `purpose` says what it will hold.
+    """Check that `folder` is a folder or new; the `purpose` names its content.
 
     Raises:
         InputError: it is a file.

@@ -1,4 +1,4 @@
-"""The one record of what is odd or impossible, whoever finds it and wherever it is told."""
+"""The one record of an odd or impossible thing, for every check and every reader."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ class Remark:
         key: the thing: a key of `rig.yaml`, a file, or the maps.
         value: its value; empty where there is no single one.
         why: the reason.
-        remedy: what would mend it.
+        remedy: the way to mend it.
         refused: the severity: an impossible thing must not be used, an odd one may.
         code: the kind of the oddity. Programs and tests compare it, because words may change.
         facts: the evidence that the words state, by names with units: numbers and places.
@@ -29,7 +29,7 @@ class Remark:
 
     @classmethod
     def of(cls, key: str, code: str, words: str, **facts: Any) -> 'Remark':
-        """Return the remark with `words` "what is wrong; what would mend it" about `facts`.
+        """Return the remark with `words` about `facts`: the fault, a semicolon, the remedy.
 
         The words are a template: `{held_ml:.3g}` stands for a fact.
         """

@@ -256,7 +256,7 @@ class Rig(Section):
 
     @property
     def water_bodies(self) -> dict[str, WaterBody]:
-        """All water at the sand by name: beyond the open sides, and that of `water`."""
+        """All water at the sand by name: of the open sides and of `water`."""
         return {**self.boundaries.bodies, **self.water}
 
     @property

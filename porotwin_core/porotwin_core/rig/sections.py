@@ -113,7 +113,7 @@ class WaterBody(Section):
         None, description='height of the level of the water above the lower edge of the sand [m]'
     )
     rate_ml_h: NotNegative | None = Field(
-        None, description='instead of a head: rate at which water enters, such as rain [ml/h]'
+        None, description='instead of a head: rate of the entering water, such as rain [ml/h]'
     )
     concentration: Share = Field(
         0.0, description='concentration of the water that enters: 0 water, 1 tracer stock'
@@ -142,7 +142,7 @@ class WaterTable(Section):
     """A water table inside the sand: the sand above the capillary fringe is dry."""
 
     fringe_m: NotNegative = Field(
-        0.0, description='height to which capillarity fills the sand above the water table [m]'
+        0.0, description='height of the sand that capillarity fills above the water table [m]'
     )
 
 
