@@ -61,15 +61,15 @@ def run(*, kills: int = KILLS, hours: float = HOURS, seed: int = SEED) -> list[d
     rows = []
     for node, found in memory.items():
         outcome = killed.get(node, Kills())
-        grows = found.share > MOST_GROWTH
+        grows = found.late_share > MOST_GROWTH
         rows.append(
             {
                 'part': node,
                 'tries': outcome.count,
                 'outcome': (
                     f'{found.warm / MEGABYTE:.1f} to {found.end / MEGABYTE:.1f} MB '
-                    f'({100.0 * found.share:+.1f} %, {found.per_1000 / MEGABYTE:+.1f} MB per 1000 '
-                    f'photographs); {_recovery(outcome)}'
+                    f'({100.0 * found.share:+.1f} %, in the second half '
+                    f'{100.0 * found.late_share:+.1f} %); {_recovery(outcome)}'
                 ),
                 'faults': outcome.failures + int(grows),
                 'first fault': 'its memory grows' if grows else '',

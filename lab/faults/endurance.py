@@ -54,7 +54,8 @@ WARM_S = 3600.0
 """Simulated time until the memory should be steady [s]."""
 
 MOST_GROWTH = 0.01
-"""Largest growth of the memory of a node after `WARM_S`, as a share."""
+"""Largest growth of the memory of a node in the second half, as a share. Queues of 1000 messages,
+and the rates that a node keeps, fill up in the first."""
 
 NO_SETPOINT = ('no setpoint', 'not taken')
 """Words of the hub's remarks where no setpoint reached the pumps."""
@@ -191,25 +192,31 @@ def read_memory(run: LongRun, hours: float) -> Readings:
 
 @dataclass(frozen=True)
 class Growth:
-    """Memory of a node: after the warm-up, at the end [bytes], and per 1000 photographs [bytes]."""
+    """Memory of a node [bytes]: after the warm-up, at half the time, and at the end."""
 
     warm: float
+    half: float
     end: float
-    per_1000: float
 
     @property
     def share(self) -> float:
         """Growth after the warm-up, as a share."""
         return self.end / self.warm - 1.0
 
+    @property
+    def late_share(self) -> float:
+        """Growth in the second half, as a share: what would go on the next day."""
+        return self.end / self.half - 1.0
+
 
 def growth(readings: list[tuple[float, float]]) -> Growth:
     """Return the growth of the memory after the first hour; in a shorter run, after half of it."""
     end_time, end = readings[-1]
-    warm_from = min(WARM_S, 0.5 * end_time)
-    warm_time, warm = next(item for item in readings if item[0] >= warm_from)
-    photographs = max(1.0, (end_time - warm_time) / USUAL_PHOTO_INTERVAL_S)
-    return Growth(warm, end, 1000.0 * (end - warm) / photographs)
+
+    def since(moment: float) -> float:
+        return next(memory for time, memory in readings if time >= moment)
+
+    return Growth(since(min(WARM_S, 0.5 * end_time)), since(0.5 * end_time), end)
 
 
 @dataclass

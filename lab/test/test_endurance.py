@@ -12,8 +12,15 @@ def test_memory_counts_from_the_end_of_the_first_hour() -> None:
     assert found.share == 0.0
 
 
-def test_a_leak_is_told_per_thousand_photographs() -> None:
+def test_a_leak_shows_in_the_second_half() -> None:
     readings = [(600.0 * n, 100e6 + 1e6 * n) for n in range(1, 25)]
     found = growth(readings)
+    assert found.late_share == pytest.approx(12e6 / 112e6)
+    assert found.late_share > MOST_GROWTH
+
+
+def test_buffers_that_fill_in_the_first_half_are_no_leak() -> None:
+    readings = [(600.0 * n, 100e6 + 1e6 * min(n, 12)) for n in range(1, 25)]
+    found = growth(readings)
     assert found.share > MOST_GROWTH
-    assert found.per_1000 == pytest.approx(50e6)  # 20 photographs in ten minutes
+    assert found.late_share == 0.0

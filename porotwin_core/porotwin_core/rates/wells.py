@@ -11,7 +11,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class WellRate:
     """The rate of one well [m^3/s]; positive injects, negative produces.
 

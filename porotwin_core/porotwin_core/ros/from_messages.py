@@ -7,6 +7,7 @@ names, finite numbers.
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -146,7 +147,8 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
         if message.well in rates:
             raise InputError(f"well '{message.well}' is named twice; name each once")
         try:
-            rates[message.well] = WellRate(message.rate, message.concentration)
+            # a node keeps the rates of a whole day: all of them share the names
+            rates[sys.intern(message.well)] = WellRate(message.rate, message.concentration)
         except InputError as error:
             raise InputError(f"well '{message.well}': {error}") from None
     return rates

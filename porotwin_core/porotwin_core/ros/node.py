@@ -34,6 +34,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.heap import share_heap
 from porotwin_core.basis.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.clock.photo_interval import (
     LONGEST_PHOTO_INTERVAL_S,
@@ -369,6 +370,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         threads: threads that run callbacks; one more is added for the health of the node.
     """
     end_with_parent()
+    share_heap()
     try:
         check_environment(os.environ)
     except InputError as error:
