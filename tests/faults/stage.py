@@ -15,6 +15,7 @@ import numpy as np
 import rclpy
 from graph import RunningGraph, running_graph
 from rclpy.context import Context
+from set_clock import SetClock
 
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.ros import conversions
@@ -88,9 +89,15 @@ class Stage:
     """A running twin. Every setpoint must follow from a photograph that the stage calls good."""
 
     def __init__(
-        self, graph: RunningGraph, folder: Path, photographer: Photographer, domain: int
+        self,
+        graph: RunningGraph,
+        folder: Path,
+        photographer: Photographer,
+        domain: int,
+        clock: SetClock,
     ) -> None:
         self.graph = graph
+        self.clock = clock
         self.domain = domain
         self.folder = folder
         self.photos = folder / 'photos'
@@ -156,7 +163,8 @@ class Stage:
         )
         hidden = path.with_name(f'.{path.name}')
         hidden.write_bytes(data)
-        os.utime(hidden, (taken, taken))
+        written = taken + self.clock.ahead_s
+        os.utime(hidden, (written, written))
         hidden.replace(path)
         if good:
             self._good.append(taken)
@@ -325,14 +333,16 @@ def _nodes(folder: Path) -> list[NodeDescription]:
 
 
 @contextmanager
-def running_stage(folder: Path, domain: int) -> Iterator[Stage]:
-    """Start a twin and take photographs until it sets rates."""
+def running_stage(folder: Path, domain: int, *, settable: bool = False) -> Iterator[Stage]:
+    """Start a twin and take photographs until it sets rates; a `settable` one has its own clock."""
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     photographer = Photographer(rig, camera=camera_before(rig, PHOTO_WIDTH_PX), seed=3)
     (folder / 'photos').mkdir(parents=True)
     write_rig(photographer.rig, folder / 'rig.yaml')
-    with running_graph(_nodes(folder), folder / 'run', domain) as graph:
-        stage = Stage(graph, folder, photographer, domain)
+    clock = SetClock(folder)
+    environment = clock.environment if settable else {}
+    with running_graph(_nodes(folder), folder / 'run', domain, environment) as graph:
+        stage = Stage(graph, folder, photographer, domain, clock)
         stage.put(stage.baseline(), good=False, name='IMG_0000.jpg')
         graph.wait_for_log('imaging', 'baseline:', timeout=START_S)
         stage.wait_for_control(limit=START_S)

@@ -11,7 +11,7 @@ from faults.suite import Stages, check
 
 pytestmark = pytest.mark.graph  # beside the tests of nodes: it waits most of the time
 
-FAULTS = [fault for fault in all_faults() if fault.group != 'Processes']
+FAULTS = [fault for fault in all_faults() if fault.group not in ('Clocks', 'Processes')]
 
 
 @pytest.mark.parametrize('fault', FAULTS, ids=str)
