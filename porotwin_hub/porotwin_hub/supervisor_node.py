@@ -5,6 +5,7 @@ launcher itself is killed, this node sees to it that no other node outlives it.
 """
 
 import os
+from datetime import timedelta
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -14,6 +15,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from porotwin_core.basis.parent import PARENT, launcher_is_gone
 from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.stamps import set_ahead
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import (
     DIAGNOSTICS,
@@ -158,7 +160,8 @@ class SupervisorNode(TwinNode):
             self._report(FLOOD)
         else:
             names = ', '.join(one.name for one in silent)
-            self._report(f'silent: {names}' if names else ALL_REPORT)
+            words = [f'silent: {names}'] * bool(silent) + _words_about_clock(set_ahead())
+            self._report('; '.join(words) or ALL_REPORT)
         for one in silent:
             if one.hangs:
                 self._end(one)
@@ -183,6 +186,17 @@ class SupervisorNode(TwinNode):
             kill(process.pid)
         except PermissionError as error:
             self.get_logger().error(f'{silence.name} cannot be killed: {error}')
+
+
+def _words_about_clock(ahead_s: int) -> list[str]:
+    """Return a line if this machine's clock was set while the graph runs, by `ahead_s` [s]."""
+    way = 'ahead' if ahead_s > 0 else 'back'
+    line = (
+        f'the clock of this machine was set {way} by {timedelta(seconds=abs(ahead_s))} (h:mm:ss); '
+        'ages and waits go on by a clock that nobody sets; start the twin again after the '
+        'experiment'
+    )
+    return [line] if ahead_s else []
 
 
 def _print(line: str) -> None:

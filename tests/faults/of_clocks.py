@@ -1,48 +1,65 @@
 """Clocks. The clock of this machine is set while the twin runs."""
 
-import time
 from collections.abc import Iterator
 
-from faults.fault import Remark, Status, fault
-from faults.stage import Stage, encoded, decoded
+from faults.fault import Status, SupervisorLine, fault
+from faults.of_processes import kill
+from faults.stage import Stage
 
-HOURS_S = 7200
-"""Two hours [s]: far beyond the validity of a setpoint."""
-
-MINUTE_S = 60
-"""A minute [s]: less than the validity of a setpoint."""
+TWO_HOURS_S = 7200
 
 KEEPS = (
-    'Tells by how much. Ages and waits go on by a clock that nobody sets. Control continues. '
-    'Records and logs carry the new time.'
+    'Tells by how much. Ages and waits go on by a clock that nobody sets, also in nodes that start '
+    'again. Control continues.'
 )
-RESTART = 'nothing at once; start the twin again after the experiment, so that all clocks agree'
+RESTART = 'nothing at once; start the twin again after the experiment'
 
 
-def _told(ahead: str) -> Status:
-    return Status('supervisor', 'WARN', f'clock of this machine was set {ahead}')
+def told(way: str) -> Status:
+    """Return the sign of a clock that was set."""
+    return Status('supervisor', 'WARN', f'clock of this machine was set {way} by 2:00:00')
 
 
-@fault('The clock of this machine is set two hours ahead.', _told('ahead by 2:00:00'), does=KEEPS, mends=RESTART)
+def set_clock(stage: Stage, ahead_s: int) -> Iterator[None]:
+    """Set the clock, take photographs until a setpoint follows, and set the clock right."""
+    stage.clock.ahead_s = ahead_s
+    stage.wait_for_control()
+    yield
+    stage.clock.ahead_s = 0
+
+
+@fault(
+    'The clock of this machine is set two hours ahead.', told('ahead'), does=KEEPS, mends=RESTART
+)
 def clock_ahead(stage: Stage) -> Iterator[None]:
-    stage.clock.ahead_s = HOURS_S
-    stage.wait_for_control()
-    yield
+    yield from set_clock(stage, TWO_HOURS_S)
 
 
-@fault('The clock of this machine is set two hours back.', _told('back by 2:00:00'), does=KEEPS, mends=RESTART)
+@fault('The clock of this machine is set two hours back.', told('back'), does=KEEPS, mends=RESTART)
 def clock_back(stage: Stage) -> Iterator[None]:
-    stage.clock.ahead_s = -HOURS_S
-    stage.wait_for_control()
-    yield
+    yield from set_clock(stage, -TWO_HOURS_S)
 
 
-@fault('Back in one day.', _told('back by 2:00:00'), does=KEEPS, mends=RESTART)
-def clock_noexif(stage: Stage) -> Iterator[None]:
-    stage.clock.ahead_s = -HOURS_S
-    for _ in range(3):
-        stage.put(encoded(decoded(stage.picture())), good=True, taken=time.time())
-        time.sleep(8)
-    print(stage.graph.log('camera')[-2000:])
-    stage.wait_for_control()
-    yield
+@fault(
+    'The clock of this machine is set two hours back, and photographs have no EXIF time.',
+    told('back'),
+    does=KEEPS,
+    mends=RESTART,
+)
+def clock_of_files_back(stage: Stage) -> Iterator[None]:
+    stage.writes_exif = False
+    yield from set_clock(stage, -TWO_HOURS_S)
+    stage.writes_exif = True
+
+
+@fault(
+    'The clock of this machine is set two hours ahead, and the guard starts again.',
+    told('ahead'),
+    SupervisorLine('guard ended (-9); starting it again'),
+    does=KEEPS,
+    mends=RESTART,
+)
+def clock_ahead_of_a_new_guard(stage: Stage) -> Iterator[None]:
+    stage.clock.ahead_s = TWO_HOURS_S
+    kill(stage, 'guard')
+    yield from set_clock(stage, TWO_HOURS_S)

@@ -104,6 +104,8 @@ class Stage:
         self.limits = Limits.of(photographer.rig)
         self.rig = photographer.rig
         self.healthy = True
+        self.writes_exif = True
+        """Whether good photographs hold their time; otherwise the file's time is all there is."""
         self.foreign_setpoints: set[int] = set()
         """Numbers of setpoints that a test sent."""
         self._photographer = photographer
@@ -178,6 +180,8 @@ class Stage:
     def good_picture(self, name: bytes | None = None, *, radius_m: float = 0.04) -> bytes:
         """Take a photograph that the twin may act on; return the file."""
         self.newest = self.picture(radius_m=radius_m)
+        if not self.writes_exif:
+            self.newest = encoded(decoded(self.newest))
         self.put(self.newest, good=True, taken=self._taken, name=name and os.fsdecode(name))
         return self.newest
 
