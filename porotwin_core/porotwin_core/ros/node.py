@@ -250,15 +250,12 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
     return chosen_grid(text, rig)
 
 
-def declare_photo_interval(
-    node: Node, *, also: str = '', on_change: OnChangeFn | None = None
-) -> float:
+def declare_photo_interval(node: Node, *, also: str = '') -> float:
     """Declare the parameter `photo_interval_s` and return the time between photographs [s].
 
     Args:
         node: the node.
         also: another consequence in this node, one clause for people.
-        on_change: as in `declare`.
 
     Raises:
         InputError: the value is no time that a camera keeps.
@@ -270,7 +267,6 @@ def declare_photo_interval(
         'time between photographs [s]' + also,
         at_least=SHORTEST_PHOTO_INTERVAL_S,
         at_most=LONGEST_PHOTO_INTERVAL_S,
-        on_change=on_change,
     )
     return interval
 
