@@ -13,6 +13,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import parameter_value_to_python
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parent import PARENT, launcher_is_gone
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.stamps import set_ahead
@@ -26,6 +27,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
+from porotwin_core.ros.ros_environment import check_shared_memory
 from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
@@ -160,7 +162,8 @@ class SupervisorNode(TwinNode):
             self._report(FLOOD)
         else:
             names = ', '.join(one.name for one in silent)
-            words = [f'silent: {names}'] * bool(silent) + _words_about_clock(set_ahead())
+            words = [f'silent: {names}'] * bool(silent)
+            words += [*_words_about_clock(set_ahead()), *_words_about_memory()]
             self._report('; '.join(words) or ALL_REPORT)
         for one in silent:
             if one.hangs:
@@ -197,6 +200,15 @@ def _words_about_clock(ahead_s: int) -> list[str]:
         'experiment'
     )
     return [line] if ahead_s else []
+
+
+def _words_about_memory() -> list[str]:
+    """Return a line if a node that starts again would not fit into the shared memory."""
+    try:
+        check_shared_memory()
+    except InputError as error:
+        return [f'no node can start again: {error}']
+    return []
 
 
 def _print(line: str) -> None:
