@@ -107,7 +107,7 @@ def run_cycle(stage: Stage) -> None:
     'Every parameter of every node is set to its extremes while the nodes run: the least and the '
     'greatest value, NaN, infinity, 5000 characters, another type.',
     Answer('it must be'),
-    LogLine('supervisor', 'the parameter evaluations was set to 10000'),
+    LogLine('supervisor', 'the parameter confirm_timeout_s was set to 60.0'),
     does='Refuses values out of range, and parameters that hold in a run, such as the interval and '
     'the trusted time of photographs. No node ends. Every setpoint keeps the limits.',
     mends='set the parameters back',
