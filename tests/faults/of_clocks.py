@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 
 from faults.fault import Status, SupervisorLine, fault
-from faults.of_processes import kill
-from faults.stage import Stage
+from faults.stage import Stage, kill
 
 TWO_HOURS_S = 7200
 

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from faults.fault import Status, SupervisorLine, fault
-from faults.of_processes import kill
-from faults.stage import Stage
+from faults.stage import Stage, kill
 
 FOLDER = Path('/dev/shm')
 PART_BYTES = 1 << 16

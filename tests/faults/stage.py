@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -298,6 +299,13 @@ class Stage:
             return future.result()
         finally:
             node.destroy_client(client)
+
+
+def kill(stage: Stage, node: str) -> None:
+    """Kill a node, and wait until another process runs in its place."""
+    before = stage.pid(node)
+    stage.signal(node, signal.SIGKILL)
+    stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
 
 
 def decoded(jpeg: bytes) -> np.ndarray:
