@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / 'docs' / 'faults.md'
-sys.path.insert(0, str(ROOT / 'tests'))
+sys.path[:0] = [str(ROOT / 'tests'), str(ROOT / 'tests' / 'fixtures')]
 
 from faults.fault import Fault, all_faults  # noqa: E402  the folder of tests is no package
 from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402

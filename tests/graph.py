@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -115,11 +115,17 @@ class RunningGraph:
 
 @contextmanager
 def running_graph(
-    nodes: list[NodeDescription], folder: Path, domain: int
+    nodes: list[NodeDescription],
+    folder: Path,
+    domain: int,
+    more: Mapping[str, str] | None = None,
 ) -> Iterator[RunningGraph]:
-    """Start `nodes` in a DDS domain of their own; print their logs when the test fails."""
+    """Start `nodes` in a DDS domain of their own; print their logs when the test fails.
+
+    `more` are other variables of their environment.
+    """
     lines: list[str] = []
-    environment = {'ROS_DOMAIN_ID': str(domain)}
+    environment = {'ROS_DOMAIN_ID': str(domain), **(more or {})}
     listener = Listener(domain, nodes[0].namespace)
     try:
         with GraphProcesses(nodes, folder, say=lines.append, environment=environment) as processes:

@@ -303,9 +303,9 @@ def _read_property(path: Path) -> None:
 
 
 def _read_tensors(path: Path) -> None:
-    from porotwin_costa.data.tensor_files import read_header
+    from porotwin_costa.data.tensor_files import read_tensors
 
-    read_header(path, TENSORS)
+    read_tensors(path, TENSORS)
 
 
 def _read_diagnosis(path: Path) -> None:

@@ -1,8 +1,17 @@
 """Stamps in words: dates since 1970, else a duration."""
 
+import time
+
 import pytest
 
-from porotwin_core.clock.stamps import believed_age, believed_start, time_in_words
+from porotwin_core.clock.stamps import (
+    believed_age,
+    believed_start,
+    set_ahead,
+    steady_time,
+    steady_time_of,
+    time_in_words,
+)
 
 
 @pytest.mark.parametrize(
@@ -47,3 +56,15 @@ def test_in_simulated_time_a_setpoint_may_overtake_the_clock() -> None:
     """The node has missed a tick of /clock; the setpoint holds until the same time all the same."""
     assert believed_age(100.0, 42.0, 90.0, simulated=True) == -58.0
     assert believed_age(100.0, 200.0, 90.0, simulated=True) == 100.0
+
+
+def test_a_clock_that_is_set_changes_no_age(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, wall = steady_time(), time.time()
+    monkeypatch.setattr(time, 'time', lambda: wall + 7200.3)
+    assert 0.0 <= steady_time() - before < 60.0
+    assert set_ahead() == 7200
+    # files of this machine have its new time; those of a share, and older ones, their own
+    assert steady_time_of(before + 7200.0, before) == before
+    assert steady_time_of(before - 5.0, before) == before - 5.0
+    monkeypatch.setattr(time, 'time', lambda: wall - 7200.0)
+    assert steady_time_of(before - 7200.0, before) == before

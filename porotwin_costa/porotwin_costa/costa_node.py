@@ -7,6 +7,7 @@ library torch, which takes longer than everything else of a start.
 
 import math
 import time
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
@@ -69,6 +70,15 @@ def _version() -> str:
         return 'source tree'
 
 
+@dataclass(frozen=True)
+class _InUse:
+    """The model in use, the solver with its learnt physics, and its file: replaced as a whole."""
+
+    model: 'CorrectiveModel | None' = None
+    physics: LearntStep | None = None
+    path: str = ''
+
+
 class CostaNode(TwinNode):
     """Device that answers with sigma; zero until a model is loaded or trained."""
 
@@ -107,15 +117,17 @@ class CostaNode(TwinNode):
             'porotwin_solver.adjoint.learnt_coefficients:LearntModels',
             'class that runs learnt physics, as package.module:Class',
         )
-        self._physics: LearntStep | None = None
         self._one_at_a_time = Lock()
-        self._model: CorrectiveModel | None = None
-        self._path = ''
+        self._choosing = Lock()
+        """Held by the thread that decides on the model in use."""
+        self._in_use = _InUse()
         self._training = False
         self._feedback: tuple[ServerGoalHandle, Train.Feedback] | None = None
         model = declare(self, 'model', '', 'model to load; empty: none')
         self._named_model = model
         """The model that a person named last: beside it lie the pairs that every training takes."""
+        self._loads = 0
+        """Models that were loaded by a request: none of them gives way to an older training."""
         trained = declare(
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
         )
@@ -153,18 +165,18 @@ class CostaNode(TwinNode):
 
     def _on_effects(self, told: ToldEffects) -> None:
         """Follow the effects of the solver; a model that corrects other physics is withheld."""
-        self._present_rig = self._rig.with_effects(told.effects)
-        if objection := self._objection():
-            self.get_logger().warning(f'no corrections: {objection}')
-        elif self._model is not None:
-            self._keep(self._model, self._path)
+        with self._choosing:
+            self._present_rig = self._rig.with_effects(told.effects)
+            if objection := self._objection():
+                self.get_logger().warning(f'no corrections: {objection}')
+            elif (kept := self._in_use).model is not None:
+                self._keep(kept.model, kept.path)
 
     def _objection(self) -> str:
         """Return why the model does not correct the physics in force, or an empty string."""
-        if self._model is None:
-            return ''
+        model = self._in_use.model
         present = PhysicsId.of(self._present_rig, self._preset)
-        if not self._model.physics.difference(present):
+        if model is None or not model.physics.difference(present):
             return ''
         return 'the effects of the solver have changed; COSTA must learn the remainder first'
 
@@ -201,12 +213,13 @@ class CostaNode(TwinNode):
         checked = model.for_wells(tuple(self._rig.wells), self._grid)
         physics = None if model.learnt is None else LearntStep(model.learnt, self._make_solver())
         with self._one_at_a_time:
-            self._model, self._physics, self._path = checked, physics, path
+            self._in_use = _InUse(checked, physics, path)
         if model.doubt:
             self.get_logger().warning(model.doubt)
 
     def _status(self) -> str:
-        return self._model.summary if self._model else 'no model loaded'
+        model = self._in_use.model
+        return model.summary if model else 'no model loaded'
 
     def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
         response.name, response.version, response.status = 'costa', _version(), self._status()
@@ -216,13 +229,14 @@ class CostaNode(TwinNode):
     def _info(
         self, _: DataModelInfo.Request, response: DataModelInfo.Response
     ) -> DataModelInfo.Response:
-        model = self._model
+        in_use = self._in_use
+        model = in_use.model
         response.loaded = model is not None
         response.version = _version()
         response.grid = conversions.grid_to_msg(self._grid)
         response.wells = list(self._rig.wells)
         if model is not None:
-            response.path = self._path
+            response.path = in_use.path
             response.architecture = model.architecture.name
             response.time_step = model.time_step
             response.provenance = model.summary
@@ -257,12 +271,11 @@ class CostaNode(TwinNode):
         previous: FloatArray | None,
     ) -> Correction:
         """Return sigma, or why there is none; the learnt physics serves one request at a time."""
-        if reason := self._objection():
-            return Correction(None, f'{WITHHELD}{reason}')
         with self._one_at_a_time:
-            return corrective_source(
-                self._model, predicted, rates, time_step, previous, physics=self._physics
-            )
+            if reason := self._objection():
+                return Correction(None, f'{WITHHELD}{reason}')
+            model, physics = self._in_use.model, self._in_use.physics
+            return corrective_source(model, predicted, rates, time_step, previous, physics=physics)
 
     def _make_solver(self) -> LearntSolver:
         preset = self._preset or DEFAULT_PRESET
@@ -278,29 +291,35 @@ class CostaNode(TwinNode):
 
     def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
         try:
-            self._use(self._loaded(path_from_msg(request.path)), request.path)
+            loaded = self._loaded(path_from_msg(request.path))
+            with self._choosing:
+                self._use(loaded, request.path)
+                self._named_model = request.path
+                self._loads += 1
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'model not loaded: {error}')
             return response
-        self._named_model = request.path
         response.outcome = conversions.ok()
         self.get_logger().info(f'loaded {request.path}')
         self._tell()
         return response
 
     def _save(self, request: SaveModel.Request, response: SaveModel.Response) -> SaveModel.Response:
-        if self._model is None:
+        in_use = self._in_use
+        if in_use.model is None:
             response.outcome = Outcome(
                 code=Outcome.NOT_READY, message='no model loaded; train or load one first'
             )
             return response
         try:
-            self._model.save(path_from_msg(request.path))
+            in_use.model.save(path_from_msg(request.path))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             return response
-        self._path = request.path
+        with self._choosing:
+            if self._in_use is in_use:
+                self._in_use = replace(in_use, path=request.path)
         response.outcome = conversions.ok()
         return response
 
@@ -369,9 +388,10 @@ class CostaNode(TwinNode):
             self._feedback = handle, message
             handle.publish_feedback(message)
 
+        judged, loads = self._in_use.model, self._loads
         model, is_better = self._live_training().retrained(
             self._with_offline_pairs(dataset),
-            None if self._objection() else self._model,
+            None if self._objection() else judged,
             chosen,
             epochs=goal.epochs,
             seed=goal.seed,
@@ -379,12 +399,15 @@ class CostaNode(TwinNode):
             cancelled=lambda: handle.is_cancel_requested,
         )
         model.for_physics(self._present_rig, self._grid, self._preset)
-        if goal.output:
-            output = path_from_msg(goal.output)
-            model.save(output if is_better else not_used(output))
-        if is_better:
-            self._use(model, goal.output)
-        verdict = 'in use' if is_better else 'not better on the newest pairs, the old one stays'
+        with self._choosing:
+            verdict = 'in use' if is_better else 'not better on the newest pairs, the old one stays'
+            if self._loads != loads:
+                is_better, verdict = False, 'another model was loaded meanwhile, which stays'
+            if goal.output:
+                output = path_from_msg(goal.output)
+                model.save(output if is_better else not_used(output))
+            if is_better:
+                self._use(model, goal.output)
         seconds = time.perf_counter() - begun
         self.get_logger().info(f'trained in {seconds:.1f} s, {verdict}: {model.summary}')
         return model
@@ -412,8 +435,9 @@ class CostaNode(TwinNode):
     def _chosen_architecture(self, name: str) -> 'Architecture':
         """Return the architecture of the goal, the parameter, the loaded model, or the default."""
         name = name or self._architecture
-        if not name and self._model is not None:
-            return self._model.architecture
+        model = self._in_use.model
+        if not name and model is not None:
+            return model.architecture
         return _named(name)
 
 

@@ -1,6 +1,7 @@
 """The node of COSTA as a real process: services, training, parameters."""
 
 import dataclasses
+import itertools
 import subprocess
 import sys
 import time
@@ -39,6 +40,9 @@ from porotwin_msgs.srv import (  # noqa: E402
 )
 
 pytestmark = pytest.mark.graph
+
+LOADS = 10
+"""Requests at least, beside a training or after it."""
 
 
 @pytest.fixture
@@ -172,6 +176,37 @@ def test_training_runs_beside_the_services_and_can_be_cancelled(
     failed = client.wait(handle.get_result_async()).result
     assert failed.outcome.code == Outcome.INVALID_INPUT
     assert 'absent' in failed.outcome.message
+
+
+def test_models_loaded_beside_a_training_are_whole_and_stay(
+    client, costa, model, unseen_frames, dataset, trained, tmp_path
+):
+    pairs, output = tmp_path / 'pairs.safetensors', tmp_path / 'output.safetensors'
+    dataset.save(pairs)
+    other = train(dataset, architecture('local'), TrainingSettings(epochs=5), seed=6)
+    request, predicted, rates = _question(model, unseen_frames)
+    files, answers = [], []
+    for number, each in enumerate((trained, other)):
+        files.append(str(tmp_path / f'{number}.safetensors'))
+        each.save(files[-1])
+        answers.append(corrective_source(each, predicted, rates, 30.0).sigma)
+    handle, _ = client.action(dataset=str(pairs), output=str(output), epochs=40, seed=5)
+    result = handle.get_result_async()
+    loads = itertools.cycle(files)
+    count = 0
+    while not result.done() or count < LOADS:
+        loaded = client.call(LoadModel, 'costa/load', LoadModel.Request(path=next(loads)))
+        assert loaded.outcome.code == Outcome.OK, loaded.outcome.message
+        answer = client.call(CorrectiveSource, 'costa/corrective_source', request)
+        sigma, _ = conversions.source_from_msg(answer.source)
+        assert any(np.array_equal(sigma, one) for one in answers), 'half of two models'
+        count += 1
+    assert client.wait(result).result.outcome.code == Outcome.OK
+    # the training began before them, so that it replaces none of them
+    info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
+    assert info.path in files
+    assert not output.exists()
+    assert CorrectiveModel.load(not_used(output)).provenance['seed'] == 5
 
 
 def test_the_loaded_model_decides_which_network_is_trained(

@@ -1,6 +1,5 @@
 """The node of the guard: takes setpoints of the hub, checks them, and sends them to the pumps."""
 
-import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -76,13 +75,13 @@ class GuardNode(TwinNode):
         self._simulated_time = conversions.time_from_msg(message.clock)
 
     def _now(self) -> float:
-        """Return the time [s] by the clock of this machine, or of the run in simulated time.
+        """Return the time [s] by a steady clock, or of the run in simulated time.
 
         Raises:
             InputError: the time is not known, or a foreign node could tell it.
         """
         if not self.simulated:
-            return time.time()
+            return self.now()
         senders.check_senders(self, '/clock')
         if self._simulated_time is None:
             raise InputError('nobody publishes /clock, so no age of a photograph is known')

@@ -119,7 +119,7 @@ class HubNode(TwinNode):
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
-            steady_time(),
+            steady_time,
             judge=None if self._simulated else photographs.judge,
             clock_tolerance=math.inf if self._simulated else twin.validity,
         )

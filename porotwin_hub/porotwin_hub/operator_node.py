@@ -14,7 +14,7 @@ from std_msgs.msg import String
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import believed_age, steady_time
+from porotwin_core.clock.stamps import believed_age
 from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
@@ -48,7 +48,7 @@ class OperatorNode(TwinNode):
         super().__init__('operator', **kwargs)
         rig = declare_rig(self)
         self._simulated = self.simulated
-        self._now = clock or (self._simulated_time if self._simulated else steady_time())
+        self._now = clock or self.now
         self._book = SetpointBook(rig)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
         self._voice: Voice | None = None
@@ -81,9 +81,6 @@ class OperatorNode(TwinNode):
     def _refuse(self, line: str) -> None:
         self._refusals.tell('', line)
 
-    def _simulated_time(self) -> float:
-        return float(self.get_clock().now().nanoseconds) * 1e-9
-
     def _on_setpoint(self, message: Setpoint) -> None:
         now = self._now()
         setpoint = self._shown(message)
@@ -100,8 +97,8 @@ class OperatorNode(TwinNode):
         """
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        now, validity = float(self.get_clock().now().nanoseconds) * 1e-9, until - taken
-        age = believed_age(taken, now, validity, simulated=self._simulated)
+        validity = until - taken
+        age = believed_age(taken, self._now(), validity, simulated=self._simulated)
         return ShownSetpoint(
             sequence=message.sequence,
             rates=conversions.rates_from_msg(message.wells),

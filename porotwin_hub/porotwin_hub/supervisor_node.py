@@ -5,6 +5,7 @@ launcher itself is killed, this node sees to it that no other node outlives it.
 """
 
 import os
+from datetime import timedelta
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -12,8 +13,10 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import parameter_value_to_python
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parent import PARENT, launcher_is_gone
 from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.stamps import set_ahead
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import (
     DIAGNOSTICS,
@@ -24,6 +27,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
+from porotwin_core.ros.ros_environment import check_shared_memory
 from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
@@ -158,7 +162,9 @@ class SupervisorNode(TwinNode):
             self._report(FLOOD)
         else:
             names = ', '.join(one.name for one in silent)
-            self._report(f'silent: {names}' if names else ALL_REPORT)
+            words = [f'silent: {names}'] * bool(silent)
+            words += [*_words_about_clock(set_ahead()), *_words_about_memory()]
+            self._report('; '.join(words) or ALL_REPORT)
         for one in silent:
             if one.hangs:
                 self._end(one)
@@ -183,6 +189,26 @@ class SupervisorNode(TwinNode):
             kill(process.pid)
         except PermissionError as error:
             self.get_logger().error(f'{silence.name} cannot be killed: {error}')
+
+
+def _words_about_clock(ahead_s: int) -> list[str]:
+    """Return a line if this machine's clock was set while the graph runs, by `ahead_s` [s]."""
+    way = 'ahead' if ahead_s > 0 else 'back'
+    line = (
+        f'the clock of this machine was set {way} by {timedelta(seconds=abs(ahead_s))} (h:mm:ss); '
+        'ages and waits go on by a clock that nobody sets; start the twin again after the '
+        'experiment'
+    )
+    return [line] if ahead_s else []
+
+
+def _words_about_memory() -> list[str]:
+    """Return a line if a node that starts again would not fit into the shared memory."""
+    try:
+        check_shared_memory()
+    except InputError as error:
+        return [f'no node can start again: {error}']
+    return []
 
 
 def _print(line: str) -> None:

@@ -51,7 +51,7 @@ class CameraNode(TwinNode):
             self, 'source', '', 'camera source, NAME:ADDRESS, such as folder:/mnt/camera'
         )
         kind, address = source_at(source)
-        interval = self._declare_interval()
+        interval = declare_photo_interval(self)
         listeners = declare(
             self,
             'listeners',
@@ -61,6 +61,13 @@ class CameraNode(TwinNode):
             at_most=32,
         )
         options = self._declare_options(kind)
+        trust: Trust = declare(
+            self,
+            'trust',
+            'exif',
+            'first time of a photograph that may be believed; see docs/camera.md',
+            choices=get_args(Trust),
+        )
         sent = self._declare_progress(source)
         if not sent.began_before:
             check_source(source)
@@ -71,7 +78,7 @@ class CameraNode(TwinNode):
             say=self._say,
             sent=sent,
             interval_s=interval,
-            trust=self._declare_trust(),
+            trust=trust,
         )
         self._baseline = self.create_publisher(
             CompressedImage, 'camera/baseline/compressed', BASELINE
@@ -80,7 +87,6 @@ class CameraNode(TwinNode):
         self._subscribers = SubscriberWait(listeners)
         self._diagnostics = Diagnostics(self)
         self._schedule = PollSchedule(kind.poll_interval_s or interval)
-        self._takes_photographs = kind.poll_interval_s is None
         self._source = source
         self._has_looked = False
         self._last_sent = time.monotonic()
@@ -91,28 +97,6 @@ class CameraNode(TwinNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         group = MutuallyExclusiveCallbackGroup()
         self.create_timer(TICK_S, self._poll, clock=steady, callback_group=group)
-
-    def _declare_interval(self) -> float:
-        def change(value: float) -> None:
-            self._forwarder.interval_s = value
-            if self._takes_photographs:
-                self._schedule.interval_s = value
-
-        return declare_photo_interval(self, on_change=change)
-
-    def _declare_trust(self) -> Trust:
-        def change(value: Trust) -> None:
-            self._forwarder.trust = value
-
-        trust: Trust = declare(
-            self,
-            'trust',
-            'exif',
-            'first time of a photograph that may be believed; see docs/camera.md',
-            choices=get_args(Trust),
-            on_change=change,
-        )
-        return trust
 
     def _declare_options(self, kind: SourceKind) -> dict[str, Any]:
         return {

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import believed_age, steady_time
+from porotwin_core.clock.stamps import believed_age
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rates.wells import WellRates as RatesByWell
 from porotwin_core.rig import load_rig
@@ -101,7 +101,6 @@ class PageNode(TwinNode):
         self._store = SnapshotStore()
         self._complaints = FewWords(self.get_logger().error)
         self._simulated = self.simulated
-        self._steady_time = steady_time()
         self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
@@ -206,14 +205,8 @@ class PageNode(TwinNode):
         return checked
 
     def _graph_time(self) -> float | None:
-        """Return the time [s] for the ends of setpoints; None before simulated time has begun.
-
-        It is simulated time, or a clock that goes on when this machine's clock is set.
-        """
-        if not self._simulated:
-            return self._steady_time()
-        now = self.get_clock().now().nanoseconds
-        return now * 1e-9 if now > 0 else None
+        """Return the time [s] for the ends of setpoints; None before simulated time has begun."""
+        return self.now() or None
 
     def _on_rig(self, message: RigDescription) -> None:
         self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
@@ -262,8 +255,8 @@ class PageNode(TwinNode):
     def _on_setpoint(self, message: Setpoint) -> None:
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        now, today = self._graph_time(), self.get_clock().now().nanoseconds * 1e-9
-        age = believed_age(taken, today, until - taken, simulated=self._simulated)
+        now = self._graph_time()
+        age = believed_age(taken, self.now(), until - taken, simulated=self._simulated)
         setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
             time=taken,

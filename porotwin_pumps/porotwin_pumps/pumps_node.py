@@ -42,14 +42,13 @@ class PumpsNode(TwinNode):
         entries = load_pumps(path, rig)
         self._ahead = 0.0
         """Time of the photographs' clock ahead of this node's clock [s]."""
-        self._steady_time = steady_time()
-        self._measured_at = self._steady_time()
+        self._measured_at = steady_time()
         self._diagnostics = Diagnostics(self)
         self._bridge = PumpBridge(
             rig,
             pump_openers(entries),
             max_rates_ml_h={well: entry.max_rate_ml_h for well, entry in entries.items()},
-            now=self._steady_time(),
+            now=steady_time(),
         )
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
@@ -60,9 +59,6 @@ class PumpsNode(TwinNode):
     def _set_period(self, seconds: float) -> None:
         self._period = seconds
 
-    def _now(self) -> float:
-        return float(self.get_clock().now().nanoseconds) * 1e-9
-
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         setpoint = request.setpoint
         try:
@@ -70,7 +66,7 @@ class PumpsNode(TwinNode):
             rates = conversions.rates_from_msg(setpoint.wells)
             remaining = self._remaining(setpoint)
             self._publish_measurement()
-            now = self._steady_time()
+            now = steady_time()
             self._bridge.command(rates, until=now + remaining, now=now)
         except (InputError, PumpError) as error:
             response.outcome = conversions.refusal(error)
@@ -92,26 +88,26 @@ class PumpsNode(TwinNode):
         validity = until - taken
         if not validity > 0.0:
             raise InputError('it ends before its photograph')
-        now = self._now()
+        now = self.now()
         age = believed_age(taken, now, validity)
         self._ahead = age - (now - taken)
         return validity - age
 
     def _tick(self) -> None:
-        line = self._bridge.tick(self._steady_time())
+        line = self._bridge.tick(steady_time())
         if line is not None:
             self.get_logger().warning(line)
             self._report(line, failed=bool(self._bridge.faults))
-        if self._steady_time() - self._measured_at >= self._period:
+        if steady_time() - self._measured_at >= self._period:
             self._publish_measurement()
 
     def _publish_measurement(self) -> None:
-        now = self._steady_time()
+        now = steady_time()
         self._measured_at = now
         measured = self._bridge.measure(now)
         if measured is None:
             return
-        end = self._now() + self._ahead
+        end = self.now() + self._ahead
         self._measured.publish(
             WellRates(
                 header=conversions.header_at(end),
@@ -135,7 +131,7 @@ class PumpsNode(TwinNode):
     def destroy_node(self) -> None:
         """Set the safe rates and end the node."""
         if hasattr(self, '_bridge'):
-            self._bridge.go_safe(self._steady_time())
+            self._bridge.go_safe(steady_time())
         super().destroy_node()
 
 

@@ -190,7 +190,7 @@ class RecorderNode(TwinNode):
     def _record(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         sequence = info['publication_sequence_number'] or 0
         message = _Message(name, data, info['source_timestamp'], sequence)
-        now = self._simulated_time if self._is_simulated else self.get_clock().now().nanoseconds
+        now = self._simulated_time if self._is_simulated else round(self.now() * SECOND)
         if now is None:
             # messages from before the first simulated time are logged at that time
             if len(self._before_clock) == MOST_BEFORE_CLOCK:

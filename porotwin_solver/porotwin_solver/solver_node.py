@@ -327,8 +327,8 @@ class SolverNode(TwinNode):
         return response
 
     def _initial_condition(self, _: Any, response: Any) -> None:
-        now = self.get_clock().now().nanoseconds * 1e-9
-        response.state = tracer_to_msg(self.model.initial_condition(), self.model.grid, now)
+        initial = self.model.initial_condition()
+        response.state = tracer_to_msg(initial, self.model.grid, self.now())
 
     def _predict(self, request: Any, response: Any) -> None:
         predicted = self.model.predict(

@@ -6,18 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from faults.fault import Remark, Status, SupervisorLine, fault
-from faults.stage import Stage
+from faults.stage import Stage, kill
 
 RESTARTED = 'Starts the node again.'
 BY_ITSELF = 'nothing: the restarted node continues'
 HUNG = 'Shows the node as stale after 5 s. Kills and restarts it after `restart_after_s`.'
-
-
-def kill(stage: Stage, node: str) -> None:
-    """Kill a node, and wait until another process runs in its place."""
-    before = stage.pid(node)
-    stage.signal(node, signal.SIGKILL)
-    stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
 
 
 @contextmanager

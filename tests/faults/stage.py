@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,6 +16,7 @@ import numpy as np
 import rclpy
 from graph import RunningGraph, running_graph
 from rclpy.context import Context
+from set_clock import SetClock
 
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.ros import conversions
@@ -88,15 +90,23 @@ class Stage:
     """A running twin. Every setpoint must follow from a photograph that the stage calls good."""
 
     def __init__(
-        self, graph: RunningGraph, folder: Path, photographer: Photographer, domain: int
+        self,
+        graph: RunningGraph,
+        folder: Path,
+        photographer: Photographer,
+        domain: int,
+        clock: SetClock,
     ) -> None:
         self.graph = graph
+        self.clock = clock
         self.domain = domain
         self.folder = folder
         self.photos = folder / 'photos'
         self.limits = Limits.of(photographer.rig)
         self.rig = photographer.rig
         self.healthy = True
+        self.writes_exif = True
+        """Whether good photographs hold their time; otherwise the file's time is all there is."""
         self.foreign_setpoints: set[int] = set()
         """Numbers of setpoints that a test sent."""
         self._photographer = photographer
@@ -156,7 +166,8 @@ class Stage:
         )
         hidden = path.with_name(f'.{path.name}')
         hidden.write_bytes(data)
-        os.utime(hidden, (taken, taken))
+        written = taken + self.clock.ahead_s
+        os.utime(hidden, (written, written))
         hidden.replace(path)
         if good:
             self._good.append(taken)
@@ -170,6 +181,8 @@ class Stage:
     def good_picture(self, name: bytes | None = None, *, radius_m: float = 0.04) -> bytes:
         """Take a photograph that the twin may act on; return the file."""
         self.newest = self.picture(radius_m=radius_m)
+        if not self.writes_exif:
+            self.newest = encoded(decoded(self.newest))
         self.put(self.newest, good=True, taken=self._taken, name=name and os.fsdecode(name))
         return self.newest
 
@@ -288,6 +301,13 @@ class Stage:
             node.destroy_client(client)
 
 
+def kill(stage: Stage, node: str) -> None:
+    """Kill a node, and wait until another process runs in its place."""
+    before = stage.pid(node)
+    stage.signal(node, signal.SIGKILL)
+    stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
+
+
 def decoded(jpeg: bytes) -> np.ndarray:
     """Return the pixels of a photograph."""
     return np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR))
@@ -325,14 +345,16 @@ def _nodes(folder: Path) -> list[NodeDescription]:
 
 
 @contextmanager
-def running_stage(folder: Path, domain: int) -> Iterator[Stage]:
-    """Start a twin and take photographs until it sets rates."""
+def running_stage(folder: Path, domain: int, *, settable: bool = False) -> Iterator[Stage]:
+    """Start a twin and take photographs until it sets rates; a `settable` one has its own clock."""
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     photographer = Photographer(rig, camera=camera_before(rig, PHOTO_WIDTH_PX), seed=3)
     (folder / 'photos').mkdir(parents=True)
     write_rig(photographer.rig, folder / 'rig.yaml')
-    with running_graph(_nodes(folder), folder / 'run', domain) as graph:
-        stage = Stage(graph, folder, photographer, domain)
+    clock = SetClock(folder)
+    environment = clock.environment if settable else {}
+    with running_graph(_nodes(folder), folder / 'run', domain, environment) as graph:
+        stage = Stage(graph, folder, photographer, domain, clock)
         stage.put(stage.baseline(), good=False, name='IMG_0000.jpg')
         graph.wait_for_log('imaging', 'baseline:', timeout=START_S)
         stage.wait_for_control(limit=START_S)

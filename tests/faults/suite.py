@@ -11,9 +11,13 @@ from faults.stage import Stage, running_stage
 class Stages:
     """Holds the running twin; after a failure the next fault gets a new one."""
 
-    def __init__(self, make_folder: pytest.TempPathFactory, make_domain: object) -> None:
+    def __init__(
+        self, make_folder: pytest.TempPathFactory, make_domain: object, *, settable: bool
+    ) -> None:
+        """Begin without a twin; `settable`: tests set the clock of its processes."""
         self._make_folder = make_folder
         self._make_domain = make_domain
+        self._settable = settable
         self._open = ExitStack()
         self._stage: Stage | None = None
 
@@ -22,7 +26,9 @@ class Stages:
         if self._stage is None or not self._stage.healthy:
             self.close()
             folder = self._make_folder.mktemp('stage')
-            self._stage = self._open.enter_context(running_stage(folder, self._make_domain()))
+            self._stage = self._open.enter_context(
+                running_stage(folder, self._make_domain(), settable=self._settable)
+            )
         return self._stage
 
     def close(self) -> None:

@@ -11,7 +11,9 @@ from faults.suite import Stages, check
 
 pytestmark = pytest.mark.graph  # beside the tests of nodes: it waits most of the time
 
-FAULTS = [fault for fault in all_faults() if fault.group != 'Processes']
+FAULTS = [
+    fault for fault in all_faults() if fault.group not in ('Clocks', 'Processes', 'Shared memory')
+]
 
 
 @pytest.mark.parametrize('fault', FAULTS, ids=str)

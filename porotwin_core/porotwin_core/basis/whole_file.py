@@ -1,6 +1,7 @@
 """Files that are written completely or not at all: a program may be killed at any moment."""
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         OSError: the file cannot get its name.
     """
-    unfinished = path.with_name(f'.{path.name}.{os.getpid()}.partial')
+    # another thread may write the same file
+    unfinished = path.with_name(f'.{path.name}.{os.getpid()}.{threading.get_native_id()}.partial')
     try:
         yield unfinished
         unfinished.replace(path)

@@ -188,8 +188,7 @@ def stamp_doubts(interval: float, *, simulated: bool) -> Callable[[float], str]:
     if simulated:
         return lambda _stamp: ''
     photographs = PhotographClock(interval=interval, validity=VALIDITY_INTERVALS * interval)
-    now = steady_time()
-    return lambda stamp: photographs.judge(stamp, now()).doubt
+    return lambda stamp: photographs.judge(stamp, steady_time()).doubt
 
 
 def _catches_up(lateness: list[float], duration: float) -> bool:

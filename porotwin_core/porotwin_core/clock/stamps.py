@@ -1,7 +1,7 @@
 """Stamps of photographs and messages: seconds since 1970, or since the start of an experiment."""
 
+import os
 import time
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 from porotwin_core.basis.units import DAY_S
@@ -28,10 +28,33 @@ def time_in_words(stamp: float) -> str:
         return f'{stamp:g} s'
 
 
-def steady_time() -> Callable[[], float]:
-    """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
-    epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
-    return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)
+STEADY_CLOCK = 'POROTWIN_STEADY_CLOCK'
+"""Environment variable with the start of this machine [s since 1970], as the launcher knows it: all
+its nodes have one steady clock, also a node that starts again."""
+
+MACHINE_START_S = float(
+    os.environ.get(STEADY_CLOCK) or time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+)
+"""The start of this machine [s since 1970] by its clock when the graph or this process started."""
+
+
+def steady_time() -> float:
+    """Return the time [s] since 1970 by a clock that goes on when this machine's clock is set."""
+    return MACHINE_START_S + time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def set_ahead() -> int:
+    """Return by how much this machine's clock was set ahead of the steady one [whole s]."""
+    return round(time.time() - steady_time())
+
+
+def steady_time_of(moment: float, now: float) -> float:
+    """Return a time of this machine's clock or another one [s] on the steady clock.
+
+    The clock that wrote it may be this machine's, and was perhaps set. The time that is nearer to
+    `now` [s] counts.
+    """
+    return min(moment, moment - set_ahead(), key=lambda one: abs(now - one))
 
 
 def believed_age(taken: float, now: float, validity: float, *, simulated: bool = False) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial, wraps
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from types import FrameType
 from typing import Any, NoReturn
 from weakref import WeakKeyDictionary
@@ -41,6 +41,7 @@ from porotwin_core.clock.photo_interval import (
     SHORTEST_PHOTO_INTERVAL_S,
     USUAL_PHOTO_INTERVAL_S,
 )
+from porotwin_core.clock.stamps import steady_time
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
@@ -48,7 +49,12 @@ from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import check_environment, check_shared_memory
+from porotwin_core.ros.ros_environment import (
+    DOMAIN,
+    check_environment,
+    check_shared_memory,
+    domain_of,
+)
 from porotwin_core.ros.senders import hearers
 
 DIAGNOSTICS = '/diagnostics'
@@ -133,6 +139,15 @@ class TwinNode(Node):
     def simulated(self) -> bool:
         """Whether the node was started for simulated time."""
         return bool(self.get_parameter(CLOCK).value)
+
+    def now(self) -> float:
+        """Return the time [s] for ages and waits: simulated time, or a clock that nobody sets.
+
+        Simulated time is 0 before it has begun.
+        """
+        if not self.simulated:
+            return steady_time()
+        return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse another clock: any node could publish it, and no age would be right any more."""
@@ -241,15 +256,12 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
     return chosen_grid(text, rig)
 
 
-def declare_photo_interval(
-    node: Node, *, also: str = '', on_change: OnChangeFn | None = None
-) -> float:
+def declare_photo_interval(node: Node, *, also: str = '') -> float:
     """Declare the parameter `photo_interval_s` and return the time between photographs [s].
 
     Args:
         node: the node.
         also: another consequence in this node, one clause for people.
-        on_change: as in `declare`.
 
     Raises:
         InputError: the value is no time that a camera keeps.
@@ -261,7 +273,6 @@ def declare_photo_interval(
         'time between photographs [s]' + also,
         at_least=SHORTEST_PHOTO_INTERVAL_S,
         at_most=LONGEST_PHOTO_INTERVAL_S,
-        on_change=on_change,
     )
     return interval
 
@@ -362,6 +373,20 @@ def _refuse(error: InputError) -> NoReturn:
     sys.exit(WRONG_PARAMETERS)
 
 
+def _joined(make_node: Callable[[], Node]) -> Node:
+    """Return the node; without a place in the DDS domain the process ends with one line."""
+    try:
+        return make_node()
+    except RCLError as error:
+        if not rclpy.ok():
+            raise  # asked to stop
+        reason = str(error).partition(',')[0]
+        sys.exit(
+            f'not started: no place in DDS domain {domain_of(os.environ)} ({reason}); end '
+            f'programs that use it, or set {DOMAIN} to another number for all nodes'
+        )  # with status 1: the launcher tries it again
+
+
 def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """Spin a node until its process is asked to stop: the `main` of every node.
 
@@ -384,13 +409,9 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     node = None
     with signals_as_interrupts() as asked:
         try:
-            with until_shutdown(executor.context):
-                node = make_node()
+            with until_shutdown(executor.context), kept_awake(executor, asked):
+                node = _joined(make_node)
                 ensure_diagnostics(node)
-                steady = Clock(clock_type=ClockType.STEADY_TIME)
-                own = MutuallyExclusiveCallbackGroup()
-                wake = partial(_wake, asked)
-                node.create_timer(HEARTBEAT_S, wake, callback_group=own, clock=steady)
                 executor.add_node(node)
                 executor.spin()
         except InputError as error:
@@ -424,13 +445,30 @@ def signals_as_interrupts() -> Iterator[Event]:
             signal.signal(one, handler)
 
 
-def _wake(asked: Event) -> None:
-    """Let the main thread look for signals: it takes none while it waits for messages.
+@contextmanager
+def kept_awake(executor: Executor, asked: Event | None = None) -> Iterator[None]:
+    """Let `executor` look at its timers once a heartbeat, and the main thread for signals.
 
-    Python drops an interrupt that is raised inside a destructor, so that it is repeated.
+    The middleware may wait by the system's clock, for an hour if that is set back by an hour. The
+    main thread takes no signals while it waits for messages. Python drops an interrupt that is
+    raised inside a destructor, so that it is repeated while `asked` is set.
     """
-    if asked.is_set():
-        interrupt_main()
+    ended = Event()
+
+    def wake() -> None:
+        while not ended.wait(HEARTBEAT_S):
+            with until_shutdown(executor.context):
+                executor.wake()
+            if asked is not None and asked.is_set():
+                interrupt_main()
+
+    thread = Thread(target=wake, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def executor_of(threads: int, context: Context | None = None) -> Executor:

@@ -5,7 +5,7 @@ import threading
 from rclpy.node import Node
 from rclpy.task import Future
 
-from porotwin_core.ros.node import END_S, end_in_order, executor_of, until_shutdown
+from porotwin_core.ros.node import END_S, end_in_order, executor_of, kept_awake, until_shutdown
 
 
 class NodeThread:
@@ -26,7 +26,7 @@ class NodeThread:
         self._thread.start()
 
     def _spin(self) -> None:
-        with until_shutdown(self.executor.context):
+        with until_shutdown(self.executor.context), kept_awake(self.executor):
             self.executor.spin_until_future_complete(self._ended)
 
     def end(self) -> None:

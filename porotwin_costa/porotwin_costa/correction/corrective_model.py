@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 import safetensors
-import safetensors.torch
+import torch
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
@@ -19,7 +19,7 @@ from porotwin_costa.correction.gate import TrainingRange
 from porotwin_costa.data.flow_shape import FlowShape
 from porotwin_costa.data.physics_id import PhysicsId
 from porotwin_costa.data.scaling import Scaling
-from porotwin_costa.data.tensor_files import read_header, write_tensors
+from porotwin_costa.data.tensor_files import read_tensors, write_tensors
 from porotwin_costa.networks import Architecture, CorrectiveNetwork, RigFields, architecture
 
 FORMAT = 'porotwin-costa-model-1'
@@ -147,9 +147,9 @@ class CorrectiveModel:
                 that do not fit, or a number that no training leaves.
         """
         path = Path(path)
-        header = read_header(path, FORMAT)
+        header, weights = read_tensors(path, FORMAT)
         try:
-            model = cls._described(header, path)
+            model = cls._described(header, weights)
             model._check_numbers()
         except InputError as error:
             raise InputError(f'{path}: {error}') from None
@@ -159,8 +159,8 @@ class CorrectiveModel:
         return model
 
     @classmethod
-    def _described(cls, header: Mapping[str, Any], path: Path) -> Self:
-        """Return the model with this description and the weights in the file `path`.
+    def _described(cls, header: Mapping[str, Any], weights: Mapping[str, NDArray]) -> Self:
+        """Return the model with this description and these weights.
 
         Raises:
             InputError: the architecture is unknown, or there is no such grid.
@@ -171,7 +171,7 @@ class CorrectiveModel:
         described = header['network']
         chosen = architecture(described['architecture']).described(described)
         network = chosen.network(_unknown_rig(grid, len(wells)))
-        network.load_state_dict(safetensors.torch.load_file(path))
+        network.load_state_dict({name: torch.from_numpy(each) for name, each in weights.items()})
         network.eval()
         learnt = header.get('learnt')
         return cls(

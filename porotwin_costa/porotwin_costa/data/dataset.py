@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-import safetensors
-import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
@@ -20,7 +18,7 @@ from porotwin_core.rig import Rig
 from porotwin_costa.data.flow_shape import FlowShape, flow_shape_of
 from porotwin_costa.data.frames import PerReason, left_out
 from porotwin_costa.data.physics_id import PhysicsId
-from porotwin_costa.data.tensor_files import read_header, write_tensors
+from porotwin_costa.data.tensor_files import read_tensors, write_tensors
 
 FORMAT = 'porotwin-costa-dataset-1'
 
@@ -244,11 +242,11 @@ def load_dataset(path: Path) -> Dataset:
         if not parts:
             raise InputError(f'{path}: holds no part_*.safetensors; build a data set first')
         return join_datasets([load_dataset(part) for part in parts], renumber=False)
-    header = read_header(path, FORMAT)
+    header, found = read_tensors(path, FORMAT)
     try:
         grid = Grid(**header['grid'])
         # data sets of version 0.1 have no depth: it was assumed to be even
-        tensors = {'relative_depth': np.ones(grid.shape), **safetensors.numpy.load_file(path)}
+        tensors = {'relative_depth': np.ones(grid.shape), **found}
         return Dataset(
             grid=grid,
             wells=tuple(header['wells']),
@@ -259,5 +257,5 @@ def load_dataset(path: Path) -> Dataset:
             physics=PhysicsId(**header.get('physics', {})),
             **tensors,
         )
-    except (KeyError, TypeError, safetensors.SafetensorError) as error:
+    except (KeyError, TypeError) as error:
         raise InputError(f'{path}: damaged data set ({error}); build it again') from None

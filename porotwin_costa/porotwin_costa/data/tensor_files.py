@@ -29,7 +29,7 @@ def write_tensors(
     Args:
         path: the file; missing folders are made.
         tensors: arrays by name.
-        file_format: name of the format, checked by `read_header`.
+        file_format: name of the format, checked by `read_tensors`.
         description: JSON values for the header.
 
     Raises:
@@ -46,8 +46,10 @@ def write_tensors(
         raise InputError(str(write_error(path, error))) from None
 
 
-def read_header(path: Path, file_format: str) -> dict[str, Any]:
-    """Return the JSON description in `path`.
+def read_tensors(path: Path, file_format: str) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Return the JSON description in `path`, and the arrays by name.
+
+    Both are of one file, also if another one takes its name meanwhile.
 
     Raises:
         InputError: the file is missing, a pickle, no safetensors file, or of another format.
@@ -59,7 +61,8 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
     try:
         with safetensors.safe_open(path, framework='numpy') as file:
             metadata = file.metadata() or {}
-    except safetensors.SafetensorError as error:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (safetensors.SafetensorError, TypeError, AttributeError) as error:  # or unknown types
         # checked last: a valid file begins with its length, which may look like a pickle
         if start.startswith(_PICKLES):
             raise InputError(
@@ -75,4 +78,4 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
         raise InputError(f'{path}: its description is damaged; make it again') from None
     if found != file_format:
         raise InputError(f'{path}: made as {found}, needs {file_format}; train or build it again')
-    return description
+    return description, tensors

@@ -19,6 +19,7 @@ from typing import IO, Any, Self
 import yaml
 
 from porotwin_core.basis.parent import PARENT, REFUSAL, WRONG_PARAMETERS
+from porotwin_core.clock.stamps import MACHINE_START_S, STEADY_CLOCK
 from porotwin_core.ros.foreign_words import plain
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.liveness import RESTART_AFTER_S
@@ -120,6 +121,7 @@ class GraphProcesses:
             **os.environ,
             'PYTHONUNBUFFERED': '1',
             PARENT: str(os.getpid()),
+            STEADY_CLOCK: str(MACHINE_START_S),
             **(environment or {}),
         }
         self._handlers: dict[int, Any] = {}

@@ -6,7 +6,6 @@ the same values.
 """
 
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import cv2
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import printable
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
@@ -63,7 +63,7 @@ class DeviceSource:
         exposure: float = 0.0,
         white_balance_k: float = 0.0,
         fixed: bool = True,
-        clock: Callable[[], float] = time.time,
+        clock: Callable[[], float] = steady_time,
         open_camera: Callable[[Any], Any] = cv2.VideoCapture,
     ) -> None:
         if (width == 0) != (height == 0):  # OpenCV takes both together only

@@ -21,6 +21,7 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.clock.stamps import steady_time, steady_time_of
 from porotwin_imaging.photograph.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.photograph.file_names import natural_order, printable
 from porotwin_imaging.photograph.photo_clock import TimeEvidence, Trust, own_time
@@ -63,7 +64,7 @@ class _WatchedFile:
     Attributes:
         mark: size and times of change at the last poll.
         since: time of the first poll with this mark, clock of the source [s].
-        arrival: the same moment by this computer's clock [s since 1970].
+        arrival: the same moment by a steady clock [s since 1970].
         watched: True if the file arrived while the source looked.
         evidence: what is known about its time, None until it is needed.
         reported: True if a problem was reported; the file is ignored until it changes.
@@ -87,7 +88,7 @@ class FolderSource:
         patience: longest time [s] that a complete file waits for an unfinished older one. An
             unfinished file that has not grown for this time is reported.
         clock: returns the time of a steady clock [s].
-        now: returns the time of this computer's clock [s since 1970].
+        now: returns the time of a steady clock [s since 1970].
         read_bytes: reads a file.
 
     Attributes:
@@ -100,7 +101,7 @@ class FolderSource:
         *,
         patience: float = PATIENCE_S,
         clock: Callable[[], float] = time.monotonic,
-        now: Callable[[], float] = time.time,
+        now: Callable[[], float] = steady_time,
         read_bytes: Callable[[Path], bytes] | None = None,
     ) -> None:
         self.folder = Path(folder)
@@ -233,7 +234,7 @@ class FolderSource:
             exif=exif,
             protocol=entry.time if entry else None,
             protocol_end=max((one.time for one in entries.values()), default=0.0),
-            file=watched.mark[1] / 1e9,
+            file=steady_time_of(watched.mark[1] / 1e9, watched.arrival),
             watched=watched.watched,
         ), problems
 

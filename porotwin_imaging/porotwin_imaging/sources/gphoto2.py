@@ -11,11 +11,11 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import one_line, printable
 from porotwin_imaging.photograph.photo_file import is_photograph
 from porotwin_imaging.sources.camera_source import (
@@ -51,7 +51,7 @@ class TetheredSource:
         *,
         config: str = '',
         timeout_s: float = 25.0,
-        clock: Callable[[], float] = time.time,
+        clock: Callable[[], float] = steady_time,
     ) -> None:
         check_port(port)
         self._options = [] if port == ANY_CAMERA else ['--port', port]

@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import one_line, printable
 from porotwin_imaging.photograph.photo_file import MOST_BYTES, is_complete, is_photograph
 from porotwin_imaging.sources.camera_source import (
@@ -48,7 +49,7 @@ class SnapshotSource:
         url: str,
         *,
         timeout_s: float = 10.0,
-        clock: Callable[[], float] = time.time,
+        clock: Callable[[], float] = steady_time,
         steady: Callable[[], float] = time.monotonic,
     ) -> None:
         check_url(url)
