@@ -18,9 +18,14 @@ from porotwin_recording.tables.photos import Photo
 pytestmark = pytest.mark.usefixtures('undrawn')
 
 
+def words_of(path):
+    """Return a page without its line breaks."""
+    return ' '.join(path.read_text(encoding='utf-8').split())
+
+
 def page(result, folder):
     write_report(folder / 'report.html', result, diagnosis_json(result))
-    text = (folder / 'report.html').read_text(encoding='utf-8')
+    text = words_of(folder / 'report.html')
     return text, text.split('<p class="verdict">')[1].split('</p>')[0]
 
 
@@ -46,7 +51,7 @@ def test_what_is_odd_in_the_recordings_stands_at_the_top(coarse_denser, tmp_path
     assert 'Odd in the recordings' not in page(coarse_denser, tmp_path)[0]
     summary['remarks'] = ['run: imaging.csv: the clocks <differ>; compare them']
     write_report(tmp_path / 'odd.html', coarse_denser, summary)
-    text = (tmp_path / 'odd.html').read_text(encoding='utf-8')
+    text = words_of(tmp_path / 'odd.html')
     assert 'run: imaging.csv: the clocks &lt;differ&gt;; compare them' in text
     assert text.index('Odd in the recordings') < text.index('class="first')
 
@@ -85,7 +90,7 @@ def test_the_history_of_the_rig_stands_in_the_answer(coarse_denser, tmp_path):
     }
     summary['history'] = ['porosity factor drifts: 0.95 on 2026-11-23, 0.88 now']
     write_report(tmp_path / 'report.html', coarse_denser, summary)
-    text = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    text = words_of(tmp_path / 'report.html')
     assert 'They found: <b>porosity or retardation</b> (50 % each).' in text
     assert 'porosity factor drifts' in text
 
