@@ -58,14 +58,14 @@ def nodes_of(launcher: str) -> dict[str, NodeProcess]:
     the name by the argument `__node:=NAME`. Nothing is taken from a message.
     """
     found = {}
-    for shown in psutil.process_iter(['environ', 'cmdline']):
+    for shown in psutil.process_iter(['environ']):
         if (shown.info['environ'] or {}).get(PARENT) != launcher:
             continue  # somebody else's process shows no environment
-        words = shown.info['cmdline'] or ()
-        name = next((word[8:] for word in words if word.startswith('__node:=')), '')
-        process = process_of(shown.pid) if name else None
-        if process is not None:
-            found[name] = process
+        with contextlib.suppress(psutil.Error):  # it ended meanwhile
+            names = [word[8:] for word in shown.cmdline() if word.startswith('__node:=')]
+            process = process_of(shown.pid) if names else None
+            if process is not None:
+                found[names[0]] = process
     return found
 
 
