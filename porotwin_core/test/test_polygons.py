@@ -41,6 +41,6 @@ def test_places_inside_do_not_depend_on_their_order() -> None:
 
 
 def test_a_point_on_a_common_side_lies_in_one_of_both_polygons() -> None:
-    right = SQUARE + [1.0, 0.0]
+    right = SQUARE + np.array([1.0, 0.0])
     shared = np.array([[1.0, 0.25], [1.0, 0.5]])
     assert (inside(shared, SQUARE) ^ inside(shared, right)).all()
