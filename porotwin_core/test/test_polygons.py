@@ -41,6 +41,5 @@ def test_places_inside_do_not_depend_on_their_order() -> None:
 
 
 def test_a_point_on_a_common_side_lies_in_one_of_both_polygons() -> None:
-    right = SQUARE + np.array([1.0, 0.0])
-    shared = np.array([[1.0, 0.25], [1.0, 0.5]])
-    assert (inside(shared, SQUARE) ^ inside(shared, right)).all()
+    on_side = np.array([[1.0, 0.25], [1.0, 0.5]])
+    assert (inside(on_side, SQUARE) ^ inside(on_side, SQUARE + np.array([1.0, 0.0]))).all()
