@@ -39,8 +39,8 @@ def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
 def test_the_first_screen_names_cause_place_size_and_confidence(denser):
     found = rows(denser)
     assert list(found) == ['Cause', 'Where', 'How much', 'How sure']
-    assert found['Cause'] == ' porosity , an effect of the rig'
-    assert found['How much'].startswith('factor:  0.880  (90 % interval 0.873 … 0.887)')
+    assert found['Cause'] == 'porosity, an effect of the rig'
+    assert found['How much'].startswith('factor: 0.880 (90 % interval 0.873 … 0.887)')
     assert found['Where'] == 'In the whole rig.'
     assert '90 %' in found['How sure']
 
@@ -73,7 +73,7 @@ def test_numerical_diffusion_is_no_property_of_the_rig(denser):
         members=('numerical_diffusion',),
     )
     result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, numerics=numerics))
-    assert rows(result)['Cause'] == ' numerical diffusion , an effect of the model'
+    assert rows(result)['Cause'] == 'numerical diffusion, an effect of the model'
     assert rows(result)['Where'] == 'In the model, at every front.'
 
 
@@ -101,8 +101,8 @@ def test_effects_that_look_the_same_are_said(denser):
     verdict = replace(denser.verdict, inseparable=('rate',))
     assert 'or **rate**, which this recording cannot separate' in said(denser, verdict)
     found = rows(replace(denser, verdict=verdict))
-    assert 'cannot separate  porosity  from  rate' in found['How sure']
-    assert 'or  rate' in found['Cause']
+    assert 'cannot separate porosity from rate' in found['How sure']
+    assert 'or rate' in found['Cause']
 
 
 def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
