@@ -18,14 +18,10 @@ from porotwin_recording.tables.photos import Photo
 pytestmark = pytest.mark.usefixtures('undrawn')
 
 
-def words_of(path):
-    """Return a page without its line breaks."""
-    return ' '.join(path.read_text(encoding='utf-8').split())
-
-
-def page(result, folder):
-    write_report(folder / 'report.html', result, diagnosis_json(result))
-    text = words_of(folder / 'report.html')
+def page(result, folder, summary=None):
+    """Return a page without its line breaks, and its verdict."""
+    write_report(folder / 'report.html', result, summary or diagnosis_json(result))
+    text = ' '.join((folder / 'report.html').read_text(encoding='utf-8').split())
     return text, text.split('<p class="verdict">')[1].split('</p>')[0]
 
 
@@ -50,8 +46,7 @@ def test_what_is_odd_in_the_recordings_stands_at_the_top(coarse_denser, tmp_path
     summary = diagnosis_json(coarse_denser)
     assert 'Odd in the recordings' not in page(coarse_denser, tmp_path)[0]
     summary['remarks'] = ['run: imaging.csv: the clocks <differ>; compare them']
-    write_report(tmp_path / 'odd.html', coarse_denser, summary)
-    text = words_of(tmp_path / 'odd.html')
+    text, _ = page(coarse_denser, tmp_path, summary)
     assert 'run: imaging.csv: the clocks &lt;differ&gt;; compare them' in text
     assert text.index('Odd in the recordings') < text.index('class="first')
 
@@ -89,8 +84,7 @@ def test_the_history_of_the_rig_stands_in_the_answer(coarse_denser, tmp_path):
         'belief': {'porosity': 0.495, 'retardation': 0.4949},
     }
     summary['history'] = ['porosity factor drifts: 0.95 on 2026-11-23, 0.88 now']
-    write_report(tmp_path / 'report.html', coarse_denser, summary)
-    text = words_of(tmp_path / 'report.html')
+    text, _ = page(coarse_denser, tmp_path, summary)
     assert 'They found: <b>porosity or retardation</b> (50 % each).' in text
     assert 'porosity factor drifts' in text
 
