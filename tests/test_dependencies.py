@@ -17,7 +17,6 @@ ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
     'cv2': 'python3-opencv',
     'jinja2': 'python3-jinja2',
-    'markupsafe': 'python3-markupsafe',
     'matplotlib': 'python3-matplotlib',
     'netCDF4': 'python3-netcdf4',
     'numba': 'python3-numba',

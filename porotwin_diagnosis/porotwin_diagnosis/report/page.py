@@ -1,11 +1,9 @@
 """The report for an experimenter: the answer, pictures and evidence on one page, `page.html`."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
 
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.clock.time_units import time_unit
@@ -42,7 +40,6 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         undefined=StrictUndefined,
     )
     pages.filters.update(
-        marked=_marked,
         percent=percent,
         spoken=spoken,
         spoken_label=spoken_label,
@@ -79,11 +76,6 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         off_after=misplaced_fronts(result, model),
     )
     write_whole(path, page)
-
-
-def _marked(text: str) -> Markup:
-    """Return `text` escaped, with **words** in bold."""
-    return Markup(re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', str(escape(text))))
 
 
 def _rig_in_words(name: str) -> str:
