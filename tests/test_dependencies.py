@@ -16,6 +16,7 @@ ROSDEP_KEYS = {
     'aiohttp': 'python3-aiohttp',
     'ament_index_python': 'ament_index_python',
     'cv2': 'python3-opencv',
+    'jinja2': 'python3-jinja2',
     'matplotlib': 'python3-matplotlib',
     'netCDF4': 'python3-netcdf4',
     'numba': 'python3-numba',

@@ -44,7 +44,8 @@ def test_the_wheel_holds_the_web_page_and_the_sample_rig(wheel: Path) -> None:
     package = ROOT / 'porotwin_page'
     scripts = [*package.rglob('web/*.js'), *package.rglob('panels/*.js')]
     expected = {str(path.relative_to(package)) for path in scripts if 'test' not in path.parts}
-    assert {'porotwin_page/web/page.html', *expected} <= set(names)
+    expected |= {'porotwin_page/web/page.html', 'porotwin_diagnosis/report/page.html'}
+    assert expected <= set(names)
     assert any(name.endswith('share/porotwin_hub/config/small_rig.yaml') for name in names)
 
 

@@ -38,3 +38,8 @@ def test_places_inside_do_not_depend_on_their_order() -> None:
     assert not crosses_itself(star)
     star[[20, 120]] = star[[120, 20]]
     assert crosses_itself(star)
+
+
+def test_a_point_on_a_common_side_lies_in_one_of_both_polygons() -> None:
+    on_side = np.array([[1.0, 0.25], [1.0, 0.5]])
+    assert (inside(on_side, SQUARE) ^ inside(on_side, SQUARE + np.array([1.0, 0.0]))).all()

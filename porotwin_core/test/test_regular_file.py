@@ -16,7 +16,6 @@ ROOT = Path(__file__).resolve().parents[2]
 OWN_FILES = {
     'porotwin_cli/porotwin_cli/memory_limit.py': 'of the kernel',
     'porotwin_core/porotwin_core/basis/parallel.py': 'of the kernel',
-    'porotwin_hub/porotwin_hub/launching/node_processes.py': 'of the kernel',
     'porotwin_page/porotwin_page/rigs.py': 'of the kernel',
     'porotwin_imaging/porotwin_imaging/photograph/sent_photos.py': 'written by the camera node',
     'porotwin_imaging/porotwin_imaging/live/experiment_start.py': 'written by the imaging node',

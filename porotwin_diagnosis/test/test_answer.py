@@ -25,14 +25,13 @@ def said(result, verdict=None):
 
 def rows(result):
     """Return the rows of the answer as plain text, by their names."""
-    text = answer(result, diagnosis_json(result))
-    found = re.findall(r'<tr><th>(.*?)</th><td>(.*?)</td></tr>', text)
-    return {name: re.sub(r'<.*?>', ' ', value) for name, value in found}
+    found = answer(result, diagnosis_json(result))
+    return {name: ' '.join(lines).replace('**', '') for name, lines in found}
 
 
 def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
     text = said(denser)
-    assert text.startswith('<b>Porosity</b>: the porosity is 12 % lower than nominal')
+    assert text.startswith('**Porosity**: the porosity is 12 % lower than nominal')
     assert 'confidence 90 %' in text
     assert 'of the gap is closed' in text
 
@@ -40,8 +39,8 @@ def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
 def test_the_first_screen_names_cause_place_size_and_confidence(denser):
     found = rows(denser)
     assert list(found) == ['Cause', 'Where', 'How much', 'How sure']
-    assert found['Cause'] == ' porosity , an effect of the rig'
-    assert found['How much'].startswith('factor:  0.880  (90 % interval 0.873 … 0.887)')
+    assert found['Cause'] == 'porosity, an effect of the rig'
+    assert found['How much'].startswith('factor: 0.880 (90 % interval 0.873 … 0.887)')
     assert found['Where'] == 'In the whole rig.'
     assert '90 %' in found['How sure']
 
@@ -74,7 +73,7 @@ def test_numerical_diffusion_is_no_property_of_the_rig(denser):
         members=('numerical_diffusion',),
     )
     result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, numerics=numerics))
-    assert rows(result)['Cause'] == ' numerical diffusion , an effect of the model'
+    assert rows(result)['Cause'] == 'numerical diffusion, an effect of the model'
     assert rows(result)['Where'] == 'In the model, at every front.'
 
 
@@ -92,7 +91,7 @@ def test_both_members_of_a_pair_are_said(denser):
     pair = denser.evidence.findings.pairs[0]
     verdict = Verdict('porosity', 0.8, pair, ('porosity', 'rate'), (), {'porosity': 1.0})
     text = said(denser, verdict)
-    assert text.startswith('<b>Porosity</b> and <b>rate</b>: the porosity is 12 % lower')
+    assert text.startswith('**Porosity** and **rate**: the porosity is 12 % lower')
     assert 'delivers' in text
     where = rows(replace(denser, verdict=verdict))['Where']
     assert where.startswith('porosity: In the whole rig. rate: At the well control2, x = 0.500 m')
@@ -100,18 +99,18 @@ def test_both_members_of_a_pair_are_said(denser):
 
 def test_effects_that_look_the_same_are_said(denser):
     verdict = replace(denser.verdict, inseparable=('rate',))
-    assert 'or <b>rate</b>, which this recording cannot separate' in said(denser, verdict)
+    assert 'or **rate**, which this recording cannot separate' in said(denser, verdict)
     found = rows(replace(denser, verdict=verdict))
-    assert 'cannot separate  porosity  from  rate' in found['How sure']
-    assert 'or  rate' in found['Cause']
+    assert 'cannot separate porosity from rate' in found['How sure']
+    assert 'or rate' in found['Cause']
 
 
 def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
     verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
-    assert text.startswith('<b>No gap</b> (confidence')
+    assert text.startswith('**No gap** (confidence')
     assert 'no larger than the errors that a solver and a calibration leave' in text
-    assert said(denser, replace(verdict, confidence=0.5)).startswith('<b>No gap, but this is unsu')
+    assert said(denser, replace(verdict, confidence=0.5)).startswith('**No gap, but this is unsu')
     (part,) = denser.held_out
     good = replace(denser, held_out=(replace(part, error_before=part.noise_floor),))
     assert 'a solver and a calibration' not in said(good, verdict)
@@ -152,7 +151,7 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     worst = denser.evidence.findings.singles[1]
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
-    assert text.startswith('<b>Unexplained</b> (confidence 90 %). There is a gap: the error')
+    assert text.startswith('**Unexplained** (confidence 90 %). There is a gap: the error')
     assert 'None of the 2 effects of the library, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
     (part,) = denser.held_out

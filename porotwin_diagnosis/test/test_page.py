@@ -6,21 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_examples import all_but, commanded, recorded
 from diagnosis_results import naming, twice
 from matplotlib.image import imsave
 
+from lab.blind.blind_cases import SMALL
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.page import write_report
+from porotwin_diagnosis.report.report_folder import write_diagnosis
+from porotwin_recording.experiment.recording import open_recording
 from porotwin_recording.tables.photos import Photo
 
 pytestmark = pytest.mark.usefixtures('undrawn')
 
 
-def page(result, folder):
-    write_report(folder / 'report.html', result, diagnosis_json(result))
-    text = (folder / 'report.html').read_text(encoding='utf-8')
+def page(result, folder, summary=None):
+    """Return a page without its line breaks, and its verdict."""
+    write_report(folder / 'report.html', result, summary or diagnosis_json(result))
+    text = ' '.join((folder / 'report.html').read_text(encoding='utf-8').split())
     return text, text.split('<p class="verdict">')[1].split('</p>')[0]
 
 
@@ -45,8 +51,7 @@ def test_what_is_odd_in_the_recordings_stands_at_the_top(coarse_denser, tmp_path
     summary = diagnosis_json(coarse_denser)
     assert 'Odd in the recordings' not in page(coarse_denser, tmp_path)[0]
     summary['remarks'] = ['run: imaging.csv: the clocks <differ>; compare them']
-    write_report(tmp_path / 'odd.html', coarse_denser, summary)
-    text = (tmp_path / 'odd.html').read_text(encoding='utf-8')
+    text, _ = page(coarse_denser, tmp_path, summary)
     assert 'run: imaging.csv: the clocks &lt;differ&gt;; compare them' in text
     assert text.index('Odd in the recordings') < text.index('class="first')
 
@@ -84,8 +89,7 @@ def test_the_history_of_the_rig_stands_in_the_answer(coarse_denser, tmp_path):
         'belief': {'porosity': 0.495, 'retardation': 0.4949},
     }
     summary['history'] = ['porosity factor drifts: 0.95 on 2026-11-23, 0.88 now']
-    write_report(tmp_path / 'report.html', coarse_denser, summary)
-    text = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    text, _ = page(coarse_denser, tmp_path, summary)
     assert 'They found: <b>porosity or retardation</b> (50 % each).' in text
     assert 'porosity factor drifts' in text
 
@@ -161,3 +165,25 @@ def test_the_last_photograph_comes_first_and_a_broken_one_is_left_out(coarse_den
         recording = replace(coarse_denser.recordings[0], photos=(photo,))
         text, _ = page(replace(coarse_denser, recordings=(recording,)), tmp_path)
         assert text.count('data:image/jpeg;base64,') == pictures
+
+
+SCRIPT = '<script>alert(1)</script>'
+
+
+def test_names_of_rig_wells_and_folder_are_escaped(tmp_path):
+    less = EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.8})
+    rates = commanded((0, 'injector', 450, 1.0))
+    folder = recorded(tmp_path / '<i>run', less, rates=rates, grid=SMALL.grid(47, 28))
+    rig, table = folder / 'rig.yaml', folder / 'rates.csv'
+    named = re.sub('^name: .*', f'name: "{SCRIPT}rig"', rig.read_text(), flags=re.M)
+    rig.write_text(re.sub(r'\binjector:', f'"{SCRIPT}well":', named))
+    table.write_text(table.read_text().replace('injector', f'{SCRIPT}well'))
+    recording = open_recording(folder)
+    assert f'{SCRIPT}well' in recording.rig.wells
+    found = examine([recording], excluded=all_but('porosity', 'rate'))
+    (tmp_path / 'out').mkdir()
+    write_diagnosis(found, tmp_path / 'out', apply=True)
+    page = (tmp_path / 'out' / 'report.html').read_text()
+    assert '&lt;script&gt;alert(1)&lt;/script&gt;' in page
+    assert '<script' not in page
+    assert '<i>run' not in page

@@ -47,7 +47,7 @@ def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser
     assert [row['name'] for row in beside['effects']] == ['porosity']
     assert beside['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88)
     assert (beside['kind'], beside['place']['x_m']) == ('source', 0.31)
-    text = answer(result, summary)
+    text = ' '.join(line for _, lines in answer(result, summary) for line in lines)
     assert 'A part of it may be: the porosity is 12 % lower than nominal' in text
     assert 'arises most of all near x = 0.31 m, z = 0.22 m' in text
     assert summary['combination'] == []

@@ -17,7 +17,7 @@ def test_an_interval_is_written_to_two_digits_of_its_width():
     assert interval('heterogeneity', 'radius', entry) == ('49.4 mm', '47.1 … 51.8 mm')
     turned = {'value': -0.0004, 'low': -0.03, 'high': 0.03}
     assert interval('registration', 'rotation', turned)[0].startswith('0.0')
-    assert interval('rate', 'well', {'value': 'a<b'}) == ('a&lt;b', '')
+    assert interval('rate', 'well', {'value': 'a<b'}) == ('a<b', '')
 
 
 def test_the_sentence_and_the_table_state_the_same_number():
@@ -56,12 +56,6 @@ def test_a_size_whose_interval_holds_no_effect_is_doubted():
     assert 'perhaps' not in phrase('background_flow', flow)
 
 
-def test_names_of_wells_are_escaped():
-    said = phrase('rate', {'well': {'value': '<b>'}, 'factor': {'value': 0.9}})
-    assert '&lt;b&gt;' in said
-    assert '<b>' not in said
-
-
 def test_every_effect_of_the_library_has_words_and_a_check(denser):
     for candidate in library(denser.samples):
         parameters = {
@@ -75,7 +69,7 @@ def test_every_effect_of_the_library_has_words_and_a_check(denser):
 def test_a_label_in_words_keeps_the_names_of_wells():
     assert spoken_label('rate water_in + dual_porosity') == 'wrong rate of water_in + dual porosity'
     assert spoken_label('dispersion diffusion') == 'dispersion (diffusion)'
-    assert spoken_label('rate a<b, swinging') == 'wrong rate of a&lt;b, swinging'
+    assert spoken_label('rate a<b, swinging') == 'wrong rate of a<b, swinging'
     assert spoken_label('lagging signal') == 'lagging signal'
 
 

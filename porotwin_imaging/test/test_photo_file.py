@@ -138,7 +138,7 @@ def test_a_header_with_an_impossible_size_is_refused() -> None:
             entry = struct.pack('<HHII', tag, kind, 1, size)
             data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
     assert not photo_file.is_complete(data)
-    with pytest.raises(InputError, match='TIFF that cannot be read'):
+    with pytest.raises(InputError, match='more than any camera has'):
         photo_file.decode(data)
 
 
@@ -180,7 +180,7 @@ def test_a_header_that_claims_any_size_is_refused_before_decoding(kind: str, siz
         for tag in (256, 257):
             at = next(i for i in range(len(data)) if data[i : i + 2] == struct.pack('<H', tag))
             data[at : at + 12] = struct.pack('<HHII', tag, 4, 1, side)
-    with pytest.raises(InputError, match=r'more than any camera|cannot be read|not a JPEG'):
+    with pytest.raises(InputError, match=r'more than any camera|not a JPEG'):
         photo_file.decode(bytes(data))
     photo_file.is_complete(bytes(data))
 

@@ -1,12 +1,12 @@
 """The address of the page: HOST:PORT, its listening socket, and the addresses to open."""
 
 import errno
-import fcntl
 import ipaddress
 import re
 import socket
-import struct
 from urllib.parse import quote
+
+import psutil
 
 from porotwin_core.basis.errors import InputError
 
@@ -25,8 +25,6 @@ ALL_INTERFACES = ('0.0.0.0', '::', '0')
 """Hosts that stand for all addresses of this machine."""
 
 _NAME = re.compile(r'[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?')
-_INTERFACE_ADDRESS = 0x8915
-"""Request SIOCGIFADDR of Linux: the IPv4 address of a network interface."""
 
 
 def parse(address: str) -> tuple[str, int]:
@@ -123,15 +121,12 @@ def settled(address: str) -> str:
 
 def interface_addresses() -> list[str]:
     """Return the IPv4 addresses of this machine's network interfaces, without its own loopback."""
-    found = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        for _, name in socket.if_nameindex():
-            request = struct.pack('256s', name.encode()[:15])
-            try:
-                answer = fcntl.ioctl(probe.fileno(), _INTERFACE_ADDRESS, request)
-            except OSError:
-                continue  # an interface without an IPv4 address
-            found.append(socket.inet_ntoa(answer[20:24]))
+    found = [
+        address.address
+        for addresses in psutil.net_if_addrs().values()
+        for address in addresses
+        if address.family == socket.AF_INET
+    ]
     return [host for host in dict.fromkeys(found) if not is_local(host)]
 
 

@@ -5,7 +5,7 @@ from porotwin_solver.effects.definition import words
 
 
 def test_numbers_have_significant_digits_and_powers_of_ten() -> None:
-    assert words.number(1.4e-8, 2) == '1.4·10<sup>−8</sup>'
+    assert words.number(1.4e-8, 2) == '1.4·10⁻⁸'
     assert words.number(1234.0, 2) == '1200'
     assert words.number(99.7, 2) == '100'
     assert words.number(-0.5) == '−0.5'

@@ -96,7 +96,6 @@ def command(
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.experiment.recording import open_recording
     from porotwin_recording.tables.one_writer import only_writer
-    from porotwin_solver.effects.definition.words import plain
     from porotwin_solver.model.presets import preset_named
 
     if live != (not recordings):
@@ -151,9 +150,9 @@ def command(
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
-    print(plain(sentence(result, summary)))  # with the confidence
+    print(sentence(result, summary).replace('**', ''))  # with the confidence
     for line in told:
-        print(plain(line))
+        print(line)
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
 

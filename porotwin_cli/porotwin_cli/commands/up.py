@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porotwin_cli.options.graph_options import graph_options
 from porotwin_cli.options.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S
 from porotwin_hub.launching.graph import GraphSettings, description_of
 
 if TYPE_CHECKING:
@@ -35,32 +35,24 @@ def _print_template(wanted: bool) -> None:
         raise typer.Exit
 
 
+@graph_options(
+    without=(
+        'control',
+        'diagnoses',
+        'evaluations',
+        'page_token',
+        'record',
+        'training',
+        'use_sim_time',
+    ),
+    defaults={'page': '127.0.0.1:8765', 'siblings': True},
+)
 def command(
-    rig: Annotated[Path, typer.Option(help=description_of('rig'))],
-    photos: Annotated[Path | None, typer.Option(help=description_of('photos'))] = None,
-    camera: Annotated[str, typer.Option(help=description_of('camera'))] = GraphSettings.camera,
-    pumps: Annotated[Path | None, typer.Option(help=description_of('pumps'))] = None,
+    settings: GraphSettings,
+    *,
     replay: Annotated[
         bool, typer.Option('--replay', help='Photographs and time come from ./porotwin replay.')
     ] = False,
-    page: Annotated[str, typer.Option(help=description_of('page'))] = '127.0.0.1:8765',
-    grid: Annotated[str, typer.Option(help=description_of('grid'))] = GraphSettings.grid,
-    preset: Annotated[str, typer.Option(help=description_of('preset'))] = GraphSettings.preset,
-    calibration: Annotated[Path | None, typer.Option(help=description_of('calibration'))] = None,
-    model: Annotated[Path | None, typer.Option(help=description_of('model'))] = None,
-    retrain_every: Annotated[
-        int, typer.Option(help=description_of('retrain_every'), min=0)
-    ] = GraphSettings.retrain_every,
-    architecture: Annotated[
-        str, typer.Option(help=description_of('architecture'))
-    ] = GraphSettings.architecture,
-    photo_interval_s: Annotated[
-        float, typer.Option(help=description_of('photo_interval_s'), min=0.1, max=DAY_S)
-    ] = GraphSettings.photo_interval_s,
-    horizon_s: Annotated[
-        float, typer.Option(help=description_of('horizon_s'), min=1.0, max=DAY_S)
-    ] = GraphSettings.horizon_s,
-    params: Annotated[Path | None, typer.Option(help=description_of('params'))] = None,
     _template: Annotated[
         bool,
         typer.Option(
@@ -70,12 +62,10 @@ def command(
             is_eager=True,
         ),
     ] = False,
-    speak: Annotated[bool, typer.Option(help=description_of('speak'))] = GraphSettings.speak,
     predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
     diagnosis: Annotated[
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
-    siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
     mend: Annotated[
         Mend | None,
         typer.Option(
@@ -83,7 +73,6 @@ def command(
         ),
     ] = None,
     namespace: Namespace = '',
-    nodes: Annotated[str, typer.Option(help=description_of('nodes'))] = GraphSettings.nodes,
     domain: Domain = None,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
@@ -114,65 +103,54 @@ def command(
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
-    network = network_of(params)
+    network = network_of(settings.params)
     os.environ.update(network.environment())
     enter_domain(domain)
     prepare_environment()
-    rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
-    description = load_rig(rig_file)
-    here = named_nodes(nodes)
-    sources = [photos is not None, bool(camera), replay].count(True)
+    rig_file = settings.rig / 'rig.yaml' if settings.rig.is_dir() else settings.rig
+    rig = load_rig(rig_file)
+    here = named_nodes(settings.nodes)
+    photos, pumps = settings.photos, settings.pumps
+    sources = [photos is not None, bool(settings.camera), replay].count(True)
     if (not here or 'camera' in here) and sources != 1:
         raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
     if mend is Mend.ASK and not diagnosis:
         raise InputError('--mend ask needs the diagnosis; leave out --no-diagnosis')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
-    if description.camera is None:
+    if rig.camera is None:
         raise InputError(
             f'{rig_file}: has no camera section; add the corners of the rig in the photographs, '
             'such as camera: {corners_px: [[100, 80], [100, 1020], [1500, 1020], [1500, 80]]} '
             '(docs/rig.md, Camera)'
         )
-    if here and 'page' not in here:
-        page = ''
-    cells = grid_of(grid, description)
-    check_early(description, cells, preset, calibration, model, architecture, page)
-    tell_pace(description, cells, preset, photo_interval_s)
+    page = '' if here and 'page' not in here else settings.page
+    settings = replace(settings, page=page)
+    cells = grid_of(settings.grid, rig)
+    check_early(settings, rig, cells)
+    tell_pace(rig, cells, settings.preset, settings.photo_interval_s)
     if pumps is not None:
-        load_pumps(pumps, description)
-    if camera:
-        check_source(camera)
-    settings = GraphSettings(
-        pumps=pumps.resolve() if pumps is not None else None,
+        load_pumps(pumps, rig)
+    if settings.camera:
+        check_source(settings.camera)
+    settings = replace(
+        settings,
         rig=rig_file.resolve(),
         photos=photos.resolve() if photos is not None else None,
-        camera=camera,
-        calibration=calibration,
-        model=model,
-        grid=grid,
-        preset=preset,
-        photo_interval_s=photo_interval_s,
-        horizon_s=horizon_s,
+        pumps=pumps.resolve() if pumps is not None else None,
         control=not predict_only,
-        siblings=siblings,
         mend=mend or (Mend.ASK if diagnosis and not replay else Mend.OFF),
-        retrain_every=retrain_every,
-        architecture=architecture,
         page=settled(page) if page else '',
-        speak=speak,
         namespace=namespace_of(namespace or network.namespace or GraphSettings.namespace),
-        nodes=nodes,
         use_sim_time=replay,
-        params=params,
     )
     live_graph(settings)  # refuses a wrong parameter file
     with DomainClaim(domain_of(os.environ)):
         folder = run_folder(output, 'up')
         settings = replace(
             settings,
-            rig=_kept(description, folder / 'rig'),
-            training=folder / 'training' if retrain_every else None,
+            rig=_kept(rig, folder / 'rig'),
+            training=folder / 'training' if settings.retrain_every else None,
             record=None if here and 'recorder' not in here else folder / 'bag',
             diagnoses=folder / 'diagnoses' if diagnosis else None,
             page_token=folder / 'page_token' if page else None,

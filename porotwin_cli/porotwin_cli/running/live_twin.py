@@ -32,37 +32,30 @@ POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
 
 
-def check_early(
-    rig: Rig,
-    grid: Grid,
-    preset: str,
-    calibration: Path | None,
-    model: Path | None,
-    architecture: str,
-    page: str,
-) -> None:
-    """Check arguments of `./porotwin up` as its nodes will, before any node starts.
+def check_early(settings: GraphSettings, rig: Rig, grid: Grid) -> None:
+    """Check the `settings` of `./porotwin up` as its nodes will, before any node starts.
 
     Raises:
         InputError: a node would refuse an argument.
     """
-    preset_named(preset)
+    preset_named(settings.preset)
     if rig.control is not None:
         make_objective(rig, grid)
-    if architecture:
+    if settings.architecture:
         from porotwin_costa.networks import architecture as architecture_called  # loads torch
 
-        architecture_called(architecture)
-    if calibration is not None:
-        load_calibration(calibration).check_rig(rig)
-    if model is not None:
+        architecture_called(settings.architecture)
+    if settings.calibration is not None:
+        load_calibration(settings.calibration).check_rig(rig)
+    if settings.model is not None:
         from porotwin_costa.correction.corrective_model import CorrectiveModel  # loads torch
 
-        learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
+        learned = CorrectiveModel.load(settings.model)
+        learned = learned.for_physics(rig, grid, settings.preset)
         if learned.doubt:
-            say(f'{model}: {learned.doubt}')
-    if page:
-        listen(page).close()
+            say(f'{settings.model}: {learned.doubt}')
+    if settings.page:
+        listen(settings.page).close()
 
 
 def run_until_stopped(settings: GraphSettings, folder: Path) -> None:

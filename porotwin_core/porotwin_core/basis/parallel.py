@@ -114,7 +114,11 @@ class ThreadCrew(Crew, ThreadPoolExecutor):
 
 
 class ClusterCrew(Crew):
-    """Processes under a Dask scheduler, on this machine or others."""
+    """Processes under a Dask scheduler, on this machine or others.
+
+    Dask's own executor, `Client.get_executor`, was tried: it cancels the futures of a scheduler
+    that went away, as if their user had cancelled them, so every future would need a second one.
+    """
 
     def __init__(self, client: 'Client', address: str, own: 'LocalCluster | None' = None) -> None:
         """Use `client` of the scheduler at `address`; the crew ends the cluster `own`, if any."""

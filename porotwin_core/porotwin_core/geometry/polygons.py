@@ -1,4 +1,11 @@
-"""Polygons in the plane: points inside, signed area, and outlines that cross themselves."""
+"""Polygons in the plane: points inside, signed area, and outlines that cross themselves.
+
+The library shapely 2.2 was tried. It counts a point on an outline in no polygon or in both
+neighbours; here it is in one of them, so that sands that touch leave no cell out and share none.
+Its `is_simple` also refuses outlines that touch themselves. For 100,000 points and 40 corners
+`inside` takes 8 ms and shapely 6 ms. Only distances gain: 0.12 s instead of 0.88 s for the same
+points, once per zone, and importing shapely takes a part of that.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -2,6 +2,11 @@
 
 PyYAML follows version 1.1: `no` and `off` are truth values, `1:30` is the number 90, `010` is 8 and
 `1e-3` is a text. This would surprise the owner of a rig.
+
+The library ruamel.yaml 0.19 follows version 1.2 and was tried. It reads `1_000` as a number, keeps
+keys such as 1 as numbers, writes the text `no` without quotes, names one line of a repeated key,
+and takes 1.8 times as long (142 kB: 1.8 s). The checks of keys, lines and aliases would stay;
+only the four patterns below would go.
 """
 
 import re

@@ -17,7 +17,6 @@ from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import EFFECTS, effects_of
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.definition.effect import Process, Scope
-from porotwin_solver.effects.definition.words import plain
 
 TOLERANCE = 1.0
 """Steps that a fitted parameter may lie outside its range: responses are linear, maps are noisy."""
@@ -83,7 +82,7 @@ def _changes(runs: FreeRuns, candidate: Candidate) -> list[FloatArray]:
 def _words_of(candidate: Candidate) -> Callable[[Amounts], str]:
     def words(amounts: Amounts) -> str:
         values = _described(candidate, amounts).parameters
-        return plain(EFFECTS[candidate.effect].phrase(values))
+        return EFFECTS[candidate.effect].phrase(values)
 
     return words
 
@@ -165,7 +164,7 @@ def _strength_of(process: Process) -> Callable[[Amounts], bool]:
 def _words_at_place(trial: Candidate) -> Callable[[Amounts], str]:
     def words(amounts: Amounts) -> str:
         scaled = (*trial.first[:-1], trial.first[-1] * amounts[0])
-        return plain(EFFECTS[trial.effect].phrase(trial.described(scaled).parameters))
+        return EFFECTS[trial.effect].phrase(trial.described(scaled).parameters)
 
     return words
 

@@ -9,7 +9,7 @@ from porotwin_diagnosis.history.joint_belief import CauseCourse, courses, weight
 from porotwin_diagnosis.history.past_findings import FoundCause, PastFinding, Value
 from porotwin_diagnosis.report.wording import at_well, spoken
 from porotwin_solver.effects import EFFECTS
-from porotwin_solver.effects.definition.words import number, plain, reading
+from porotwin_solver.effects.definition.words import number, reading
 
 DRIFT_DEVIATIONS = 2.6
 """Difference of two findings, in standard deviations of it, from which on it is a drift: chance
@@ -116,7 +116,7 @@ def _of(cause: FoundCause, parameter: str) -> str:
 
 def _what(cause: FoundCause) -> str:
     """Return the effect in words; the name of its well stays as rig.yaml spells it."""
-    return plain(at_well(cause.effect, cause.well))
+    return at_well(cause.effect, cause.well)
 
 
 def _with_interval(cause: FoundCause, parameter: str, value: Value) -> str:

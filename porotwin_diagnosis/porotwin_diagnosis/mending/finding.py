@@ -14,7 +14,6 @@ from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
-from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.service.effects_in_force import in_words
 
 LEAST_CLOSED = 0.5
@@ -171,9 +170,9 @@ def _percent(share: float) -> str:
 def _of_camera(one: EffectDescription) -> str:
     """Return an effect of the camera in words, and how to mend it."""
     found = EFFECTS[one.name]
-    words = plain(found.phrase(one.parameters))
+    words = found.phrase(one.parameters)
     return (
-        f'The camera: {words}. The model cannot mend this; {plain(found.laboratory_check)}, '
+        f'The camera: {words}. The model cannot mend this; {found.laboratory_check}, '
         'then correct the camera or calibrate it again.'
     )
 

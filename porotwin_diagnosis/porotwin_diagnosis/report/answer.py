@@ -1,6 +1,5 @@
 """The first screen of the report: cause, place, size and confidence."""
 
-import html
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,9 +10,8 @@ from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Do
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
-from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
-from porotwin_diagnosis.report.wording import interval, phrase, spoken, spoken_label
+from porotwin_diagnosis.report.wording import interval, percent, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
 from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
@@ -44,25 +42,18 @@ Summary = Mapping[str, Any]
 """The content of diagnosis.json."""
 
 
-def sentence_box(result: Diagnosis, summary: Summary) -> str:
-    """Return the verdict as a sentence, as HTML."""
-    return f'<p class="verdict">{sentence(result, summary)}</p>'
-
-
-def answer(result: Diagnosis, summary: Summary) -> str:
-    """Return the table of four rows: the cause, where it acts, how much, and how sure, as HTML."""
-    rows = (
+def answer(result: Diagnosis, summary: Summary) -> list[tuple[str, list[str]]]:
+    """Return four rows with their lines: the cause, where it acts, how much, and how sure."""
+    return [
         ('Cause', _cause(result, summary)),
         ('Where', _where(result, summary)),
         ('How much', _how_much(result, summary)),
         ('How sure', _how_sure(result, summary)),
-    )
-    lines = ''.join(f'<tr><th>{name}</th><td>{text}</td></tr>' for name, text in rows)
-    return f'<table class="answer">{lines}</table>'
+    ]
 
 
 def sentence(result: Diagnosis, summary: Summary) -> str:
-    """Return the verdict on `result` in one or two sentences, as HTML."""
+    """Return the verdict on `result` in one or two sentences; the **effects** are marked."""
     verdict, errors = result.verdict, summary['error']
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
     sure = f'confidence {100 * verdict.confidence:.0f} %'
@@ -78,7 +69,7 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
                 'There is a gap at fronts or in single places. In the whole held-out part the '
                 f'error is {before}, and noise and blur of the maps may make {floor}'
             )
-        return f'<b>Unexplained</b> ({sure}). {gap}. {_nothing_explains(result, summary)}.'
+        return f'**Unexplained** ({sure}). {gap}. {_nothing_explains(result, summary)}.'
     return (
         f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}{_described(result)}'
     )
@@ -101,7 +92,7 @@ def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
     head = 'No gap' if result.verdict.confidence > UNSURE else 'No gap, but this is unsure'
     words = (
-        f'<b>{head}</b> ({sure}). The model as it is explains {these(result)}: its error in the '
+        f'**{head}** ({sure}). The model as it is explains {these(result)}: its error in the '
         f'held-out part is {before}, and noise and blur of the maps alone make {floor}.'
     )
     if errors['before'] > MORE_THAN_NOISE * errors['noise_floor']:
@@ -126,7 +117,7 @@ def _named(result: Diagnosis, summary: Summary) -> str:
         names += f', which {these(result)} cannot separate'
     if not verdict.alternatives:
         means = ', or '.join([means, *meanings(verdict.not_separable, summary)])
-    return f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means}'
+    return f'{names[:2]}{names[2:3].upper()}{names[3:]}: {means}'
 
 
 def _improvement(result: Diagnosis, summary: Summary) -> str:
@@ -174,7 +165,7 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
         said = ', and '.join(term.words for term in form.terms)
         looks = 'It looks as if' if form.fits_well else f'{NO_GOOD_FORM}. The best one is that'
         return (
-            f'{looks} {html.escape(said)}. This closes {100 * form.closed:.0f} % of it. It was '
+            f'{looks} {said}. This closes {100 * form.closed:.0f} % of it. It was '
             'found by regression, so it is only a hint'
         )
     if beside:
@@ -207,11 +198,11 @@ def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
     return f'{number(1e3 * shift, 2)} mm'
 
 
-def _cause(result: Diagnosis, summary: Summary) -> str:
+def _cause(result: Diagnosis, summary: Summary) -> list[str]:
     """Name the effects, and say whether each is one of the rig, the camera or the model."""
     verdict = result.verdict
     if verdict.name == NONE:
-        return 'None is needed.'
+        return ['None is needed.']
     if verdict.name == UNEXPLAINED:
         share, part = _part(result, summary)
         form = [] if share > _closed_by_form(result) else [_form(result)]
@@ -219,12 +210,12 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
         head = 'Not sure: the library explains nearly all of it, but not all.'
         if not nearly:
             head = 'Not in the library of effects.'
-        return '<br>'.join([head, *form, *filter(None, [part])])
+        return [head, *form, *filter(None, [part])]
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
     lines += [f'or {_together(names)} together' for names in verdict.alternatives]
-    return '<br>'.join(lines)
+    return lines
 
 
 def _form(result: Diagnosis) -> str:
@@ -241,7 +232,7 @@ def _form(result: Diagnosis) -> str:
     }[form.terms[0].kind]
     looks = 'It looks most like' if form.fits_well else f'{NO_GOOD_FORM}. The best one looks like'
     return (
-        f'{looks} {kind}: {html.escape(said)}. This form, found by regression, closes '
+        f'{looks} {kind}: {said}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
         'gaps with causes outside the library, the kind was right in 23. Thin tight walls were not '
         'recognised.'
@@ -266,7 +257,7 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     if beside['terms']:
         words = ', and '.join(term['words'] for term in beside['terms'])
         roughly = '' if partial is None or partial.form.fits_well else ', though not well,'
-        rest.append(f'looks{roughly} like this: {html.escape(words)}')
+        rest.append(f'looks{roughly} like this: {words}')
     remains = f' What remains beside that {" and ".join(rest)}.' if rest else ''
     if partial and is_dipole(partial.model.effects, result.samples[0].grid.width):
         remains = (
@@ -281,7 +272,7 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
 
 
 def _means(beside: Mapping[str, Any]) -> str:
-    """Return the meaning of the effects `beside` an unexplained remainder, as HTML."""
+    """Return the meaning of the effects `beside` an unexplained remainder."""
     return ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
 
 
@@ -291,7 +282,7 @@ def _closed_share(beside: Mapping[str, Any]) -> float:
 
 
 def _with_origin(name: str) -> str:
-    return f'<b>{spoken(name)}</b>, an effect of the {origin(name)}'
+    return f'**{spoken(name)}**, an effect of the {origin(name)}'
 
 
 def origin(name: str) -> str:
@@ -301,20 +292,20 @@ def origin(name: str) -> str:
     return 'camera' if EFFECTS[name].is_of_camera else 'rig'
 
 
-def _where(result: Diagnosis, summary: Summary) -> str:
+def _where(result: Diagnosis, summary: Summary) -> list[str]:
     """Say where the named effects act, and those that look the same."""
     verdict = result.verdict
     if verdict.name == NONE:
-        return 'Nowhere.'
+        return ['Nowhere.']
     if verdict.name == UNEXPLAINED:
-        return _hot_spots(result)
+        return [_hot_spots(result)]
     same = () if verdict.alternatives else verdict.not_separable
     names = (*verdict.members, *same)
     places = _places_of(names, result, summary)
     if len(set(places)) == 1:
-        return places[0]
+        return places[:1]
     lines = zip(names, places, strict=True)
-    return '<br>'.join(f'{spoken(name)}: {place}' for name, place in lines)
+    return [f'{spoken(name)}: {place}' for name, place in lines]
 
 
 def _places_of(names: Sequence[str], result: Diagnosis, summary: Summary) -> list[str]:
@@ -335,9 +326,7 @@ def _place_of(name: str, row: Mapping[str, Any], result: Diagnosis) -> str:
         return f'At x = {values["x"]:.3f} m, z = {values["z"]:.3f} m.'
     if 'well' in values:
         well = result.recordings[0].rig.wells[values['well']]
-        place = (
-            f'At the well {html.escape(values["well"])}, x = {well.x_m:.3f} m, z = {well.z_m:.3f} m'
-        )
+        place = f'At the well {values["well"]}, x = {well.x_m:.3f} m, z = {well.z_m:.3f} m'
         if not {'dx', 'dz'} <= values.keys():
             return f'{place}.'
         x, z = well.x_m + values['dx'], well.z_m + values['dz']
@@ -357,7 +346,7 @@ def _hot_spots(result: Diagnosis) -> str:
     )
 
 
-def _how_much(result: Diagnosis, summary: Summary) -> str:
+def _how_much(result: Diagnosis, summary: Summary) -> list[str]:
     """List the parameters with their intervals, and the errors.
 
     Inseparable effects are listed too, but not for a pair: they were fitted alone.
@@ -375,7 +364,7 @@ def _how_much(result: Diagnosis, summary: Summary) -> str:
     before, after, floor = (percent(errors[key]) for key in ('before', 'after', 'noise_floor'))
     improved = f'; {after} with the correction' if verdict.kept else ''
     lines.append(f'Error in the held-out part: {before}{improved}; {floor} from noise and blur.')
-    return '<br>'.join(lines)
+    return lines
 
 
 def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
@@ -386,15 +375,15 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
             continue
         middle, span = interval(row['name'], name, parameter)
         known = f' (90 % interval {span})' if span else ''
-        yield f'{spoken(name)}: <b>{middle}</b>{known}'
+        yield f'{spoken(name)}: **{middle}**{known}'
 
 
-def _how_sure(result: Diagnosis, summary: Summary) -> str:
+def _how_sure(result: Diagnosis, summary: Summary) -> list[str]:
     verdict, evidence = result.verdict, result.evidence
     several = verdict.inseparable or verdict.alternatives
     right = 'one of these answers is right' if several else 'this answer is right'
     lines = [
-        f'<b>{100 * verdict.confidence:.0f} %</b>: the estimated probability that {right}. The '
+        f'**{100 * verdict.confidence:.0f} %**: the estimated probability that {right}. The '
         'rules for it were set on simulated rigs.'
     ]
     if verdict.doubt not in ALWAYS_SAID:
@@ -405,9 +394,9 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         each = ' each' if len(believed) > 1 else ''
         lines.append(
             'Earlier recordings of this rig count too. They found: '
-            f'<b>{" or ".join(believed)}</b> ({100 * share:.0f} %{each}).'
+            f'**{" or ".join(believed)}** ({100 * share:.0f} %{each}).'
         )
-    lines += [html.escape(line) for line in summary['history']]
+    lines += summary['history']
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
     if verdict.name == UNEXPLAINED and evidence.contradicted and evidence.explanation.suffices:
@@ -442,9 +431,9 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
             'like these errors and stay unseen. Photographs of known dilutions would show it.'
         )
     if verdict.not_separable:
-        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.not_separable)
+        names = ' or '.join(f'**{spoken(name)}**' for name in verdict.not_separable)
         lines.append(
-            f'{these(result).capitalize()} cannot separate <b>{spoken(verdict.name)}</b> from '
+            f'{these(result).capitalize()} cannot separate **{spoken(verdict.name)}** from '
             f'{names}; see “Next experiment”.'
         )
     if verdict.close:
@@ -458,7 +447,7 @@ def _how_sure(result: Diagnosis, summary: Summary) -> str:
         lines.append(
             f'No answer gets more than {100 * SCANT_CONFIDENCE:.0f} % here: {scant(evidence)}.'
         )
-    return '<br>'.join(lines)
+    return lines
 
 
 def _is_calibrated(result: Diagnosis) -> bool:
@@ -478,7 +467,7 @@ def meanings(names: Sequence[str], summary: Summary) -> list[str]:
 
 
 def label(fit: Fit) -> str:
-    """Return the effects of `fit` in words, as HTML."""
+    """Return the effects of `fit` in words."""
     return spoken_label(fit.label)
 
 
@@ -490,4 +479,4 @@ def closed(errors: Mapping[str, float]) -> str:
 
 
 def _together(names: Iterable[str]) -> str:
-    return ' and '.join(f'<b>{spoken(name)}</b>' for name in names)
+    return ' and '.join(f'**{spoken(name)}**' for name in names)

@@ -3,11 +3,11 @@
 The words of each effect are in its module (`porotwin_solver.effects`).
 """
 
-import html
 import math
 from collections.abc import Mapping
 from typing import Any
 
+from porotwin_core.basis import units
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Scope
@@ -32,7 +32,7 @@ def spoken(name: str) -> str:
 
 
 def spoken_label(label: str) -> str:
-    """Return the label of a fit in words, such as `wrong rate of water_in + dispersion`, as HTML.
+    """Return the label of a fit in words, such as `wrong rate of water_in + dispersion`.
 
     Names of wells stay as rig.yaml spells them.
     """
@@ -43,25 +43,25 @@ def _spoken_member(label: str) -> str:
     """Return the label of one candidate in words; behind its effect is a well or a variant."""
     name, _, rest = label.partition(' ')
     if name not in EFFECTS or not rest:
-        return html.escape(spoken(label))
+        return spoken(label)
     if EFFECTS[name].scope is Scope.WELL:
         return at_well(name, rest)
-    return f'{spoken(name)} ({html.escape(rest)})'
+    return f'{spoken(name)} ({rest})'
 
 
 def at_well(effect: str, well: str) -> str:
-    """Return an effect in words, with its well if it has one, as HTML."""
-    return f'wrong {spoken(effect)} of {html.escape(well)}' if well else spoken(effect)
+    """Return an effect in words, with its well if it has one."""
+    return f'wrong {spoken(effect)} of {well}' if well else spoken(effect)
 
 
 def value(effect: str, parameter: str, amount: float, digits: int = DIGITS) -> str:
-    """Return `amount` of a parameter of `effect` in the unit of the report, as HTML."""
+    """Return `amount` of a parameter of `effect` in the unit of the report."""
     factor, unit = reading(EFFECTS[effect].parameters[parameter])
     return f'{number(factor * amount, digits)} {unit}'.strip()
 
 
 def interval(effect: str, parameter: str, entry: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the value and the 90 % interval of a parameter of `effect`, as HTML.
+    """Return the value and the 90 % interval of a parameter of `effect`.
 
     Both are written to two digits of the interval's width, but to `DIGITS` significant digits at
     most, as the phrase of the effect is. The interval is empty where it is not known.
@@ -73,7 +73,7 @@ def interval(effect: str, parameter: str, entry: Mapping[str, Any]) -> tuple[str
     """
     amount = entry['value']
     if isinstance(amount, str):
-        return html.escape(amount), ''
+        return amount, ''
     factor, unit = reading(EFFECTS[effect].parameters[parameter])
     ends = [factor * end for end in (entry.get('low'), entry.get('high')) if end is not None]
     decimals = _decimals(effect, parameter, entry)
@@ -114,9 +114,9 @@ def _fixed(amount: float, decimals: int) -> str:
 
 
 def _stated(effect: str, parameter: str, entry: Mapping[str, Any]) -> float | str:
-    """Return a parameter of `effect` as the table states it; a name as HTML."""
+    """Return a parameter of `effect` as the table states it."""
     if isinstance(entry['value'], str):
-        return html.escape(entry['value'])
+        return entry['value']
     decimals = _decimals(effect, parameter, entry)
     if decimals is None:
         known = entry.get('low') is not None and entry.get('high') is not None
@@ -147,7 +147,7 @@ def _rounded(amount: float) -> float:
 
 
 def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the phrase of `effect` with its `parameters` of `diagnosis.json`, as HTML.
+    """Return the phrase of `effect` with its `parameters` of `diagnosis.json`.
 
     The numbers are rounded as in the table, see `interval`. If some intervals hold the value of no
     effect and others do not, the phrase says which.
@@ -162,6 +162,11 @@ def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
         if parameters[key]['low'] <= neutral[key] <= parameters[key]['high']
     ]
     return f'{words} (perhaps {", ".join(doubted)})' if 0 < len(doubted) < len(known) else words
+
+
+def percent(share: float) -> str:
+    """Return `share` in per cent, to one decimal."""
+    return units.percent(share, 1)
 
 
 def inputs(sample: Sample) -> str:

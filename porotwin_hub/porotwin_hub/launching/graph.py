@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.model.preset_names import PRESET_WORDS
 from porotwin_hub.launching.node_description import (
@@ -41,8 +42,12 @@ EXPERIMENT_START = 'experiment_start.json'
 """Name of the file, beside the bag of a run, with the time of its first photograph."""
 
 
-def _option(default: Any, description: str) -> Any:
-    return field(default=default, metadata={'description': description})
+def _option(
+    default: Any, description: str, *, least: float | None = None, most: float | None = None
+) -> Any:
+    return field(
+        default=default, metadata={'description': description, 'least': least, 'most': most}
+    )
 
 
 @dataclass(frozen=True)
@@ -61,14 +66,21 @@ class GraphSettings:
     model: Path | None = _option(None, 'COSTA model to load; none: forecasts are not corrected')
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', f'scheme of the physics-based model: {PRESET_WORDS}')
-    photo_interval_s: float = _option(USUAL_PHOTO_INTERVAL_S, 'time between photographs [s]')
+    photo_interval_s: float = _option(
+        USUAL_PHOTO_INTERVAL_S, 'time between photographs [s]', least=0.1, most=DAY_S
+    )
     horizon_s: float = _option(
-        1800.0, 'how far plans look ahead if rig.yaml names no end of the experiment [s]'
+        1800.0,
+        'how far plans look ahead if rig.yaml names no end of the experiment [s]',
+        least=1.0,
+        most=DAY_S,
     )
     evaluations: int = _option(60, 'most predictions of one optimisation')
     siblings: bool = _option(False, 'forecast with bands, and answer what-if')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
-    retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
+    retrain_every: int = _option(
+        0, 'retrain COSTA after this number of new states; 0: never', least=0
+    )
     architecture: str = _option('', 'network to train; empty: the one of the loaded model')
     training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')

@@ -1,4 +1,4 @@
-"""The processes of the graph's nodes as Linux shows them in /proc: found by name, and ended."""
+"""The processes of the graph's nodes: found by name, and ended."""
 
 import contextlib
 import os
@@ -6,11 +6,10 @@ import signal
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
+
+import psutil
 
 from porotwin_core.basis.parent import PARENT
-
-PROCESSES = Path('/proc')
 
 POLL_S = 0.2
 """Time between two looks at processes that are asked to end [s]."""
@@ -34,21 +33,21 @@ class NodeProcess:
 
 
 def process_of(pid: int) -> NodeProcess | None:
-    """Return the process with a number; None if it is gone, a zombie, or not shown by /proc."""
+    """Return the process with a number; None if it is gone, a zombie, or not shown."""
     try:
-        text = (PROCESSES / str(pid) / 'stat').read_text()
-    except OSError:
+        process = psutil.Process(pid)
+        with process.oneshot():
+            state, used = process.status(), process.cpu_times()
+            began = process.create_time() - psutil.boot_time()  # steps of the clock are in both
+    except psutil.Error:
         return None
-    # proc(5): the state is field 3; the fields 14, 15 and 22 count clock ticks
-    fields = text.rpartition(')')[2].split()
-    if fields[0] in 'ZX':
+    if state in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD):
         return None
-    tick_s = 1.0 / os.sysconf('SC_CLK_TCK')
     return NodeProcess(
         pid,
-        stopped=fields[0] == 'T',
-        age_s=time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) * tick_s,
-        cpu_s=(int(fields[11]) + int(fields[12])) * tick_s,
+        stopped=state == psutil.STATUS_STOPPED,
+        age_s=time.clock_gettime(time.CLOCK_BOOTTIME) - began,
+        cpu_s=used.user + used.system,
     )
 
 
@@ -59,18 +58,14 @@ def nodes_of(launcher: str) -> dict[str, NodeProcess]:
     the name by the argument `__node:=NAME`. Nothing is taken from a message.
     """
     found = {}
-    mark = f'{PARENT}={launcher}'.encode()
-    for folder in PROCESSES.glob('[0-9]*'):
-        try:
-            if mark not in (folder / 'environ').read_bytes().split(b'\0'):
-                continue
-            words = (folder / 'cmdline').read_bytes().decode(errors='replace').split('\0')
-        except OSError:  # it ended meanwhile, or belongs to somebody else
-            continue
-        name = next((word[8:] for word in words if word.startswith('__node:=')), '')
-        process = process_of(int(folder.name)) if name else None
-        if process is not None:
-            found[name] = process
+    for shown in psutil.process_iter(['environ']):
+        if (shown.info['environ'] or {}).get(PARENT) != launcher:
+            continue  # somebody else's process shows no environment
+        with contextlib.suppress(psutil.Error):  # it ended meanwhile
+            names = [word[8:] for word in shown.cmdline() if word.startswith('__node:=')]
+            process = process_of(shown.pid) if names else None
+            if process is not None:
+                found[names[0]] = process
     return found
 
 

@@ -1,8 +1,8 @@
 """Measures of a map: how much tracer there is, where, how far spread, and the shape of its outline.
 
 Cells that the map does not show (NaN, infinity) count as clean. A map without any value has no
-measures. The outline is the line of one concentration,
-`level`, interpolated linearly on the triangles between the centres of the cells. Fingers are
+measures. The outline is the line of one concentration, `level`, interpolated linearly between the
+centres of the cells. Fingers are
 counted along the front of the plume on one side: for each column (or row) the front is how far the
 plume reaches, and a finger is a maximum of it that stands out by `FINGER_M`. A plume without
 fingers has one.
@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label, maximum
 from scipy.signal import find_peaks
@@ -253,30 +254,11 @@ def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
 
     Lines end at cells that are not seen; the edge of the rig is no outline.
     """
-    x, z = np.meshgrid(grid.x, grid.z)
-    points = np.stack([np.asarray(values, dtype=float), x, z])
-    lower_left, lower_right = points[:, :-1, :-1], points[:, :-1, 1:]
-    upper_left, upper_right = points[:, 1:, :-1], points[:, 1:, 1:]
-    return _line_in_triangles(lower_left, lower_right, upper_right, level) + _line_in_triangles(
-        lower_left, upper_left, upper_right, level
-    )
-
-
-def _line_in_triangles(first: Array, second: Array, third: Array, level: float) -> float:
-    """Return the length of the line of `level` in triangles; corners (value, x, z), (3, n, m)."""
-    corners = np.stack([first, second, third])
-    above = corners[:, 0] >= level
-    crossed = np.isfinite(corners[:, 0]).all(axis=0) & above.any(axis=0) & ~above.all(axis=0)
-    corners, above = corners[:, :, crossed], above[:, crossed]
-    # the line crosses both sides of the corner that is alone on its side of the level
-    alone = np.argmax(above == (above.sum(axis=0) == 1), axis=0)
-    index = np.arange(alone.size)
-    apex, *others = (corners[(alone + turn) % 3, :, index] for turn in range(3))
-    ends = []
-    for other in others:
-        share = (level - apex[:, :1]) / (other[:, :1] - apex[:, :1])
-        ends.append(apex[:, 1:] + share * (other[:, 1:] - apex[:, 1:]))
-    return float(np.hypot(*(ends[1] - ends[0]).T).sum())
+    if min(grid.shape) < 2:
+        return 0.0
+    seen = np.ma.masked_invalid(np.asarray(values, dtype=float))
+    lines = contour_generator(grid.x, grid.z, seen).lines(level)
+    return float(sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in lines))
 
 
 def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = 'down') -> int:

@@ -16,6 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
+from PIL.ImageFile import ImageFile
+from PIL.JpegImagePlugin import JpegImageFile
+from PIL.PngImagePlugin import PngImageFile
+from PIL.TiffImagePlugin import TiffImageFile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
@@ -48,8 +52,12 @@ DECODING_FLAGS = {
     8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
 }
 """OpenCV's flags for each reduction."""
-_JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of the JPEG segment that holds the size; the three exceptions are tables."""
+_READERS: dict[bytes, type[ImageFile]] = {
+    JPEG_START: JpegImageFile,
+    PNG_START: PngImageFile,
+    **dict.fromkeys(TIFF_STARTS, TiffImageFile),
+}
+"""Pillow's readers of headers; `Image.open` would judge the size before it is known here."""
 _SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
 _MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
 """Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
@@ -194,7 +202,7 @@ def is_complete(data: bytes) -> bool:
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
-        size = _tiff_size(data)
+        size = _header_size(data)
         return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
     return False
 
@@ -223,14 +231,19 @@ def _jpeg_has_its_end(data: bytes) -> bool:
     return False
 
 
-def _tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) from the header of a TIFF; None if broken, or a camera's raw file."""
+def _header_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) from the header of a file; None if broken, or a camera's raw file."""
+    kind = next((kind for start, kind in _READERS.items() if data.startswith(start)), None)
+    if kind is None:
+        return None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # of a large picture; its size is judged here
-            image = Image.open(io.BytesIO(data))
+            warnings.simplefilter('ignore')  # of odd metadata
+            image = kind(io.BytesIO(data))
         with image:
-            tags = image.tag_v2  # type: ignore[attr-defined]
+            tags = getattr(image, 'tag_v2', None)
+            if tags is None:
+                return image.size
             if tags.get(_SUBFILE_TAG) == _PREVIEW or _DNG_VERSION_TAG in tags:
                 return None
             # `size` would be turned by the orientation
@@ -240,23 +253,6 @@ def _tiff_size(data: bytes) -> tuple[int, int] | None:
         return None
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) from the first frame header of a JPEG, or None."""
-    position = 2
-    while position + 9 < len(data):
-        if data[position] != 0xFF:
-            return None
-        marker = data[position + 1]
-        if marker == 0xFF:
-            position += 1
-            continue
-        if marker in _JPEG_FRAME_MARKERS:
-            height, width = struct.unpack('>HH', data[position + 5 : position + 9])
-            return width, height
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
-    return None
-
-
 def photo_size(data: bytes) -> tuple[int, int]:
     """Return (width, height) [px] of the photograph `data`, read from the header only.
 
@@ -264,13 +260,7 @@ def photo_size(data: bytes) -> tuple[int, int]:
         InputError: the file is no JPEG, PNG or TIFF, its header is broken, or it claims too many
             pixels.
     """
-    found: tuple[int, int] | None = None
-    if data.startswith(JPEG_START):
-        found = _jpeg_size(data)
-    elif data.startswith(PNG_START) and len(data) >= 24:
-        found = struct.unpack('>II', data[16:24])
-    elif data.startswith(TIFF_STARTS):
-        found = _tiff_size(data)
+    found = _header_size(data)
     for name, start in OTHER_FORMATS.items():
         if start.match(data[:32]):
             raise InputError(f'photograph is {name}; set the camera to JPEG, or convert it to TIFF')

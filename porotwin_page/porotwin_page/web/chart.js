@@ -1,4 +1,7 @@
-/* A panel with curves over time. */
+/* A panel with curves over time.
+
+   The library uPlot would draw axes and curves, about 150 lines here. It draws on a canvas: colours of
+   themes, titles of marks and the tests of paths would need code of their own. */
 
 import { draw, element, find, hasChanged, setText } from './dom.js';
 import { clockTime, number, short } from './formatting.js';

@@ -1,4 +1,8 @@
-"""Units of rates, times and lengths as other programs write them."""
+"""Units of rates, times and lengths as other programs write them.
+
+The library pint was tried. It does not know `m3` and `g/cm3`, takes `ph` for a picohour, and its
+start takes 1 s; the tables below are as long as its corrections would be.
+"""
 
 import re
 

@@ -247,10 +247,10 @@ def chunks_are_there(stream: IO[bytes], summary: Summary) -> bool:
     return True
 
 
-def footer_of(stream: IO[bytes], size: int) -> tuple[int, int, bytes] | None:
-    """Return the begin of the summary [bytes], its checksum, and its bytes, of a file of `size`.
+def summary_section(stream: IO[bytes], size: int) -> tuple[int, bytes] | None:
+    """Return the begin of the summary [bytes] and its bytes, of a file of `size` bytes.
 
-    None: the file has no end or no summary.
+    None: the file has no end or no summary, or its summary is damaged.
     """
     if size < 2 * len(MAGIC) + _FOOTER_SIZE:
         return None
@@ -260,24 +260,21 @@ def footer_of(stream: IO[bytes], size: int) -> tuple[int, int, bytes] | None:
     if opcode != Opcode.FOOTER or tail[_FOOTER_SIZE:] != MAGIC or not 0 < start < size:
         return None
     stream.seek(start)
-    return start, checksum, stream.read(size - len(MAGIC) - _CHECKSUM_SIZE - start)
+    content = stream.read(size - len(MAGIC) - _CHECKSUM_SIZE - start)
+    return (start, content) if checksum in (0, zlib.crc32(content)) else None
 
 
 def own_index(stream: IO[bytes], size: int) -> Summary | None:
     """Return the index at the end of a file of `size` bytes; None if it is missing or damaged."""
     try:
-        footer = footer_of(stream, size)
-        if footer is None:
-            return None
-        start, checksum, content = footer
-        if checksum not in (0, zlib.crc32(content)):
-            return None
+        section = summary_section(stream, size)
         stream.seek(0)
-        summary = SeekingReader(stream).get_summary()
+        summary = SeekingReader(stream).get_summary() if section else None
     except (*DAMAGE, OSError, StopIteration):
         return None
-    if summary is None or summary.statistics is None:
+    if section is None or summary is None or summary.statistics is None:
         return None
+    start, _ = section
     if any(
         index.chunk_start_offset + index.chunk_length > start for index in summary.chunk_indexes
     ):
@@ -327,7 +324,8 @@ def built_index(stream: IO[bytes], size: int, own: Summary | None = None) -> Bui
 def skimmed_index(stream: IO[bytes], size: int) -> BuiltIndex | None:
     """Return an index from the headers of the records, without the content of the chunks.
 
-    A file of 100 GB takes seconds. Damage within a chunk shows when it is read.
+    A file of 100 GB takes seconds; the `StreamReader` of `mcap` would read all its bytes. Damage
+    within a chunk shows when it is read.
 
     Args:
         stream: the file.

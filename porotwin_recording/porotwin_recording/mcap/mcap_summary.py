@@ -2,13 +2,16 @@
 
 A file of 100 GB takes a fraction of a second: its statistics and the places of its chunks stand at
 its end. A file without an end takes seconds, because the headers of all its records are read.
+
+The summary of `mcap`'s `SeekingReader` takes 27 times longer: 3.3 s instead of 0.12 s for a day
+with a chunk per second and ten topics. A list of recordings asks every bag, so the places of the
+chunks stay bytes here until somebody asks for one.
 """
 
 import contextlib
 import io
 import os
 import struct
-import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,8 +28,8 @@ from porotwin_recording.mcap.mcap_index import (
     RECORD_HEADER,
     BuiltIndex,
     chunk_records,
-    footer_of,
     skimmed_index,
+    summary_section,
 )
 from porotwin_recording.mcap.mcap_writer import MAGIC
 from porotwin_recording.mcap.serialization import Deserializer
@@ -192,12 +195,10 @@ def _from_index(path: Path, size: int, built: BuiltIndex) -> McapSummary:
 def _own_summary(path: Path, stream: IO[bytes], size: int) -> McapSummary | None:
     """Return the summary at the end of a file; None if it is missing or damaged."""
     try:
-        footer = footer_of(stream, size)
-        if footer is None:
+        section = summary_section(stream, size)
+        if section is None:
             return None
-        start, checksum, records = footer
-        if checksum not in (0, zlib.crc32(records)):
-            return None
+        start, records = section
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         statistics, begins, position = None, [], 0

@@ -1,11 +1,10 @@
 """An output that takes long has one writer: a second call for it is refused."""
 
-import fcntl
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+
+from filelock import FileLock, Timeout
 
 from porotwin_core.basis.errors import InputError, writing
 
@@ -23,33 +22,21 @@ def only_writer(target: Path) -> Iterator[None]:
     place = target.resolve()
     if not place.name:
         raise InputError(f'{target}: is the root of all folders; name a folder for this output')
-    lock = place.with_name(f'.{place.name}.writer')
+    path = place.with_name(f'.{place.name}.writer')
+    lock = FileLock(path)
     with writing(target):
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        file = _locked(lock)
-    if file is None:
-        raise InputError(
-            f'{target}: is being written by another call; wait for its end, or name another'
-        )
-    with file:
+        path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            yield
-        finally:
-            lock.unlink(missing_ok=True)
-
-
-def _locked(lock: Path) -> TextIO | None:
-    """Return the open file `lock` with its lock; None if another call holds it."""
-    while True:
-        file = lock.open('w')
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.close()
-            return None
-        if lock.exists() and os.path.samestat(lock.stat(), os.fstat(file.fileno())):
-            return file
-        file.close()  # the other call has just ended, and has removed the file
+            lock.acquire(blocking=False)
+        except Timeout:
+            raise InputError(
+                f'{target}: is being written by another call; wait for its end, or name another'
+            ) from None
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)  # before the release, so that nobody holds the old file
+        lock.release()
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from porotwin_core.model.effect_parameter import Parameter, Values, checked_valu
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
-from porotwin_solver.effects.definition.words import plain
 
 GUIDE = 'docs/extend/effect.md'
 """The document that explains how to write an effect."""
@@ -201,4 +200,4 @@ class Effect:
         Raises:
             InputError: as `checked`.
         """
-        return plain(self.phrase(self.checked(given)))
+        return self.phrase(self.checked(given))

@@ -1,8 +1,6 @@
 """Numbers and directions in words, for the phrases of effects."""
 
-import html
 import math
-import re
 
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S
 from porotwin_core.model.effect_parameter import Parameter, Reading, Values
@@ -22,6 +20,8 @@ READINGS = {
 MOST_PERCENT = 2.0
 """Factors from this on are stated as a multiple instead of per cent; so are their inverses."""
 
+_RAISED = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+
 LONGEST_IN_SECONDS, LONGEST_IN_MINUTES, LONGEST_IN_HOURS = 90.0, 3 * HOUR_S, 3 * DAY_S
 """Times from these on are stated in minutes, hours and days [s]."""
 
@@ -32,20 +32,15 @@ def reading(parameter: Parameter) -> Reading:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return `value` with `digits` significant digits as HTML, powers of ten as exponents."""
+    """Return `value` with `digits` significant digits, powers of ten as exponents."""
     text = f'{value:.{digits}g}'
     if 1e2 <= abs(float(text)) < 1e5:  # of the rounded value: 99.7 is 100 to two digits
         text = f'{float(text):.0f}'
     if 'e' not in text:
         return text.replace('-', '−')
     mantissa, exponent = text.split('e')
-    return f'{mantissa}·10<sup>{int(exponent)}</sup>'.replace('-', '−')
-
-
-def plain(text: str) -> str:
-    """Return a phrase in HTML as plain text, as for a voice or a terminal."""
-    raised = re.sub(r'<sup>(.*?)</sup>', r'^\1', text)
-    return html.unescape(re.sub(r'<.*?>', '', raised))
+    raised = str(int(exponent)).translate(_RAISED)
+    return f'{mantissa}·10{raised}'.replace('-', '−')
 
 
 def factor(value: float, more: str, less: str, same: str) -> str:
