@@ -36,8 +36,8 @@ from porotwin_core.ros.senders import check_senders, publishers
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_hub.control.planner_parameters import PlannerParameters
 from porotwin_hub.control.setpoint_limits import Limits
-from porotwin_hub.estimation.pale_wells import PaleWells
 from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.loop.cycle_report import report_of
 from porotwin_hub.loop.door import Door, StateNumbers
@@ -110,12 +110,11 @@ class HubNode(TwinNode):
             photo_interval=interval,
             controller=planner,
             assumed=self._known_limits.safe() if self._known_limits else None,
-            pore_volume=rig.cell_pore_volume(self._grid),
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
             began=0.0 if self._simulated else None,  # simulated time counts from the start
             pauses=FixedPauses.of(rig),
-            wells=PaleWells(rig),
+            watch=TracerWatch(rig, self._grid),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
