@@ -11,9 +11,10 @@ import pytest
 from box_rig import box_rig
 
 from porotwin_checks.all_checks import CHECKS, OF_TABLES, remarks_about
-from porotwin_checks.check import Check
+from porotwin_checks.known import Known
 from porotwin_cli.checking import rig_check
 from porotwin_cli.commands import calibrate, diagnose, image, import_
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Boundaries, Camera
@@ -110,7 +111,7 @@ def ask_check(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_every_command_tells_a_wrong_recording_in_the_same_words(
     ask: Callable[[Path, pytest.MonkeyPatch], None],
-    checks: Mapping[str, Check],
+    checks: Mapping[str, Check[Known]],
     recording: tuple[Path, set[str]],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

@@ -22,10 +22,11 @@ from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig, read_rig
+from porotwin_core.rig.checks.heads import remarks_about_heads
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
-from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
+from porotwin_core.rig.oddities import remarks_about
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.control.setpoint_limits import Limits
