@@ -15,6 +15,7 @@ from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings
+from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
 from porotwin_core.basis.remark import Remark
@@ -22,16 +23,16 @@ from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig, read_rig
-from porotwin_core.rig.checks.heads import remarks_about_heads
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
+from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
-from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
+from porotwin_imaging.baseline.corner_check import KEY, odd_corners
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
@@ -134,13 +135,15 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
-        photograph, pixels = _photographs(rig, data)
-        remarks += pixels
+        photograph, found = _photographs(rig, data)
+        remarks += found
         if photograph is not None and not any(remark.refused for remark in remarks):
-            remarks += _corners_off(rig, photograph)
+            pixels, size = photograph[..., ::-1], photograph.shape[1::-1]
+            off = odd_corners(rig, np.ascontiguousarray(pixels), size, reduction=1)
+            remarks += [off] if off else []
     levelled = _with_true_levels(rig)
     if levelled.boundaries != rig.boundaries:
-        remarks += remarks_about_heads(levelled)
+        remarks += asked({'heads': RIG_CHECKS['heads']}, levelled)
     runs = not any(remark.refused for remark in remarks)
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
@@ -392,15 +395,6 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
         return None, [*remarks, damaged]
 
 
-def _corners_off(rig: Rig, photograph: np.ndarray) -> list[Remark]:
-    """Return the remark about corners off the sand in a photograph, red-green-blue."""
-    assert rig.camera is not None
-    if small_rig(rig.camera.corners_px, (photograph.shape[1], photograph.shape[0])):
-        return []  # told already, and the edges lie far away
-    off = corners_off_the_sand(rig, np.ascontiguousarray(photograph[..., ::-1]), reduction=1)
-    return [off] if off else []
-
-
 class _LookedAt(NamedTuple):
     """A file of a photograph: its size [px], None if unreadable, and whether it lacks its end."""
 
@@ -428,9 +422,7 @@ def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
     corners, extent = np.array(rig.camera.corners_px), np.array(size)
     beyond = float(np.max(np.maximum(-corners, corners - extent)))
     shown = f'{name} of {size[0]} x {size[1]} px'
-    key, remedy = 'camera.corners_px', REMEDY
     if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
         why = f'a corner lies {beyond:.0f} px outside {shown}'
-        yield Remark(key, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
-    if odd := small_rig(rig.camera.corners_px, size):
-        yield Remark(key, '', odd, remedy)
+        remedy = 'were they read in a copy of another size? correct them'
+        yield Remark(KEY, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])

@@ -233,7 +233,7 @@ class Twin:
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):
-            cycle.remarks.append(odd)
+            cycle.remarks.append(str(odd))
         if gap > self._longest_gap:
             cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
         if self._state is not None:
