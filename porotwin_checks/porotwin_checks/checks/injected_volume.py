@@ -39,15 +39,12 @@ def injected(known: Known) -> Injected:
     schedule = known.rates or Schedule()
     times = [row.time for row in schedule.rows] + [photo.time for photo in known.photos]
     end = max([*times, 0.0, *map(float, known.times[-1:])])
-    rows = [
-        (high - low, well)
+    volume = math.fsum(
+        (high - low) * max(well.rate, 0.0)
         for low, high, rates in schedule.intervals(0.0, end)
         for well in rates.values()
-        if well.rate > 0.0
-    ]
-    volume = math.fsum(seconds * well.rate for seconds, well in rows)
-    stock = math.fsum(seconds * well.rate * well.concentration for seconds, well in rows)
-    return Injected(volume, stock, end)
+    )
+    return Injected(volume, schedule.injected_stock(0.0, end), end)
 
 
 def _find(known: Known) -> Iterator[Remark]:

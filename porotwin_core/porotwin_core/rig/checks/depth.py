@@ -1,4 +1,4 @@
-"""Do the measured depths lie in the rig, and agree with each other?"""
+"""Is the rig flat, as the model assumes, and do its measured depths agree with each other?"""
 
 from collections.abc import Iterator
 
@@ -8,6 +8,9 @@ from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rig.description import Rig
 from porotwin_core.rig.sand_sections import DepthPoints
+
+DEEP = 0.5
+"""Depth over the smaller side above which a rig is no longer flat, as the model assumes."""
 
 MOST_DEPTH_RATIO = 3.0
 """Measured depth over the median of all that is odd: plates bulge by a half at most."""
@@ -42,4 +45,20 @@ def _measured_depths(rig: Rig) -> Iterator[Remark]:
             return
 
 
-CHECK = Check(find=_measured_depths)
+def _shape(rig: Rig) -> Iterator[Remark]:
+    depth = float(np.max(rig.nominal_map('depth_m')))
+    if depth > DEEP * min(rig.width_m, rig.height_m):
+        yield Remark(
+            'depth_m',
+            f'{depth:g} m',
+            f'the model is flat, but the rig of {rig.width_m:g} m x {rig.height_m:g} m is not',
+            'compare the three lengths and their units',
+        )
+
+
+def _find(rig: Rig) -> Iterator[Remark]:
+    yield from _measured_depths(rig)
+    yield from _shape(rig)
+
+
+CHECK = Check(find=_find)
