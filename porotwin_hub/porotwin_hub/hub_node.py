@@ -240,7 +240,7 @@ class HubNode(TwinNode):
         self._inbox.add_interruption(stamp, message.reason)
 
     def _on_new_state(self, message: NewState) -> None:
-        doubt = self._numbers.doubt(message.sequence)  # a refused state is not a lost one
+        told = str(self._numbers.doubt(message.sequence) or '')  # a refused state is not a lost one
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
@@ -254,7 +254,7 @@ class HubNode(TwinNode):
         stamp = conversions.time_from_msg(message.header.stamp)
         self._inbox.add_state(
             ArrivedState(
-                message.sequence, stamp, concentration, message, doubt, deviation, systematic
+                message.sequence, stamp, concentration, message, told, deviation, systematic
             )
         )
 
