@@ -1,4 +1,7 @@
-"""Do the rates of a closed rig add up to zero? Its water has no other way out."""
+"""Do the rates of a closed rig add up to zero? Its water has no other way out.
+
+Photographs can be evaluated without, but no model predicts with such rates.
+"""
 
 import itertools
 import math
@@ -26,7 +29,7 @@ def _find(known: Known) -> Iterator[Remark]:
         net, total = math.fsum(running.values()), math.fsum(map(abs, running.values()))
         if known.rig.closed and abs(net) > BALANCE_TOLERANCE * total:
             key, facts = f'rates.csv at {time:g} s', {'time_s': time, 'sum_ml_h': to_ml_h(net)}
-            yield Remark.of(key, 'unbalanced_rates', UNBALANCED, refused=True, **facts)
+            yield Remark.of(key, 'unbalanced_rates', UNBALANCED, **facts)
             return
 
 

@@ -67,6 +67,9 @@ class PhotoInterval(NamedTuple):
     origin: str = ''
 
 
+NO_PREDICTION = 'unbalanced_rates'
+"""Code of a remark about rates with which no model predicts, while photographs can be evaluated."""
+
 EFFECTS_KEY = 'effects'
 """Key of a remark about effects that the model refuses."""
 
@@ -126,7 +129,8 @@ def check(
     remarks = list(found)
     if data is not None:
         with gathered_warnings() as unread:
-            remarks += remarks_about_known(data.known())
+            told = remarks_about_known(data.known())
+        remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
