@@ -21,7 +21,7 @@ UNBALANCED = (
 
 
 def _find(known: Known) -> Iterator[Remark]:
-    """Yield the remark about the first time at which they do not."""
+    """Yield a remark about the first time with a sum that is not zero."""
     assert known.commanded is not None
     running: dict[str, float] = {}
     for time, changes in itertools.groupby(known.commanded.rows, attrgetter('time')):

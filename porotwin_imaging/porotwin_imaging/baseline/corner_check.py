@@ -51,7 +51,7 @@ def odd_corners(
 ) -> Remark | None:
     """Return the remark that the corners belong to a smaller copy, or lie off the sand.
 
-    `size` is that of the file [px]; the others are those of `corners_off_the_sand`.
+    The file has the `size` [px]; `corners_off_the_sand` describes the other arguments.
     """
     assert rig.camera is not None
     small = small_rig(rig.camera.corners_px, size)

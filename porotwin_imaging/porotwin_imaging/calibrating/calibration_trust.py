@@ -336,7 +336,7 @@ def _fronts(evidence: CalibrationEvidence) -> Remark:
     if math.isinf(evidence.bend_conflict):
         finding = (
             'no response that a dye can have fits the fronts: half of stock would look like '
-            '{by_fronts:.2f} of stock, at the end of what is tried'
+            '{by_fronts:.2f} of stock, at the end of the tried range'
         )
     else:
         finding = (

@@ -20,8 +20,8 @@ class ComparedInjection:
     """The usable photographs of an injection, in the order of time.
 
     Attributes:
-        baseline: the baseline, without what covers it.
-        cover: the remark about what covers it; None if nothing does.
+        baseline: the baseline, without its covered sand.
+        cover: the remark about this sand; None if all is seen.
         compared: the photographs relative to the baseline.
         times: exposure times [s].
         lines: remarks about all photographs.
