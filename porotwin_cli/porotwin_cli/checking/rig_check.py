@@ -139,11 +139,12 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
-        photograph, found = _photographs(rig, data)
-        remarks += found
+        photograph, of_photographs = _photographs(rig, data)
+        remarks += of_photographs
         if photograph is not None and not any(remark.refused for remark in remarks):
-            pixels, size = photograph[..., ::-1], photograph.shape[1::-1]
-            off = odd_corners(rig, np.ascontiguousarray(pixels), size, reduction=1)
+            rows, columns = photograph.shape[:2]
+            pixels = np.ascontiguousarray(photograph[..., ::-1])
+            off = odd_corners(rig, pixels, (columns, rows), reduction=1)
             remarks += [off] if off else []
     levelled = _with_true_levels(rig)
     if levelled.boundaries != rig.boundaries:

@@ -28,16 +28,14 @@ class Remark:
     facts: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @classmethod
-    def of(
-        cls, key: str, code: str, words: str, *, refused: bool = False, **facts: Any
-    ) -> 'Remark':
+    def of(cls, key: str, code: str, words: str, **facts: Any) -> 'Remark':
         """Return the remark with `words` about `facts`: the fault, a semicolon, the remedy.
 
         The words are a template: `{held_ml:.3g}` stands for a fact.
         """
         why, _, remedy = words.partition('; ')
         told = (why.format_map(facts), remedy.format_map(facts))
-        return cls(key, '', *told, refused=refused, code=code, facts=facts)
+        return cls(key, '', *told, code=code, facts=facts)
 
     def __str__(self) -> str:
         """Return the remark on one line."""
