@@ -70,7 +70,7 @@ MAY_IMPORT = {
 ROOMS = {
     'porotwin_core': ('basis', 'clock', 'geometry', 'rig', 'rates', 'model', 'ros'),
     'porotwin_checks': (
-        'known', 'check', 'near_wells', 'tracer_errors', 'start', 'checks', 'all_checks',
+        'known', 'near_wells', 'tracer_errors', 'start', 'checks', 'all_checks',
     ),
     'porotwin_recording': (
         'tables', 'mcap', 'experiment', 'importers', 'live', 'player_node', 'recorder_node',

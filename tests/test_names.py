@@ -16,14 +16,15 @@ SAME_CONCEPT = {
 }
 """File names that several packages may have, and the concept."""
 
-SAME_CONCEPT_FOLDERS = {'effects', 'commands', 'panels'}
-"""Folders whose files are named after an effect, a command or a panel, in any package."""
+SAME_CONCEPT_FOLDERS = {'checks', 'commands', 'effects', 'panels'}
+"""Folders whose files are named after a check, a command, an effect or a panel, in any package."""
 
 TESTS_WITHOUT_MODULE = {
     'test_bad_baselines.py': 'image and calibrate with the same bad baselines',
     'test_exact_solutions.py': 'the whole model against exact solutions',
     'test_pump_stop.py': 'the whole twin when a pump stops',
     'test_remarks_about_maps.py': 'all checks together on maps',
+    'test_same_remarks.py': 'all commands on one recording',
     'test_remarks_about_tables.py': 'all checks together on rates, times and lists',
     'test_real_photographs.py': 'the whole imaging on real photographs',
     'test_chart_panels.py': 'all small panels with a chart',

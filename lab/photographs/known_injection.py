@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from porotwin_imaging.calibrating.calibration_fit import CalibrationFit, fit_calibration
-from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused, refusal
 from porotwin_recording.experiment.experiment_folder import folder_data
 from porotwin_solver.model.plume_model import plume_model
 
@@ -26,6 +26,6 @@ def fit_of_injection(folder: Path) -> CalibrationFit:
         plumes=partial(plume_model, data.rig, schedule) if schedule else None,
         source=folder.name,
     )
-    if fit.trust.objections:
-        raise CalibrationRefused(fit.trust.refusal)
+    if any(one.refused for one in fit.remarks):
+        raise CalibrationRefused(refusal(fit.remarks))
     return fit

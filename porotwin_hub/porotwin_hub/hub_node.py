@@ -36,8 +36,8 @@ from porotwin_core.ros.senders import check_senders, publishers
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_hub.control.planner_parameters import PlannerParameters
 from porotwin_hub.control.setpoint_limits import Limits
-from porotwin_hub.estimation.pale_wells import PaleWells
 from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.loop.cycle_report import report_of
 from porotwin_hub.loop.door import Door, StateNumbers
@@ -110,12 +110,11 @@ class HubNode(TwinNode):
             photo_interval=interval,
             controller=planner,
             assumed=self._known_limits.safe() if self._known_limits else None,
-            pore_volume=rig.cell_pore_volume(self._grid),
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
             began=0.0 if self._simulated else None,  # simulated time counts from the start
             pauses=FixedPauses.of(rig),
-            wells=PaleWells(rig),
+            watch=TracerWatch(rig, self._grid),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
@@ -241,7 +240,7 @@ class HubNode(TwinNode):
         self._inbox.add_interruption(stamp, message.reason)
 
     def _on_new_state(self, message: NewState) -> None:
-        doubt = self._numbers.doubt(message.sequence)  # a refused state is not a lost one
+        told = str(self._numbers.doubt(message.sequence) or '')  # a refused state is not a lost one
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
@@ -255,7 +254,7 @@ class HubNode(TwinNode):
         stamp = conversions.time_from_msg(message.header.stamp)
         self._inbox.add_state(
             ArrivedState(
-                message.sequence, stamp, concentration, message, doubt, deviation, systematic
+                message.sequence, stamp, concentration, message, told, deviation, systematic
             )
         )
 

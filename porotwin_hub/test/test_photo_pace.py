@@ -19,6 +19,7 @@ def test_another_pace_is_told(times: list[float], odd: bool) -> None:
     assert bool(odd_pace(times, 30.0)) is odd
 
 
-def test_the_remark_names_the_option() -> None:
-    line = odd_pace([0.0, 300.0, 600.0, 900.0], 30.0)
-    assert line.endswith('one every 30 s; start it with --photo-interval-s 300')
+def test_the_remark_names_both_paces() -> None:
+    remark = odd_pace([0.0, 300.0, 600.0, 900.0], 30.0)
+    assert remark is not None
+    assert remark.facts == {'usual_s': 300.0, 'expected_s': 30.0}

@@ -4,18 +4,21 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from box_rig import box_rig
 
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.cycle import Cycle, Observation
 from porotwin_hub.loop.twin import Twin
 from porotwin_hub.models.forecast import no_correction
 
 GRID = Grid(60, 8, 0.6, 0.08)
-PORES = np.full(GRID.shape, 0.625e-6)
+RIG = box_rig(**{'in': (0.005, 0.04)}).model_copy(update={'height_m': 0.08, 'depth_m': 0.015625})
+PORES = RIG.cell_pore_volume(GRID)
 INTERVAL = 4.0
 STEP = 2.5e-6
 TOLD = {'in': WellRate(STEP / INTERVAL, 1.0)}
@@ -66,7 +69,7 @@ def followed(
         no_correction,
         photo_interval=INTERVAL,
         assumed=TOLD,
-        pore_volume=PORES,
+        watch=TracerWatch(RIG, GRID),
         state_filter=StateFilter(PORES, (GRID.dz, GRID.dx)),
         learner=RateLearner(('in',), GRID, closed=False),
     )

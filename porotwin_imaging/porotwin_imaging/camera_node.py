@@ -9,6 +9,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import CompressedImage
 
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import CAMERA_FRAME, header_at
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_photo_interval, run
@@ -24,7 +25,7 @@ from porotwin_imaging.photograph.sent_photos import (
     folder_of_launch,
     forget_ended_launches,
 )
-from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, SourceKind
+from porotwin_imaging.sources.camera_source import CameraPhoto, SourceKind
 from porotwin_imaging.sources.source_registry import check_source, source_at
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
@@ -156,9 +157,9 @@ class CameraNode(TwinNode):
         self.get_logger().info(line)
         self._diagnostics.report(DiagnosticStatus.OK, line)
 
-    def _complain(self, problem: PhotoProblem) -> None:
-        self.get_logger().warning(problem.reason)
-        self._diagnostics.report(DiagnosticStatus.ERROR, problem.reason, file=problem.name)
+    def _complain(self, problem: Remark) -> None:
+        self.get_logger().warning(str(problem))
+        self._diagnostics.report(DiagnosticStatus.ERROR, str(problem), file=problem.key)
 
     def _publish(self, photo: CameraPhoto) -> None:
         message = CompressedImage(header=header_at(photo.time, CAMERA_FRAME))

@@ -93,7 +93,7 @@ class ImagingNode(TwinNode):
                 )
                 return
             if left_out := self._queue.put(QueuedPhoto(role, time, bytes(message.data))):
-                self._complain(left_out, time)
+                self._complain(str(left_out), time)
 
         self.create_subscription(CompressedImage, topic, store, profile)
 

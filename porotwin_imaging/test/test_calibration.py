@@ -252,22 +252,16 @@ def test_a_calibration_of_another_rig_is_refused(
 
 
 @pytest.mark.parametrize(
-    ('made_on', 'words'),
-    [
-        (None, 'calibration (of run 3) does not tell its rig, so it cannot be checked for'),
-        ('other', "was made on the rig 'other', which is as large as 'test'; calibrate this one"),
-        ('test', ''),
-    ],
+    ('made_on', 'code'), [(None, 'unknown_rig'), ('other', 'other_rig'), ('test', None)]
 )
 def test_a_calibration_that_may_be_of_another_rig_is_told(
-    laboratory, empty_photograph, made_on, words
+    laboratory, empty_photograph, made_on, code
 ) -> None:
     rig = laboratory.rig
     size = {'width_m': rig.width_m, 'height_m': rig.height_m}
     made = {'from': 'run 3'} | ({'rig': {'name': made_on, **size}} if made_on else {})
-    baseline = make_baseline(
-        rig, rig.grid(90, 50), [empty_photograph], calibration=Calibration(made=made)
-    )
-    told = [line for line in baseline.remarks if 'calibration' in line]
-    assert len(told) == bool(words)
-    assert words in ''.join(told)
+    calibration = Calibration(made=made)
+    doubt = calibration.doubt_about(rig)
+    assert (doubt and doubt.code) == code
+    baseline = make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
+    assert (str(doubt) in baseline.remarks) == (code is not None)

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.calibrating import calibration_pictures
 from porotwin_imaging.calibrating.calibration_pictures import REFUSED, write_fit
-from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused, Objection, Trust
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.tracer.calibration import Calibration, load_calibration
 
 PICTURE = '6_mass.png'
@@ -31,14 +32,12 @@ def target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / 'monday-calibration'
 
 
-def fit_with(*objections: Objection) -> SimpleNamespace:
-    return SimpleNamespace(
-        calibration=Calibration(), trust=Trust(objections), lines=['a line of the fit']
-    )
+def fit_with(*remarks: Remark) -> SimpleNamespace:
+    return SimpleNamespace(calibration=Calibration(), remarks=remarks, lines=['a line of the fit'])
 
 
 GOOD = fit_with()
-BAD = fit_with(Objection('too much tracer', 'a leak', 'weigh it'))
+BAD = fit_with(Remark('calibration', '', 'too much tracer', 'weigh it', refused=True))
 
 
 def names(folder: Path) -> set[str]:

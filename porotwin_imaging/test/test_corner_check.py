@@ -17,20 +17,24 @@ NO_TRACER = np.zeros((2, 2))
 
 
 @pytest.mark.parametrize(
-    ('factor', 'shift', 'words'),
+    ('factor', 'shift', 'share', 'in_quarter'),
     [
-        (1.0, 0.0, ''),
-        (0.5, 0.0, 'the rig covers 14 % of the photograph of 1000 x 700 px, all in one quarter'),
-        (0.25, 0.0, 'the rig covers 4 % of'),
-        (0.5, 250.0, ''),  # in the middle of a wide view
-        (0.3, 300.0, 'the rig covers 5 % of the photograph of 1000 x 700 px'),
+        (1.0, 0.0, None, False),
+        (0.5, 0.0, 0.14, True),
+        (0.25, 0.0, 0.035, True),
+        (0.5, 250.0, None, False),  # in the middle of a wide view
+        (0.3, 300.0, 0.05, False),
     ],
 )
-def test_corners_of_a_smaller_copy_are_odd(factor: float, shift: float, words: str) -> None:
+def test_corners_of_a_smaller_copy_are_odd(
+    factor: float, shift: float, share: float | None, in_quarter: bool
+) -> None:
     corners = [(factor * x + shift, factor * y + shift / 2) for x, y in CORNERS]
     found = small_rig(corners, SIZE)
-    assert found.startswith(words)
-    assert bool(found) is bool(words)
+    assert (found is None) == (share is None)
+    if found is not None:
+        assert found.facts['share'] == pytest.approx(share, abs=0.005)
+        assert bool(found.facts['quarter']) == in_quarter
 
 
 def with_corners(rig: Rig, corners: np.ndarray) -> Rig:
@@ -65,7 +69,8 @@ def test_corners_far_from_the_sand_are_told(laboratory) -> None:
     middle = true.mean(axis=0)
     assert corners_off_the_sand(laboratory.rig, pixels, 1) is None
     lost = with_corners(laboratory.rig, middle + 0.6 * (true - middle))
-    assert 'shows no edge of the sand near' in str(corners_off_the_sand(lost, pixels, 1))
+    off = corners_off_the_sand(lost, pixels, 1)
+    assert off is not None and off.code == 'corners_off_sand'
 
 
 def test_a_dark_baseline_asks_for_its_corners_too(laboratory) -> None:

@@ -95,7 +95,7 @@ def test_a_program_that_hangs_is_ended(camera) -> None:
 def test_a_raw_photograph_is_a_problem(camera) -> None:
     camera.does('echo raw > "${to}IMG_1.CR2"')
     (problem,) = TetheredSource().poll().problems
-    assert problem.reason.startswith("photograph 'IMG_1.CR2' is no JPEG; set the camera to JPEG")
+    assert (problem.key, problem.code) == ('IMG_1.CR2', 'other_format')
 
 
 def test_wrong_ports_settings_and_a_missing_program_are_refused(camera, monkeypatch) -> None:

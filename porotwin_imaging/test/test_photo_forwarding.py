@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.camera.photo_forwarding import PhotoForwarder
 from porotwin_imaging.photograph.sent_photos import SentPhotos
-from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
+from porotwin_imaging.sources.camera_source import CameraPhoto, Polled
 
 NOW = 1.8e9
 """Time of the first photograph [s since 1970]."""
@@ -25,7 +26,7 @@ class Receiver:
     def __init__(self, poll: Callable[[], Polled], sent: SentPhotos | None = None) -> None:
         self.names: list[str] = []
         self.times: list[float] = []
-        self.problems: list[str] = []
+        self.problems: list[tuple[str, str]] = []
         self.lines: list[str] = []
         self.forwarder = PhotoForwarder(
             FakeSource(poll),
@@ -42,9 +43,9 @@ class Receiver:
         self.names.append(photo.name)
         self.times.append(photo.time)
 
-    def _report(self, problem: PhotoProblem) -> None:
-        problem.reason.encode('utf-8')  # as a log does
-        self.problems.append(problem.reason)
+    def _report(self, problem: Remark) -> None:
+        str(problem).encode('utf-8')  # as a log does
+        self.problems.append((problem.key, problem.code))
 
 
 def photo(name: str, time: float) -> CameraPhoto:
@@ -53,19 +54,20 @@ def photo(name: str, time: float) -> CameraPhoto:
 
 def test_a_photograph_that_cannot_be_sent_is_reported_and_the_others_are_sent() -> None:
     photos = [photo(f'{time:g}.jpg', time) for time in (1.0, 2.0, 3.0)]
-    receiver = Receiver(lambda: Polled(photos, [PhotoProblem('0.jpg', 'truncated')]))
+    receiver = Receiver(
+        lambda: Polled(photos, [Remark('0.jpg', '', 'cut', 'copy it', code='truncated')])
+    )
     receiver.forwarder.forward()
     assert receiver.names == ['1.jpg', '3.jpg']
-    assert receiver.problems[0] == 'truncated'
-    assert receiver.problems[1].startswith("photograph '2.jpg' cannot be sent: AssertionError")
+    assert receiver.problems == [('0.jpg', 'truncated'), ('2.jpg', 'unsent')]
 
 
 def test_complaints_are_valid_text_whatever_the_name() -> None:
     name = '\udcff\n.jpg'
-    polled = Polled([photo(name, 1.0)], [PhotoProblem(name, f'{name} is broken')])
+    polled = Polled([photo(name, 1.0)], [Remark(name, '', f'{name} is broken', '', code='broken')])
     receiver = Receiver(lambda: polled)
     receiver.forwarder.forward()
-    assert receiver.problems == [r'\xff\n.jpg is broken']
+    assert receiver.problems == [(r'\xff\n.jpg', 'broken')]
     assert receiver.names == [name]
 
 
@@ -80,7 +82,7 @@ def test_a_poll_that_fails_is_reported_once_and_its_end_as_well() -> None:
     receiver = Receiver(poll)
     for _ in range(3):
         receiver.forwarder.forward()
-    assert receiver.problems == ["looking for photographs failed: RuntimeError('unexpected')"]
+    assert receiver.problems == [('camera', 'absent')]
     assert receiver.forwarder.absent
     fails = False
     receiver.forwarder.forward()
@@ -96,7 +98,7 @@ def test_the_same_picture_again_is_left_out() -> None:
     for _ in range(3):
         receiver.forwarder.forward()
     assert receiver.names == ['0']
-    assert receiver.problems[0] == "photograph '1' is a duplicate of '0': left out"
+    assert receiver.problems[0] == ('1', 'duplicate')
 
 
 def test_stamps_increase_across_a_restart(tmp_path) -> None:

@@ -70,10 +70,12 @@ def test_a_given_rig_replaces_the_recorded_one_with_a_line(
         source = tmp_path / 'bag'
         import_experiment(folder, source)
     assert open_recording(source, rig=bench_rig()).rig == bench_rig()
-    assert not caplog.messages
+    assert not [line for line in caplog.messages if 'another rig.yaml' in line]
     other = bench_rig().model_copy(update={'porosity': 0.5})
     assert open_recording(source, rig=other).rig.porosity == 0.5
-    assert caplog.messages == [f'{source}: read with another rig.yaml, which differs in porosity']
+    assert caplog.messages[-1] == (
+        f'{source}: read with another rig.yaml, which differs in porosity'
+    )
 
 
 def test_a_rig_replaces_a_description_that_cannot_be_read(folder: Path) -> None:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import HOUR_S, MINUTE_S
 
@@ -121,4 +121,4 @@ def _beside_the_pumps(known: Known) -> Iterator[Remark]:
             )
 
 
-CHECK = Check(needs=(), find=_find)
+CHECK = Check(find=_find)

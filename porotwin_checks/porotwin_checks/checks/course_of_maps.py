@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import median_filter
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known, Maps
 from porotwin_checks.tracer_errors import SCALE, believed_change
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray

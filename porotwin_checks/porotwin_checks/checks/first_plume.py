@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import FILLED_SHARE, Known
 from porotwin_checks.start import LONGEST_LATENESS, tracer_beyond_reach
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 
 

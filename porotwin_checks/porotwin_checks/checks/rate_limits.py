@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
 

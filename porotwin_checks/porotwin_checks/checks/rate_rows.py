@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rates.wells import quoted
 

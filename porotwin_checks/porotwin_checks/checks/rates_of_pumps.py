@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.plausibility import plausible_rate_ml_h, rate_remark
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
@@ -55,4 +55,4 @@ def _contradictions(schedule: Schedule, name: str) -> Iterator[Remark]:
             return
 
 
-CHECK = Check(needs=(), find=_find)
+CHECK = Check(find=_find)

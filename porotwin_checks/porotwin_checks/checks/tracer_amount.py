@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import VISIBLE_TRACER, Known, Maps, stock_in_map
 from porotwin_checks.near_wells import ways_out
 from porotwin_checks.start import Start, start_of
 from porotwin_checks.tracer_errors import believed_change, contradict
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray

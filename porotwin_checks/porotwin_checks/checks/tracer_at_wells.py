@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
 from porotwin_checks.near_wells import cells_near
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rates.wells import Schedule
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.check import Check
 from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 
 MOST_UNSEEN = 0.25

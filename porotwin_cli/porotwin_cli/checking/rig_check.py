@@ -1,11 +1,8 @@
 """Checks a rig or a recording: odd and impossible values, and the cost of a prediction."""
 
 import io
-import itertools
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -14,26 +11,28 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from porotwin_checks.all_checks import remarks_about as remarks_about_known
+from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.terminal import gathered_warnings
+from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
-from porotwin_core.rig.oddities import remarks_about, remarks_about_heads
+from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
+from porotwin_core.rig.oddities import remarks_about
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
-from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
+from porotwin_imaging.baseline.corner_check import KEY, odd_corners
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
@@ -46,18 +45,11 @@ from porotwin_solver.effects import EFFECTS, described_physics, observation_oper
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.water_table import TableFlow
-from porotwin_solver.model.engine import BALANCE_TOLERANCE
 from porotwin_solver.model.prediction_cost import (
     PredictionCost,
     prediction_cost,
     slowness_of_this_machine,
 )
-
-MUCH_INJECTED = 100.0
-"""Injected volume over the pore volume above which rates or times are probably wrong [-]."""
-
-LITTLE_INJECTED = 0.01
-"""Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -74,6 +66,9 @@ class PhotoInterval(NamedTuple):
     seconds: float
     origin: str = ''
 
+
+NO_PREDICTION = 'unbalanced_rates'
+"""Code of a remark about rates with which no model predicts, while photographs can be evaluated."""
 
 EFFECTS_KEY = 'effects'
 """Key of a remark about effects that the model refuses."""
@@ -134,7 +129,8 @@ def check(
     remarks = list(found)
     if data is not None:
         with gathered_warnings() as unread:
-            remarks += remarks_about_known(data.known())
+            told = remarks_about_known(data.known())
+        remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
@@ -143,14 +139,16 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
-        remarks += [] if data is None else _pumped(data)
-        photograph, pixels = _photographs(rig, data)
-        remarks += pixels
+        photograph, of_photographs = _photographs(rig, data)
+        remarks += of_photographs
         if photograph is not None and not any(remark.refused for remark in remarks):
-            remarks += _corners_off(rig, photograph)
+            rows, columns = photograph.shape[:2]
+            pixels = np.ascontiguousarray(photograph[..., ::-1])
+            off = odd_corners(rig, pixels, (columns, rows), reduction=1)
+            remarks += [off] if off else []
     levelled = _with_true_levels(rig)
     if levelled.boundaries != rig.boundaries:
-        remarks += remarks_about_heads(levelled)
+        remarks += asked({'heads': RIG_CHECKS['heads']}, levelled)
     runs = not any(remark.refused for remark in remarks)
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
@@ -267,30 +265,6 @@ def _stock_in_zone(rig: Rig) -> Iterator[Remark]:
             )
 
 
-class Pumped(NamedTuple):
-    """What all wells inject [m^3], how much tracer stock is in it [m^3], until when [s]."""
-
-    volume: float
-    stock: float
-    end: float
-
-
-def pumped_in(data: RecordedData) -> Pumped:
-    """Return what all wells inject until the last time of the recording, by the delivered rates."""
-    schedule = data.known_rates or Schedule()
-    times = [row.time for row in schedule.rows] + [photo.time for photo in data.photos]
-    end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
-    injected = [
-        (high - low, well)
-        for low, high, rates in schedule.intervals(0.0, end)
-        for well in rates.values()
-        if well.rate > 0.0
-    ]
-    volume = math.fsum(seconds * well.rate for seconds, well in injected)
-    stock = math.fsum(seconds * well.rate * well.concentration for seconds, well in injected)
-    return Pumped(volume, stock, end)
-
-
 def in_words(checked: CheckedRig) -> list[str]:
     """Return the lines of a check beside its remarks."""
     lines = effects_in_words(checked.effects) + barriers_in_words(checked.rig)
@@ -298,7 +272,7 @@ def in_words(checked: CheckedRig) -> list[str]:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
     if checked.data is not None and (checked.data.commanded or checked.data.measured):
-        pumped = pumped_in(checked.data)
+        pumped = injected(checked.data.known())
         share = pumped.volume / checked.rig.pore_volume
         lines.append(
             f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
@@ -379,35 +353,6 @@ def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     return words
 
 
-def _pumped(data: RecordedData) -> Iterator[Remark]:
-    """Yield the remarks about the rates of all wells together."""
-    running: dict[str, float] = {}
-    rows = data.commanded.rows if data.commanded else ()
-    for time, changes in itertools.groupby(rows, attrgetter('time')):
-        running |= {row.well: row.rate.rate for row in changes}
-        net = math.fsum(running.values())
-        if data.rig.closed and abs(net) > BALANCE_TOLERANCE * math.fsum(map(abs, running.values())):
-            why = f'the rates add up to {to_ml_h(net):.6g} ml/h, but all sides are closed'
-            remedy = 'balance injection and production, or open a side in rig.yaml'
-            yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
-            break
-    volume, _, end = pumped_in(data)
-    pores = data.rig.pore_volume
-    # a pulse of dye into the water of reservoirs is small
-    if 0.0 < volume < LITTLE_INJECTED * pores and resting_water(data.rig):
-        share = percent(volume / pores, 2)
-        why = f'all wells inject {volume * 1e6:.3g} ml, {share} of the pore volume'
-        yield Remark(
-            'rates.csv',
-            '',
-            why,
-            'were the rates in ml/min? Write ml/h, 60 times as much. Times in minutes? Write s',
-        )
-    if volume > MUCH_INJECTED * pores:
-        why = f'all wells inject {volume / pores:.3g} times the pore volume until {end:.4g} s'
-        yield Remark('rates.csv', '', why, 'compare the last times and the rates with the protocol')
-
-
 def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:
     if not rig.wells:
         return None
@@ -455,15 +400,6 @@ def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None
         return None, [*remarks, damaged]
 
 
-def _corners_off(rig: Rig, photograph: np.ndarray) -> list[Remark]:
-    """Return the remark about corners off the sand in a photograph, red-green-blue."""
-    assert rig.camera is not None
-    if small_rig(rig.camera.corners_px, (photograph.shape[1], photograph.shape[0])):
-        return []  # told already, and the edges lie far away
-    off = corners_off_the_sand(rig, np.ascontiguousarray(photograph[..., ::-1]), reduction=1)
-    return [off] if off else []
-
-
 class _LookedAt(NamedTuple):
     """A file of a photograph: its size [px], None if unreadable, and whether it lacks its end."""
 
@@ -491,9 +427,7 @@ def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
     corners, extent = np.array(rig.camera.corners_px), np.array(size)
     beyond = float(np.max(np.maximum(-corners, corners - extent)))
     shown = f'{name} of {size[0]} x {size[1]} px'
-    key, remedy = 'camera.corners_px', REMEDY
     if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
         why = f'a corner lies {beyond:.0f} px outside {shown}'
-        yield Remark(key, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
-    if odd := small_rig(rig.camera.corners_px, size):
-        yield Remark(key, '', odd, remedy)
+        remedy = 'were they read in a copy of another size? correct them'
+        yield Remark(KEY, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])

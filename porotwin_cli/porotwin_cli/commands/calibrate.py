@@ -44,13 +44,16 @@ def command(
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_recording.experiment.recording import odd_lines, open_recording
     from porotwin_recording.tables.one_writer import only_writer
 
     _refuse_other_files(folder)
     target = output or _beside(folder)
     _refuse_complete(target)
     recording = open_recording(folder)
+    for line in odd_lines([recording], OF_MAPS):
+        say(line)
     _check_photos(recording)
     with only_writer(target):
         _refuse_complete(target)  # another call may have ended just now

@@ -104,8 +104,9 @@ def command(
     baseline, cover = uncovered(
         baseline, [photo.read for photo in photos.states], photos.baseline_files
     )
-    for remark in (*baseline.remarks, *((str(cover),) if cover else ())):
-        say(remark)
+    covered = (cover,) if cover else ()
+    for line in (*baseline.remarks, *map(str, covered)):
+        say(line)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     parts = MapParts(output, rig, map_grid, source=source, origin=origin)
     made = write_maps(parts, rig, photos.states, baseline, pool)
@@ -132,9 +133,8 @@ def command(
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': made.entries,
                 'refused': made.refused,
-                'covered_baseline': str(cover) if cover else None,
                 'same_files': [run.entry for run in made.same_files],
-                'remarks': [asdict(remark) for remark in odd],
+                'remarks': [asdict(remark) for remark in (*covered, *odd)],
             }
         )
         return

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from porotwin_cli.terminal import print_json, progress, refuse_existing
+from porotwin_cli.terminal import print_json, progress, refuse_existing, say
 
 ConvertFn = Callable[..., object]
 """Converts (source, target); calls its argument `progress` with the steps done and their total."""
@@ -15,7 +15,8 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
     Raises:
         InputError: `target` exists, or `source` is no recording.
     """
-    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_recording.experiment.recording import odd_lines, open_recording
 
     refuse_existing(target)
     with progress() as bar:
@@ -26,6 +27,8 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     made = open_recording(target)
+    for line in odd_lines([made], OF_MAPS):
+        say(line)
     maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
     if as_json:
         print_json({'output': target, 'maps': maps, 'photographs': photographs})

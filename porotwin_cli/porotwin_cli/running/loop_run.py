@@ -21,6 +21,7 @@ from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_hub.control.plan_controller import PlanModel, plan_controller
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.twin import Twin
 from porotwin_hub.models.forecast import PhysicsModel, no_correction
 from porotwin_hub.operator.setpoint_expiry import SetpointDecision
@@ -98,11 +99,11 @@ def planning_twin(
         controller=plan_controller(
             rig, grid, models, horizon=OPEN_HORIZON_S, interval=scenario.photo_interval
         ),
-        pore_volume=pores,
         began=0.0,
         state_filter=StateFilter(pores, (grid.dz, grid.dx)),
         learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
         pauses=FixedPauses.of(rig),
+        watch=TracerWatch(rig, grid),
     )
 
 

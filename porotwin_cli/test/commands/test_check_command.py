@@ -13,6 +13,7 @@ import yaml
 from cli_examples import porotwin
 from typer.testing import CliRunner
 
+from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.app import app
 from porotwin_cli.checking.rig_check import (
     CheckedRig,
@@ -22,7 +23,6 @@ from porotwin_cli.checking.rig_check import (
     heads_in_words,
     in_words,
     maps_in_words,
-    pumped_in,
     recorded_interval,
 )
 from porotwin_cli.pictures.check_picture import check_picture, shading, well_roles
@@ -275,7 +275,8 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert pumped(tmp_path, '500 500', **closed).runs
     checked = pumped(tmp_path, '800 500', **closed)
     assert not checked.runs
-    assert 'the rates add up to 300 ml/h, but all sides are closed' in str(checked.remarks[0])
+    assert checked.remarks[0].code == 'unbalanced_rates'
+    assert checked.remarks[0].facts['sum_ml_h'] == pytest.approx(300.0)
     assert pumped(tmp_path, '800 500').runs
 
 
@@ -290,7 +291,7 @@ def test_one_extreme_sand_does_not_make_the_others_alike() -> None:
 def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
     data = pumped(tmp_path, '500 500').data
     assert data is not None
-    found = pumped_in(data)
+    found = injected(data.known())
     assert (found.volume, found.stock, found.end) == pytest.approx((250e-6, 250e-6, 1800.0))
     rates = (tmp_path / 'rates.csv').read_text()
     (tmp_path / 'rates.csv').write_text(rates.replace('500,1', '500,0.4'))
@@ -306,7 +307,7 @@ def test_the_injected_stock_is_that_of_the_rates_that_drive_the_model(tmp_path: 
     half = [replace(row.rate, rate=row.rate.rate / 2) for row in data.commanded.rows]
     rows = zip(data.commanded.rows, half, strict=True)
     measured = Schedule(tuple(replace(row, rate=rate) for row, rate in rows))
-    assert pumped_in(replace(data, measured=measured)).stock == pytest.approx(125e-6)
+    assert injected(replace(data, measured=measured).known()).stock == pytest.approx(125e-6)
 
 
 def test_wells_of_a_recording_are_told_by_what_they_do(tmp_path: Path) -> None:
@@ -395,9 +396,8 @@ def test_values_that_are_read_as_unknown_are_told(tmp_path: Path) -> None:
 
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
     assert pumped(tmp_path, '500 500').remarks == ()
-    remarks = [str(remark) for remark in pumped(tmp_path, '8.33 8.33').remarks]
-    words = '4.17 ml, 0.21 % of the pore volume; were the rates in ml/min?'
-    assert any(words in r for r in remarks)
+    told = {one.code: one.facts for one in pumped(tmp_path, '8.33 8.33').remarks}
+    assert told['little_injected']['volume_ml'] == pytest.approx(4.17, abs=0.01)
 
 
 def test_an_injection_of_many_pore_volumes_is_odd(tmp_path: Path) -> None:
@@ -406,7 +406,8 @@ def test_an_injection_of_many_pore_volumes_is_odd(tmp_path: Path) -> None:
         'time_s,well,rate_ml_h,concentration\n'
         '0,injector,500,1\n0,producer,-500,\n3e7,injector,0,0\n3e7,producer,0,\n'
     )
-    assert 'all wells inject 2.12e+03 times the pore volume until 3e+07 s' in told(tmp_path)
+    (remark,) = check(tmp_path).remarks
+    assert (remark.code, remark.facts['end_s']) == ('much_injected', 3e7)
 
 
 def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:

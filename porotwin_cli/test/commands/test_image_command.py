@@ -194,9 +194,10 @@ def test_image_blames_a_covered_baseline_and_not_the_photographs(
     rows, columns, _ = picture.shape
     picture[rows // 3 : 2 * rows // 3, columns // 3 : columns // 2] = (120, 150, 200)
     cv2.imwrite(str(folder / name), picture)
-    command(folder, tmp_path / 'maps.nc', '40x24')
-    told = capsys.readouterr().err
-    assert f'the baseline {folder / name} does not show the sand on' in told
+    command(folder, tmp_path / 'maps.nc', '40x24', as_json=True)
+    answer, told = capsys.readouterr()
+    covered = json.loads(answer)['remarks'][0]
+    assert (covered['code'], covered['facts']['files']) == ('covered_baseline', f' {folder / name}')
     assert 'is covered or damaged in the photograph' not in told
 
 

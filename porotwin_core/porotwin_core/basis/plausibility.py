@@ -5,6 +5,8 @@ value outside `usual` is odd: it is used, with a remark. The remark asks for ano
 number would be usual with that unit.
 """
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from porotwin_core.basis.remark import Remark
@@ -53,6 +55,11 @@ class PlausibleRange:
             remedy=self._guess(value),
             refused=not self.possible[0] <= value <= self.possible[1],
         )
+
+    def remarks(self, key: str, *values: float) -> Iterator[Remark]:
+        """Yield the remark about the first of `values` outside the usual ones."""
+        found = (self.remark(key, value) for value in values)
+        yield from itertools.islice(filter(None, found), 1)
 
     def _guess(self, value: float) -> str:
         low, high = self.usual

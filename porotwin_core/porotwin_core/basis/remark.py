@@ -13,7 +13,7 @@ class Remark:
         key: the thing: a key of `rig.yaml`, a file, or the maps.
         value: its value; empty where there is no single one.
         why: the reason.
-        remedy: the way to mend it.
+        remedy: the way to mend it; empty if the reason names it.
         refused: the severity: an impossible thing must not be used, an odd one may.
         code: the kind of the oddity. Programs and tests compare it, because words may change.
         facts: the evidence that the words state, by names with units: numbers and places.
@@ -40,4 +40,4 @@ class Remark:
     def __str__(self) -> str:
         """Return the remark on one line."""
         about = f'{self.key} is {self.value}: ' if self.value else f'{self.key}: '
-        return f'{about}{self.why}; {self.remedy}'
+        return about + '; '.join(filter(None, (self.why, self.remedy)))

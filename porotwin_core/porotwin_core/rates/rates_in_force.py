@@ -22,6 +22,9 @@ CONCENTRATION_TOLERANCE = 1e-6
 SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
 """Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
+BALANCE_TOLERANCE = 1e-9
+"""Net rate, relative to the sum of all, that counts as balanced in a rig with closed sides."""
+
 PUMP_ACCURACY = 0.02
 """Share of its rate by which a pump may be wrong without a remark; the paper's producer delivers
 1 % too little (section 4)."""

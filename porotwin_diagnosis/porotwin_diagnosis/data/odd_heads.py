@@ -1,7 +1,7 @@
 """Looks for oddities of the water levels beyond the open sides."""
 
 from porotwin_core.rig import Rig
-from porotwin_core.rig.oddities import remarks_about_heads
+from porotwin_core.rig.checks.heads import remarks_about_heads
 from porotwin_solver.effects.water_level import with_true_levels
 
 

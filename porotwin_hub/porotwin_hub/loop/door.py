@@ -6,6 +6,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import plausible_rate_ml_h
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import percent, to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.rates_in_force import KnownRates, balanced
@@ -28,16 +29,19 @@ class StateNumbers:
         self._last: int | None = None
         self._strange: int | None = None
 
-    def doubt(self, number: int) -> str:
-        """Return why the state `number` may come from another node, or an empty string."""
+    def doubt(self, number: int) -> Remark | None:
+        """Return the remark that the state `number` may come from another node; None if not."""
         expected = (None, number - 1)
         if number == 0 or self._last in expected or self._strange == number - 1:
             self._last, self._strange = number, None
-            return ''
+            return None
         self._strange = number
-        return (
-            f'its number is {number} after {self._last}; states were lost, or a second node '
-            'publishes asset/new_state'
+        return Remark.of(
+            'asset/new_state',
+            'other_number',
+            'its number is {number} after {last}; states were lost, or a second node publishes it',
+            number=number,
+            last=self._last,
         )
 
 

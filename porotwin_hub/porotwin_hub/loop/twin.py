@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.clock.stamps import believed_start
-from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.model.state_filter import StateFilter
@@ -29,14 +29,13 @@ from porotwin_core.rates.rates_in_force import (
 )
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_hub.control.controller import Planner
-from porotwin_hub.estimation.pale_wells import PaleWells
 from porotwin_hub.estimation.rate_learning import (
     DeliveringModel,
     PumpFactor,
     RateLearner,
     correcting_delivered,
 )
-from porotwin_hub.estimation.tracer_balance import PumpedTracer
+from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.cycle import Cycle, Observation
 from porotwin_hub.loop.photo_pace import FEWEST, odd_pace
 from porotwin_hub.loop.setpoint_choice import SetpointChoice
@@ -63,12 +62,11 @@ class Twin:
         photo_interval: float,
         controller: Planner | None = None,
         assumed: WellRates | None = None,
-        pore_volume: FloatArray | None = None,
         began: float | None = None,
         state_filter: StateFilter | None = None,
         learner: RateLearner | None = None,
         pauses: FixedPauses = NO_PAUSES,
-        wells: PaleWells | None = None,
+        watch: TracerWatch | None = None,
     ) -> None:
         """Make the loop.
 
@@ -78,17 +76,14 @@ class Twin:
             photo_interval: time between photographs [s]; how far a forecast looks ahead.
             controller: chooses setpoints; None: the twin predicts and does not control.
             assumed: rates until any are known, without a controller; None: all wells are off.
-            pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
-                tracer; None: no balance is made.
             began: time of the start of the experiment [s]; None: the first observation.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
             learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
             pauses: announced pauses of the fixed wells, since the start of the experiment.
-            wells: looks for wells that are paler than what they inject; None: nobody looks.
+            watch: compares the tracer in photographs with that of the pumps; None: nobody does.
         """
-        self._wells = wells
-        self._balance = None if pore_volume is None else PumpedTracer(pore_volume)
+        self._watch = watch
         self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
@@ -118,10 +113,8 @@ class Twin:
         self._state = None
         self._forecast = None
         self._times.clear()
-        if self._wells is not None:
-            self._wells.forget()
-        if self._balance is not None:
-            self._balance.forget()
+        if self._watch is not None:
+            self._watch.forget()
         self._estimation.interrupt()
         if self._learner is not None:
             self._learner.interrupt()
@@ -240,7 +233,7 @@ class Twin:
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         self._times.append(now)
         if odd := odd_pace(self._times, self._photo_interval):
-            cycle.remarks.append(odd)
+            cycle.remarks.append(str(odd))
         if gap > self._longest_gap:
             cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
         if self._state is not None:
@@ -303,27 +296,27 @@ class Twin:
         """Compare the observation with its forecast, or with one made now for its time."""
         if self._state is None or not cycle.periods:
             return
-        if self._wells is not None:
+        if self._watch is not None:
             seen = cycle.observation
-            remark = self._wells.remark(seen.concentration, seen.time, cycle.periods)
+            remark = self._watch.at_wells(seen.concentration, seen.time, cycle.periods)
             cycle.remarks += [str(remark)] if remark else []
         if cycle.elapsed is None:
             try:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
-                if self._balance is not None:
-                    self._balance.forget()
+                if self._watch is not None:
+                    self._watch.forget_amount()
                 return
         cycle.prediction_error = relative_error(cycle.elapsed.predicted, cycle.observed)
         cycle.corrected_error = relative_error(cycle.elapsed.corrected, cycle.observed)
-        if self._balance is not None:
+        if self._watch is not None:
             periods = cycle.periods
             factor = 1.0
             if self._learner is not None:
                 factor = self._learner.tracer_factor(periods).factor
                 periods = self._learner.metered(periods)
-            remark = self._balance.remark(
+            remark = self._watch.amount(
                 cycle.observation.concentration,
                 self._state.concentration,
                 cycle.elapsed.predicted,

@@ -26,7 +26,7 @@ from porotwin_imaging.baseline.baseline_mask import (
     texture,
 )
 from porotwin_imaging.baseline.baseline_subtraction import log_ratio
-from porotwin_imaging.baseline.corner_check import REMEDY, corners_off_the_sand, small_rig
+from porotwin_imaging.baseline.corner_check import odd_corners as find_odd_corners
 from porotwin_imaging.geometry.alignment import ReferenceFeatures, align, reference_features
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.geometry.frame import VALIDITY
@@ -153,7 +153,7 @@ def make_baseline(
         )
     used_calibration = calibration or Calibration()
     used_calibration.check_rig(rig)
-    doubt = calibration.doubt_about(rig) if calibration else ''
+    doubt = calibration.doubt_about(rig) if calibration else None
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it
@@ -171,7 +171,8 @@ def make_baseline(
     sampling = Sampling.of(geometry, grid, reduction)
     with named(called[0]):
         refuse_grey_baseline(first, used_calibration.signal)
-        odd_corners = _remarks_on_corners(rig, first, size, reduction)
+        off = find_odd_corners(rig, first, size, reduction)
+        odd_corners = [str(off)] if off else []
         features = reference_features(first, _inside_rig(camera, first.shape, reduction))
         first_colours = linear_light(sampling.sample(first))
         mask = baseline_mask(
@@ -204,7 +205,7 @@ def make_baseline(
         calibrated=calibration is not None,
         sand_factors=used_calibration.factor_map(grid),
         remarks=(
-            *([doubt] if doubt else []),
+            *([str(doubt)] if doubt else []),
             *odd_corners,
             *remarks,
             *over_exposed,
@@ -249,17 +250,6 @@ def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
         f'photograph is {size[0]} x {size[1]} px, but camera.corners_px reach to '
         f'{corners.max(axis=0).tolist()}; {remedy}'
     )
-
-
-def _remarks_on_corners(
-    rig: Rig, pixels: NDArray[np.uint8], size: tuple[int, int], reduction: int
-) -> list[str]:
-    """Return a remark if the corners belong to a smaller copy, or lie off the sand."""
-    assert rig.camera is not None
-    if small := small_rig(rig.camera.corners_px, size):
-        return [f'camera.corners_px in rig.yaml: {small}; {REMEDY}']
-    off = corners_off_the_sand(rig, pixels, reduction)
-    return [str(off)] if off else []
 
 
 def _no_sand(odd_corners: Sequence[str]) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import percent
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.baseline.edge_search import SeenEdge, Side, seen_edges
 from porotwin_imaging.geometry.corners_and_lens import Geometry
@@ -22,7 +21,12 @@ HALF = 0.52
 """Corners of a copy of half the size lie within this share of width and height: a little more than
 half, because corners of a rig may lie just outside the photograph."""
 
-REMEDY = 'were they read in a copy of another size? correct them'
+KEY = 'camera.corners_px in rig.yaml'
+
+SMALL = (
+    'the rig covers {share:.0%} of the photograph of {width} x {height} px{quarter}; were they '
+    'read in a copy of another size? correct them'
+)
 
 LEAST_OFF = 0.01
 """Distance of a corner from an edge of the sand that is told, relative to the longer side of the
@@ -42,8 +46,20 @@ CORNERS: tuple[tuple[str, tuple[Side, bool], tuple[Side, bool]], ...] = (
 corner lies at the end of the side."""
 
 
-def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> str:
-    """Return a remark about a rig of small size in its photograph; '' for other rigs.
+def odd_corners(
+    rig: Rig, pixels: NDArray[np.uint8], size: tuple[int, int], reduction: float
+) -> Remark | None:
+    """Return the remark that the corners belong to a smaller copy, or lie off the sand.
+
+    The file has the `size` [px]; `corners_off_the_sand` describes the other arguments.
+    """
+    assert rig.camera is not None
+    small = small_rig(rig.camera.corners_px, size)
+    return small or corners_off_the_sand(rig, pixels, reduction)
+
+
+def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> Remark | None:
+    """Return a remark about a rig of small size in its photograph; None for other rigs.
 
     Args:
         corners: columns and rows of the corners [px].
@@ -54,8 +70,9 @@ def small_rig(corners: Sequence[tuple[float, float]], size: tuple[int, int]) -> 
     in_one_half = (places <= HALF).all(axis=0) | (places >= 1.0 - HALF).all(axis=0)
     quarter = ', all in one quarter of it' if in_one_half.all() else ''
     if part >= SMALL_IN_PHOTOGRAPH and not quarter:
-        return ''
-    return f'the rig covers {percent(part)} of the photograph of {size[0]} x {size[1]} px{quarter}'
+        return None
+    facts = {'share': part, 'width': size[0], 'height': size[1], 'quarter': quarter}
+    return Remark.of(KEY, 'small_rig', SMALL, **facts)
 
 
 def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) -> Remark | None:
@@ -73,11 +90,11 @@ def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) 
     assert rig.camera is not None  # Geometry.of has checked it
     edges = seen_edges(pixels, geometry, reduction)
     if not edges and _shows_surroundings(geometry, rig.camera, pixels, reduction):
-        return Remark(
-            'camera.corners_px in rig.yaml',
-            '',
-            'the photograph shows no edge of the sand near the given corners',
-            'look whether they lie on its corners: ./porotwin check draws them',
+        return Remark.of(
+            KEY,
+            'corners_off_sand',
+            'the photograph shows no edge of the sand near the given corners; look whether they '
+            'lie on its corners: ./porotwin check draws them',
         )
     least = LEAST_OFF * max(rig.width_m, rig.height_m)
     told, remedy = [], 'correct them'
@@ -104,7 +121,7 @@ def corners_off_the_sand(rig: Rig, pixels: NDArray[np.uint8], reduction: float) 
     if not told:
         return None
     why = f'the photograph shows other corners of the sand: {"; ".join(told)}'
-    return Remark('camera.corners_px in rig.yaml', '', why, remedy)
+    return Remark(KEY, '', why, remedy, code='corners_off_sand')
 
 
 def _shows_surroundings(

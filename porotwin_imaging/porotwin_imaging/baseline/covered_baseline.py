@@ -7,7 +7,7 @@ baseline.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.photo_cells import PhotoCells, photo_cells
 from porotwin_imaging.baseline.validity import hidden_sand
@@ -22,7 +23,6 @@ from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.photograph.linear_light import linear_light
-from porotwin_imaging.photograph.photo_names import named
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -41,45 +41,17 @@ _MARGIN = np.ones((3, 3), np.uint8)
 """One block around a hole is left out as well: corners and blurred rims look like sand."""
 _NAMED = 3
 """Baselines that a message names."""
-REASONS = 'a hand or an object was before it, or the sand has changed since'
-REMEDY = 'take another baseline'
-
-
-@dataclass(frozen=True)
-class Cover:
-    """Sand that the baseline does not show, and later photographs do.
-
-    Attributes:
-        share: its share of the sand [-].
-        photographs: photographs that agree with each other there.
-        names: names of the baselines.
-    """
-
-    share: float
-    photographs: int
-    names: tuple[str, ...]
-
-    @property
-    def finding(self) -> str:
-        """The finding with the name of the file."""
-        files = ', '.join(name for name in self.names[:_NAMED] if name)
-        return (
-            f'the baseline{f" {files}" if files else ""} does not show the sand on '
-            f'{100 * self.share:.1f} % of the rig, where {self.photographs} later photographs '
-            'agree with each other'
-        )
-
-    def __str__(self) -> str:
-        """One line for the operator."""
-        return (
-            f'{self.finding}: {REASONS}; {REMEDY}. Until then these cells are left out of all maps'
-        )
+COVERED = (
+    'the baseline{files} does not show the sand on {share:.1%} of the rig, where {photographs} '
+    'later photographs agree with each other; a hand or an object was before it, or the sand has '
+    'changed since: take another baseline. Until then these cells are left out of all maps'
+)
 
 
 def uncovered(
     baseline: Baseline, photographs: Sequence[Callable[[], bytes]], names: Sequence[str] = ()
-) -> tuple[Baseline, Cover | None]:
-    """Return the baseline without its covered sand, and the cover.
+) -> tuple[Baseline, Remark | None]:
+    """Return the baseline without its covered sand, and the remark about it; None if all is seen.
 
     Args:
         baseline: the baseline.
@@ -100,10 +72,17 @@ def uncovered(
     share = baseline.sampling.cell_means(usable.astype(np.float32))
     sand = baseline.share > VALIDITY.least_visible_share
     lost = float((sand & (share <= VALIDITY.least_visible_share)).sum() / max(1, sand.sum()))
-    cover = Cover(lost, count, tuple(names))
+    files = ', '.join(name for name in names[:_NAMED] if name)
+    cover = Remark.of(
+        'baseline',
+        'covered_baseline',
+        COVERED,
+        files=files and f' {files}',
+        share=lost,
+        photographs=count,
+    )
     if lost > VALIDITY.most_hidden:
-        with named(names[0] if names else ''):
-            raise InputError(f'{Cover(lost, count, ()).finding}: {REASONS}; {REMEDY}')
+        raise InputError(str(cover))
     return replace(baseline, usable=usable, share=share), cover
 
 

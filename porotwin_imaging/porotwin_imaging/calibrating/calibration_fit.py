@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
@@ -42,7 +43,7 @@ from porotwin_imaging.calibrating.calibration_findings import (
     sand_evidence,
     worst_dilution,
 )
-from porotwin_imaging.calibrating.calibration_trust import Trust, judged
+from porotwin_imaging.calibrating.calibration_trust import judged
 from porotwin_imaging.calibrating.compared_injection import (
     ComparedInjection,
     compare_injection,
@@ -108,7 +109,7 @@ class CalibrationFit:
     Attributes:
         calibration: the result.
         evidence: findings in the photographs, for the judgement of the calibration.
-        trust: the judgement; its objections refuse the calibration.
+        remarks: the judgement; it is refused if one of them is.
         lines: a summary for the operator, one line per step.
         response: the fit of the response.
         dilutions: known dilutions with their relative signals.
@@ -122,7 +123,7 @@ class CalibrationFit:
 
     calibration: Calibration
     evidence: CalibrationEvidence
-    trust: Trust
+    remarks: tuple[Remark, ...]
     lines: list[str]
     response: ResponseFit
     dilutions: list[Dilution]
@@ -214,8 +215,8 @@ def fit_calibration(
     evidence = _evidence(injection, plumes_seen, stock, response, fronts, known, dilutions)
     plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
     edges = sand_edges(seen.baseline.mask.unlit)
-    trust = judged(evidence, plume, edges, seen.cover)
-    lines += [*evidence_lines(evidence), *trust.remarks]
+    remarks = judged(evidence, plume, edges, seen.cover)
+    lines += [*evidence_lines(evidence), *(str(one) for one in remarks if not one.refused)]
     labels, factors = plumes_seen.labels, plumes_seen.factors
     calibration = Calibration(
         plumes_seen.choice.signal,
@@ -230,7 +231,7 @@ def fit_calibration(
     return CalibrationFit(
         calibration=calibration,
         evidence=evidence,
-        trust=trust,
+        remarks=remarks,
         lines=lines,
         response=response,
         dilutions=known,

@@ -15,7 +15,7 @@ from porotwin_core.basis.whole_folder import whole_folder
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.calibrating.calibration_evidence import SOURCES, Anchor
 from porotwin_imaging.calibrating.calibration_fit import CalibrationFit
-from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused, refusal
 from porotwin_imaging.light.colour_checker import REFERENCE
 from porotwin_imaging.tracer.calibration import save_calibration
 from porotwin_imaging.tracer.calibration_keys import FILE_NAME
@@ -40,19 +40,19 @@ def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
         InputError: the folder may not be written.
         OSError: the disk is full or fails.
     """
-    refused = bool(fit.trust.objections)
+    refused = any(one.refused for one in fit.remarks)
     with writing(folder):
         with whole_folder(folder, replaces=True) as unfinished:
             pictures = draw_fit(fit, unfinished)
             if refused:
-                reasons = fit.trust.refusal + '\n'
+                reasons = refusal(fit.remarks) + '\n'
                 (unfinished / REFUSED).write_text(reasons, encoding='utf-8')
             else:
                 save_calibration(fit.calibration, unfinished / FILE_NAME)
         # last, because the next call may write a folder that holds REFUSED
         (folder / (FILE_NAME if refused else REFUSED)).unlink(missing_ok=True)
     if refused:
-        raise CalibrationRefused(fit.trust.refusal, fit.lines, folder / _REASONS_SEEN)
+        raise CalibrationRefused(refusal(fit.remarks), fit.lines, folder / _REASONS_SEEN)
     return [folder / picture.name for picture in pictures]
 
 

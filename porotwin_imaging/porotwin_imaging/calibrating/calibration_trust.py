@@ -8,19 +8,20 @@ every photograph. It is refused, with the likely reasons and with the photograph
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
-from porotwin_imaging.baseline.covered_baseline import REASONS, REMEDY, Cover
 from porotwin_imaging.baseline.sand_edges import EdgeEvidence
 from porotwin_imaging.calibrating.calibration_evidence import (
     CalibrationEvidence,
     PhotographEvidence,
     SandEvidence,
 )
-from porotwin_imaging.calibrating.core_trend import TRUST, CoreTrend, core_trend
+from porotwin_imaging.calibrating.core_trend import TRUST, core_trend
 from porotwin_imaging.calibrating.plume_evidence import PlumeEvidence
 
 _NAMED_PHOTOGRAPHS = 3
@@ -44,53 +45,25 @@ class CalibrationRefused(InputError):  # noqa: N818  a state of the work
         self.picture = picture
 
 
-@dataclass(frozen=True)
-class Objection:
-    """A reason not to trust a calibration.
-
-    Attributes:
-        finding: the disagreement, with its figures.
-        reasons: the likely reasons.
-        remedy: the photograph or the check that would mend it.
-    """
-
-    finding: str
-    reasons: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f'{self.finding}; likely: {self.reasons}; {self.remedy}'
+_remark = partial(Remark.of, 'calibration')
 
 
-@dataclass(frozen=True)
-class Trust:
-    """The judgement of a calibration.
-
-    Attributes:
-        objections: reasons to refuse it, the most telling first; empty if it can be trusted.
-        remarks: lines that a user of its maps should know.
-    """
-
-    objections: tuple[Objection, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def refusal(self) -> str:
-        """The objections in one line; empty if the calibration can be trusted."""
-        if not self.objections:
-            return ''
-        first, *others = self.objections
-        also = f' (also: {"; ".join(one.finding for one in others)})' if others else ''
-        return f'calibration refused: {first}{also}'
+def refusal(remarks: Sequence[Remark]) -> str:
+    """Return the line about the refused things among `remarks`; empty without any."""
+    first, *others = (one for one in remarks if one.refused)
+    also = f' (also: {"; ".join(one.why for one in others)})' if others else ''
+    return f'calibration refused: {first.why}; {first.remedy}{also}'
 
 
 def judged(
     evidence: CalibrationEvidence,
     plume: PlumeEvidence,
     edges: Sequence[EdgeEvidence] = (),
-    cover: Cover | None = None,
-) -> Trust:
-    """Return the judgement of a calibration.
+    cover: Remark | None = None,
+) -> tuple[Remark, ...]:
+    """Return the remarks about a calibration.
+
+    Those that refuse it come first, the most telling one before the others.
 
     Args:
         evidence: the findings of the fit.
@@ -98,22 +71,23 @@ def judged(
         edges: edges of the sand against the description of the camera.
         cover: sand that the baseline does not show; it explains every other objection.
     """
-    objections = _objections(evidence, plume, edges)
-    if objections and cover:
-        objections = (Objection(cover.finding, REASONS, REMEDY), *objections)
-    return Trust(objections, tuple(_remarks(evidence, plume)))
+    found = _objections(evidence, plume, edges)
+    if found and cover:
+        found = (cover, *found)
+    refused = tuple(replace(one, refused=True) for one in found)
+    return (*refused, *_odd(evidence, plume))
 
 
 def _objections(
     evidence: CalibrationEvidence,
     plume: PlumeEvidence,
     edges: Sequence[EdgeEvidence],
-) -> tuple[Objection, ...]:
-    """Return the objections to a calibration, the most telling first."""
+) -> tuple[Remark, ...]:
+    """Return the reasons to refuse a calibration, the most telling first."""
     hollow = tuple(_hollow(plume))
     amount = tuple(_amount(evidence, plume))
     # tracer in the baseline also makes masses wrong, a wrong well also makes its place pale
-    hollow_and_amount = (*amount, *hollow) if _elsewhere(plume) else (*hollow, *amount)
+    hollow_and_amount = (*amount, *hollow) if plume.is_elsewhere else (*hollow, *amount)
     return tuple(
         itertools.chain(
             _absence(evidence, plume),
@@ -129,31 +103,35 @@ def _objections(
     )
 
 
-def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
+def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:
     """Yield an objection if no plume is seen where the pump log injected one."""
     if evidence.anchor == 'mass' and plume.told_wells and not plume.seen_wells:
-        yield Objection(
-            f'no plume is seen at well {" or ".join(plume.told_wells)}',
-            'a dye that hardly darkens the sand, the wells in rig.yaml, or photographs of another '
-            'experiment',
-            'photograph an injection of a dye that is plainly seen',
+        yield _remark(
+            'unseen_plume',
+            'no plume is seen at well {wells}; likely: a dye that hardly darkens the sand, the '
+            'wells in rig.yaml, or photographs of another experiment; photograph an injection of a '
+            'dye that is plainly seen',
+            wells=' or '.join(plume.told_wells),
         )
 
 
-def _place(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
+def _place(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:
     """Yield an objection if the plume lies away from every well that injects tracer."""
     if plume.apart > TRUST.most_apart:
-        yield Objection(
-            f'the plume lies {100 * plume.apart:.0f} % of the width of the rig away from well '
-            f'{" and ".join(plume.told_wells)}, which injects in the pump log'
-            f'{_elsewhere(plume)}',
-            'photographs that are turned or mirrored, camera.corners_px in another order, the well '
-            f'in {evidence.rates_file}, or the wells in rig.yaml',
+        yield _remark(
+            'misplaced_plume',
+            'the plume lies {apart:.0%} of the width of the rig away from well {wells}, which '
+            'injects in the pump log{elsewhere}; likely: photographs that are turned or mirrored, '
+            'camera.corners_px in another order, the well in {file}, or the wells in rig.yaml; '
             'correct these until the plume begins at its well, and calibrate again',
+            apart=plume.apart,
+            wells=' and '.join(plume.told_wells),
+            elsewhere=_elsewhere(plume),
+            file=evidence.rates_file,
         )
 
 
-def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
+def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:
     """Yield an objection if plume and pump log do not hold the same amount of tracer."""
     measured = evidence.anchor in ('core', 'dilutions')
     factor = evidence.mass_factor if measured else plume.filled
@@ -161,58 +139,65 @@ def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Obj
     if not factor > 0 or abs(math.log(factor)) <= math.log(allowed):
         return
     more = factor < 1
-    ratio = 1 / factor if more else factor
     volumes = f'{ML * plume.fluid:.3g} ml injected'
     if math.isfinite(plume.pore_volume):  # a plume without a core has no volume
         volumes = f'{ML * plume.pore_volume:.0f} ml of pores, {volumes}'
-    wells = _elsewhere(plume)
-    small = '' if measured else 'a plume too small to have a core of stock, '
-    yield Objection(
-        f'the pump log injected {ratio:.2f} times {"more" if more else "less"} tracer than the '
-        f'plume holds ({volumes})',
-        f'{small}rates, unit or times in {evidence.rates_file}, stamps of the photographs, '
-        f'{"a leaking well" if more else "another well that injects"}, porosity or depth in '
-        f'rig.yaml{wells}',
-        f'weigh the stock before and after, correct {evidence.rates_file} or rig.yaml, and '
-        'calibrate again',
+    yield _remark(
+        'less_tracer_than_log' if more else 'more_tracer_than_log',
+        'the pump log injected {ratio:.2f} times {sense} tracer than the plume holds ({volumes}); '
+        'likely: {small}rates, unit or times in {file}, stamps of the photographs, {well}, '
+        'porosity or depth in rig.yaml{elsewhere}; weigh the stock before and after, correct '
+        '{file} or rig.yaml, and calibrate again',
+        ratio=1 / factor if more else factor,
+        sense='more' if more else 'less',
+        volumes=volumes,
+        small='' if measured else 'a plume too small to have a core of stock, ',
+        well='a leaking well' if more else 'another well that injects',
+        elsewhere=_elsewhere(plume),
+        file=evidence.rates_file,
     )
 
 
 def _elsewhere(plume: PlumeEvidence) -> str:
     """Return words about a plume at another well than the pump log says, empty otherwise."""
-    if (
-        not plume.told_wells
-        or not plume.seen_wells
-        or set(plume.told_wells) & set(plume.seen_wells)
-    ):
+    if not plume.is_elsewhere:
         return ''
-    return (
-        f'; the plume is at well {" and ".join(plume.seen_wells)}, the pump log says '
-        f'{" and ".join(plume.told_wells)}'
-    )
+    seen, told = (' and '.join(wells) for wells in (plume.seen_wells, plume.told_wells))
+    return f', while the plume is at well {seen}, and the pump log says {told}'
 
 
-def _hollow(plume: PlumeEvidence) -> Iterator[Objection]:
+def _hollow(plume: PlumeEvidence) -> Iterator[Remark]:
     """Yield an objection if the plume is pale where its tracer came from."""
     if plume.hollow < TRUST.least_hollow:
-        yield Objection(
-            f'the plume is pale at its own well ({100 * plume.hollow:.0f} % of its level)',
-            'the baseline shows tracer already, or water followed the tracer',
-            'take the baseline before any tracer and photograph the injection from its start',
+        yield _remark(
+            'pale_well',
+            'the plume is pale at its own well ({level:.0%} of its level); likely: the baseline '
+            'shows tracer already, or water followed the tracer; take the baseline before any '
+            'tracer and photograph the injection from its start',
+            level=plume.hollow,
         )
 
 
-def _early_or_late(evidence: CalibrationEvidence) -> Iterator[Objection]:
+def _early_or_late(evidence: CalibrationEvidence) -> Iterator[Remark]:
     """Yield an objection if there was tracer before the injection, or less than none."""
     if abs(evidence.mass_offset) > TRUST.most_offset:
-        early = evidence.mass_offset > 0
-        yield Objection(
-            f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
-            f'{"seen before" if early else "missing from"} the start of the pump log',
-            'the clock of the camera against that of the pumps, tracer in the baseline, or light '
-            'that drifts',
-            'set the clocks, take the baseline just before the injection, and calibrate again',
+        yield _offset(
+            evidence,
+            'likely: the clock of the camera against that of the pumps, tracer in the baseline, or '
+            'light that drifts; set the clocks, take the baseline just before the injection, and '
+            'calibrate again',
         )
+
+
+def _offset(evidence: CalibrationEvidence, remedy: str) -> Remark:
+    """Return the remark about tracer before the injection, or too little after it."""
+    early = evidence.mass_offset > 0
+    return _remark(
+        'tracer_before_log' if early else 'tracer_after_log',
+        f'{{share:.0%}} of the tracer is {{sense}} the start of the pump log; {remedy}',
+        share=abs(evidence.mass_offset),
+        sense='seen before' if early else 'missing from',
+    )
 
 
 def _too_few_agree(evidence: CalibrationEvidence) -> bool:
@@ -221,63 +206,61 @@ def _too_few_agree(evidence: CalibrationEvidence) -> bool:
     return total > 0 and (total - apart) / total < TRUST.least_followers
 
 
-def _changing_cores(evidence: CalibrationEvidence) -> Iterator[Objection]:
+def _changing_cores(evidence: CalibrationEvidence) -> Iterator[Remark]:
     """Yield an objection if photographs disagree because the cores change steadily in time.
 
     It comes before the masses: without one level of stock, they have no scale.
     """
     trend = core_trend(evidence.photographs)
-    if trend is not None and _too_few_agree(evidence):
-        yield _rising(trend, evidence.rates_file) if trend.rises else _falling(trend)
-
-
-def _rising(trend: CoreTrend, rates_file: str) -> Objection:
-    """Return the objection that the cores get darker in time."""
-    return Objection(
-        f'the core of the plume gets steadily darker ({_course(trend)})',
-        'dye that stays on the sand (sorption, a stain), first stock that water in the tube '
-        f'diluted, or stock that is stronger later than in {rates_file}',
-        'flush with clean water and photograph: colour that is left is a stain, and needs another '
-        'dye; otherwise fill the tube with stock up to the well, inject again, and photograph a '
-        'known dilution',
+    if trend is None or not _too_few_agree(evidence):
+        return
+    yield _remark(
+        'darker_cores' if trend.rises else 'paler_cores',
+        'the core of the plume gets steadily {sense} ({first:.2f} of stock at {first_s:.0f} s, '
+        f'{{last:.2f}} at {{last_s:.0f}} s); {_DARKER if trend.rises else _PALER}',
+        sense='darker' if trend.rises else 'paler',
+        first=trend.first.core_level,
+        first_s=trend.first.time,
+        last=trend.last.core_level,
+        last_s=trend.last.time,
+        file=evidence.rates_file,
     )
 
 
-def _falling(trend: CoreTrend) -> Objection:
-    """Return the objection that the cores get paler in time."""
-    return Objection(
-        f'the core of the plume gets steadily paler ({_course(trend)})',
-        'tracer that fades, light that drifts, or water that enters',
-        'inject fresh stock and photograph: if it is pale too, keep the light steady; if '
-        'not, stop all pumps: a core that still gets paler fades, and needs another dye',
-    )
+_DARKER = (
+    'likely: dye that stays on the sand (sorption, a stain), first stock that water in the tube '
+    'diluted, or stock that is stronger later than in {file}; flush with clean water and '
+    'photograph: colour that is left is a stain, and needs another dye; otherwise fill the tube '
+    'with stock up to the well, inject again, and photograph a known dilution'
+)
+_PALER = (
+    'likely: tracer that fades, light that drifts, or water that enters; inject fresh stock and '
+    'photograph: if it is pale too, keep the light steady; if not, stop all pumps: a core that '
+    'still gets paler fades, and needs another dye'
+)
 
 
-def _course(trend: CoreTrend) -> str:
-    """Return the first and the last level of the cores with their times."""
-    first, last = trend.first, trend.last
-    return (
-        f'{first.core_level:.2f} of stock at {first.time:.0f} s, {last.core_level:.2f} at '
-        f'{last.time:.0f} s'
-    )
-
-
-def _followers(evidence: CalibrationEvidence) -> Iterator[Objection]:
+def _followers(evidence: CalibrationEvidence) -> Iterator[Remark]:
     """Yield objections if too few photographs agree, or agree too loosely."""
     total, apart = len(evidence.photographs), evidence.disagreeing
     if _too_few_agree(evidence):
         if core_trend(evidence.photographs) is None:
-            yield Objection(
-                f'{total - len(apart)} of {total} photographs agree ({_named(apart)})',
-                'hands, shadows or reflections, a moved camera, or times in imaging.csv',
-                'photograph the injection again with steady light and camera',
+            yield _remark(
+                'disagreeing_photographs',
+                '{agreeing} of {total} photographs agree ({named}); likely: hands, shadows or '
+                'reflections, a moved camera, or times in imaging.csv; photograph the injection '
+                'again with steady light and camera',
+                agreeing=total - len(apart),
+                total=total,
+                named=_named(apart),
             )
     elif evidence.mass_misfit > TRUST.most_mass_misfit:
-        yield Objection(
-            f'the tracer in the photographs scatters by {100 * evidence.mass_misfit:.0f} % about '
-            'the pump log',
-            'unsteady pumps, times in imaging.csv, or light that changes',
-            'photograph an injection at one constant rate with steady light',
+        yield _remark(
+            'scattered_masses',
+            'the tracer in the photographs scatters by {scatter:.0%} about the pump log; likely: '
+            'unsteady pumps, times in imaging.csv, or light that changes; photograph an injection '
+            'at one constant rate with steady light',
+            scatter=evidence.mass_misfit,
         )
 
 
@@ -285,22 +268,26 @@ def _named(photographs: Sequence[PhotographEvidence]) -> str:
     """Return the first photographs with their reasons."""
     named = [f'{one.time:g} s: {one.disagreement}' for one in photographs[:_NAMED_PHOTOGRAPHS]]
     more = len(photographs) - len(named)
-    return '; '.join(named) + (f'; and {more} more' if more > 0 else '')
+    return ', '.join(named) + (f', and {more} more' if more > 0 else '')
 
 
-def _sands(sands: Sequence[SandEvidence]) -> Iterator[Objection]:
+def _sands(sands: Sequence[SandEvidence]) -> Iterator[Remark]:
     """Yield an objection if a sand needs a factor that no sand has."""
-    wrong = [
-        f'sand {number} x {one.factor:.2f}'
+    wrong = {
+        number: one.factor
         for number, one in enumerate(sands)
         if one.source != 'prior' and (one.at_bound or not _plausible(one.factor))
-    ]
+    }
     if wrong:
-        yield Objection(
-            f'the same tracer would look {TRUST.most_factor:g} times stronger in one sand than '
-            f'in another ({", ".join(wrong)})',
-            'sands.png takes lamps or tubes for sand, or the corners of the camera are wrong',
-            'correct sands.png or camera.corners_px, or photograph a plume that fills these sands',
+        yield _remark(
+            'impossible_sands',
+            'the same tracer would look {limit:g} times stronger in one sand than in another '
+            '({sands}); likely: sands.png takes lamps or tubes for sand, or the corners of the '
+            'camera are wrong; correct sands.png or camera.corners_px, or photograph a plume that '
+            'fills these sands',
+            limit=TRUST.most_factor,
+            sands=', '.join(f'sand {number} x {factor:.2f}' for number, factor in wrong.items()),
+            factors=wrong,
         )
 
 
@@ -309,125 +296,150 @@ def _plausible(factor: float) -> bool:
     return 1 / TRUST.most_factor <= factor <= TRUST.most_factor
 
 
-def _level(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
+def _level(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:
     """Yield objections if the level of stock is not known."""
     if plume.strongest < TRUST.least_strongest:
-        yield Objection(
-            f'the injected fluid is {plume.strongest:g} of stock',
-            'a dilution, which leaves the response above it unknown',
-            'photograph an injection of stock',
+        yield _remark(
+            'no_stock',
+            'the injected fluid is {strongest:g} of stock; likely: a dilution, which leaves the '
+            'response above it unknown; photograph an injection of stock',
+            strongest=plume.strongest,
         )
     if abs(evidence.bend) - evidence.bend_deviation > TRUST.most_bend:
-        yield Objection(
-            f'half of stock would look like {0.5 + evidence.bend:.2f} of stock',
-            'light that changes during the injection, the clock of the camera, or tracer in the '
-            'baseline',
-            'photograph the injection again with steady light, or a dilution of one half',
+        yield _remark(
+            'strong_bend',
+            'half of stock would look like {half:.2f} of stock; likely: light that changes during '
+            'the injection, the clock of the camera, or tracer in the baseline; photograph the '
+            'injection again with steady light, or a dilution of one half',
+            half=0.5 + evidence.bend,
         )
     elif evidence.bend_conflict > TRUST.most_bend_conflict:
         yield _fronts(evidence)
     if evidence.core_flatness > TRUST.most_core_slope:
-        yield Objection(
-            f'the core of the plume is not even: {100 * evidence.core_flatness:.0f} % from its '
-            'inner to its outer half',
-            'an injection too short to fill the pores, a reflection, or a dye that fades',
+        yield _remark(
+            'uneven_core',
+            'the core of the plume is not even: {slope:.0%} from its inner to its outer half; '
+            'likely: an injection too short to fill the pores, a reflection, or a dye that fades; '
             'inject stock until the plume is some 10 cm wide, and photograph it with even light',
+            slope=evidence.core_flatness,
         )
     if evidence.dilution_misfit > TRUST.most_dilution_misfit:
-        yield Objection(
-            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
-            f'{_of_dilution(evidence)}',
-            'a dilution that was not mixed, or that is named wrongly',
-            'photograph the dilutions again, each filling a part of the sand',
+        yield _dilution(
+            evidence,
+            'likely: a dilution that was not mixed, or that is named wrongly; photograph the '
+            'dilutions again, each filling a part of the sand',
         )
 
 
-def _fronts(evidence: CalibrationEvidence) -> Objection:
+def _fronts(evidence: CalibrationEvidence) -> Remark:
     """Return the objection that the fronts ask for another response than all evidence."""
-    by_fronts = f'{0.5 + evidence.bend_by_fronts:.2f}'
     if math.isinf(evidence.bend_conflict):
         finding = (
             'no response that a dye can have fits the fronts: half of stock would look like '
-            f'{by_fronts} of stock, at the end of what is tried'
+            '{by_fronts:.2f} of stock, at the end of the tried range'
         )
     else:
         finding = (
-            f'fronts and masses read the response differently: half of stock would look like '
-            f'{by_fronts} and {0.5 + evidence.bend:.2f} of stock, {evidence.bend_conflict:.3f} '
-            f'apart (limit {TRUST.most_bend_conflict:g})'
+            'fronts and masses read the response differently: half of stock would look like '
+            '{by_fronts:.2f} and {by_masses:.2f} of stock, {apart:.3f} apart (limit {limit:g})'
         )
-    return Objection(
-        finding,
-        'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
-        'a rig that is not as described: tracer that sorbs, a porosity, a depth, a pump',
-        f'photograph one dilution (half stock), which needs no fronts{_other_contrast(evidence)}; '
-        'diagnose then names an effect of the rig',
+    bends = evidence.colour_bend
+    other = bends.get('difference', math.inf) <= bends.get('absorbance', -math.inf)
+    return _remark(
+        'conflicting_fronts',
+        f'{finding}; likely: a reflection or a hand in a photograph, light that changes, clocks, '
+        'the contrast, or a rig that is not as described: tracer that sorbs, a porosity, a depth, '
+        'a pump; photograph one dilution (half stock), which needs no fronts'
+        f'{_OTHER_CONTRAST if other else ""}; diagnose then names an effect of the rig',
+        by_fronts=0.5 + evidence.bend_by_fronts,
+        by_masses=0.5 + evidence.bend,
+        apart=evidence.bend_conflict,
+        limit=TRUST.most_bend_conflict,
+        other_contrast=other,
     )
 
 
-def _other_contrast(evidence: CalibrationEvidence) -> str:
-    """Return the other contrast as a remedy if it keeps the colours of the dye as well.
-
-    Fronts are compared in absorbance only, so the other contrast is the difference.
-    """
-    bends = evidence.colour_bend
-    if bends.get('difference', math.inf) <= bends.get('absorbance', -math.inf):
-        return ', or calibrate with --contrast difference, which keeps the colours of the dye too'
-    return ''
+_OTHER_CONTRAST = (
+    ', or calibrate with --contrast difference, which keeps the colours of the dye too'
+)
+"""Fronts are compared in absorbance only, so the other contrast is the difference."""
 
 
-def _of_dilution(evidence: CalibrationEvidence) -> str:
-    """Return the dilution that disagrees most in brackets; empty if it is not known."""
-    return f' ({evidence.worst_dilution})' if evidence.worst_dilution else ''
+def _dilution(evidence: CalibrationEvidence, remedy: str) -> Remark:
+    """Return the remark about a dilution that is read wrongly, with the worst one if known."""
+    worst = evidence.worst_dilution and f' ({evidence.worst_dilution})'
+    return _remark(
+        'misread_dilution',
+        f'a dilution is read {{misfit:.2f}} of stock from its known value{{worst}}; {remedy}',
+        misfit=evidence.dilution_misfit,
+        worst=worst,
+    )
 
 
-def _geometry(edges: Sequence[EdgeEvidence]) -> Iterator[Objection]:
+def _geometry(edges: Sequence[EdgeEvidence]) -> Iterator[Remark]:
     """Yield an objection if the sand does not end at the described edges."""
-    bent = [one for one in edges if one.bow > TRUST.most_bow]
+    bent = {one.side: one.bow for one in edges if one.bow > TRUST.most_bow}
     if bent:
-        words = ', '.join(f'{one.side} edge {100 * one.bow:.1f} %' for one in bent)
-        yield Objection(
-            f'the edge of the sand is bent against rig.yaml ({words} of the size of the rig)',
-            'camera.curvature is missing or wrong, or camera.corners_px',
-            'set them until the edges of 1_geometry.png agree, and calibrate again; docs/rig.md '
-            'tells how to measure camera.curvature',
+        yield _remark(
+            'bent_edges',
+            'the edge of the sand is bent against rig.yaml ({edges} of the size of the rig); '
+            'likely: camera.curvature is missing or wrong, or camera.corners_px; set them until '
+            'the edges of 1_geometry.png agree, and calibrate again; docs/rig.md tells how to '
+            'measure camera.curvature',
+            edges=', '.join(f'{side} edge {bow:.1%}' for side, bow in bent.items()),
+            bows=bent,
         )
 
 
-def _remarks(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[str]:
-    """Yield the lines of a calibration that can be trusted."""
+def _odd(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:
+    """Yield the remarks that a user of the maps should know."""
     apart = evidence.mass_factor - 1
     sure = TRUST.sure_deviations * evidence.mass_factor_deviation
+    file = evidence.rates_file
     if evidence.anchor != 'mass' and abs(apart) > max(TRUST.told_mass_error, sure):
-        yield (
-            f'the maps hold {100 * abs(apart):.0f} % {"more" if apart > 0 else "less"} tracer than '
-            f'the pump log: check {evidence.rates_file}, porosity and depth; sorbed tracer is not '
-            'seen'
+        yield _remark(
+            'more_tracer_than_log' if apart > 0 else 'less_tracer_than_log',
+            'the maps hold {share:.0%} {sense} tracer than the pump log; check {file}, porosity '
+            'and depth; sorbed tracer is not seen',
+            share=abs(apart),
+            sense='more' if apart > 0 else 'less',
+            file=file,
         )
     if abs(evidence.mass_offset) > TRUST.told_offset:
-        yield (
-            f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
-            f'{"seen before" if evidence.mass_offset > 0 else "missing from"} the start of the '
-            'pump log: check the clock of the camera and the light of the baseline'
-        )
+        yield _offset(evidence, 'check the clock of the camera and the light of the baseline')
     if math.isnan(evidence.mass_factor):
-        yield 'no pump log (rates.csv): the amount of tracer in the maps was not checked'
+        yield _remark(
+            'no_log',
+            'no pump log ({file}) says how much tracer the maps should hold; add it to have the '
+            'amount checked',
+            file=file,
+        )
     elif len(evidence.photographs) == 1:
-        yield (
-            'one photograph cannot show that the tracer in the maps grows as the pump log says: '
-            'photograph more of the injection'
+        yield _remark(
+            'one_photograph',
+            'one photograph cannot show that the tracer in the maps grows as the pump log says; '
+            'photograph more of the injection',
         )
     if TRUST.told_dilution_misfit < evidence.dilution_misfit <= TRUST.most_dilution_misfit:
-        yield (
-            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
-            f'{_of_dilution(evidence)}: check its concentration in imaging.csv'
-        )
+        yield _dilution(evidence, 'check its concentration in imaging.csv')
     if evidence.anchor == 'mass':
-        yield 'no photograph shows a core of stock: the scale follows the pump log alone'
-    if wells := _elsewhere(plume):
-        yield wells.removeprefix('; ') + f': check the well in {evidence.rates_file}'
+        yield _remark(
+            'no_core',
+            'no photograph shows a core of stock, so that the scale follows the pump log alone; '
+            'photograph a longer injection',
+        )
+    if plume.is_elsewhere:
+        yield _remark(
+            'other_well',
+            'the plume is at well {seen}, the pump log says {told}; check the well in {file}',
+            seen=' and '.join(plume.seen_wells),
+            told=' and '.join(plume.told_wells),
+            file=file,
+        )
     if evidence.bend_deviation > TRUST.told_bend_deviation:
-        yield (
-            f'concentrations between water and stock are uncertain by {evidence.bend_deviation:.2f}'
-            ': photograph a dilution of one half'
+        yield _remark(
+            'unsure_response',
+            'concentrations between water and stock are uncertain by {deviation:.2f}; photograph a '
+            'dilution of one half',
+            deviation=evidence.bend_deviation,
         )

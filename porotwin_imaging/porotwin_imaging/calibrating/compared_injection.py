@@ -5,10 +5,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
-from porotwin_imaging.baseline.covered_baseline import Cover, uncovered
+from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.numerics.repeated_remarks import lines_of_remarks
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
@@ -19,15 +20,15 @@ class ComparedInjection:
     """The usable photographs of an injection, in the order of time.
 
     Attributes:
-        baseline: the baseline, without what covers it.
-        cover: what covers it; None if nothing does.
+        baseline: the baseline, without its covered sand.
+        cover: the remark about this sand; None if all is seen.
         compared: the photographs relative to the baseline.
         times: exposure times [s].
         lines: remarks about all photographs.
     """
 
     baseline: Baseline
-    cover: Cover | None
+    cover: Remark | None
     compared: list[LogRatioMap]
     times: list[float]
     lines: list[str]

@@ -69,6 +69,12 @@ class PlumeEvidence:
         """Pore volume of the plume over the injected volume [-]; NaN if one is not known."""
         return self.pore_volume / self.fluid if self.fluid > 0 else math.nan
 
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the plume is at another well than the pump log says."""
+        told, seen = set(self.told_wells), set(self.seen_wells)
+        return bool(told and seen) and told.isdisjoint(seen)
+
 
 def plume_evidence(
     signals: Sequence[Array],

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.photograph.file_names import one_line, printable
 from porotwin_imaging.photograph.photo_clock import ClockMemory, TimeEvidence, Trust, stamps
 from porotwin_imaging.photograph.sent_photos import SentPhoto, SentPhotos, digest_of
@@ -11,7 +12,6 @@ from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     CameraSource,
     OrderingSource,
-    PhotoProblem,
     Polled,
     ResumableSource,
 )
@@ -45,7 +45,7 @@ class PhotoForwarder:
         source: CameraSource,
         *,
         send: Callable[[CameraPhoto], None],
-        report: Callable[[PhotoProblem], None],
+        report: Callable[[Remark], None],
         say: SayFn,
         sent: SentPhotos,
         interval_s: float,
@@ -88,7 +88,7 @@ class PhotoForwarder:
         self._sent.keep()
         if self._sent.problem != self._memory_problem:
             self._memory_problem = self._sent.problem
-            self._complain('', self._sent.problem)
+            self._complain('camera', self._sent.problem, 'memory')
         try:
             polled = self._source.poll()
         except Exception as error:
@@ -99,7 +99,7 @@ class PhotoForwarder:
         new = [photo for photo in polled.photos if self._is_new(photo)]
         photos, problems, *_ = self._roles.with_roles(polled._replace(photos=new))
         for problem in problems:
-            self._complain(problem.name, problem.reason)
+            self._tell(problem)
         for photo in self._stamped(photos):
             self._forward_one(photo)
 
@@ -121,7 +121,7 @@ class PhotoForwarder:
         )
         for photo, stamp in zip(photos, found, strict=True):
             for remark in stamp.remarks:
-                self._complain(photo.name, remark)
+                self._complain(photo.name, remark, 'time')
             if stamp.time is None:
                 self._sent.add(SentPhoto(photo.name, digest_of(photo.data), photo.mark))
         return [
@@ -137,11 +137,7 @@ class PhotoForwarder:
         if before is None:
             return True
         if before != photo.name:
-            reason = (
-                f"photograph '{printable(photo.name)}' is a duplicate of '{printable(before)}': "
-                'left out'
-            )
-            self._complain(photo.name, reason)
+            self._complain(photo.name, f"is a duplicate of '{before}'; left out", 'duplicate')
         self._sent.add(SentPhoto(photo.name, digest, photo.mark))
         return False
 
@@ -149,8 +145,7 @@ class PhotoForwarder:
         try:
             self._send(photo)
         except Exception as error:
-            reason = f"photograph '{printable(photo.name)}' cannot be sent: {error!r}"
-            self._complain(photo.name, reason)
+            self._complain(photo.name, f'cannot be sent: {error!r}', 'unsent')
         if photo.role == 'baseline':
             self._sent.keep_baseline(photo.time, photo.data)
         self._sent.add(
@@ -164,11 +159,17 @@ class PhotoForwarder:
         """Report that the source does not answer, or answers again, once each."""
         if bool(absent) != bool(self.absent):
             if absent:
-                self._complain('', absent)
+                self._complain('camera', absent, 'absent')
             else:
                 self._say('the camera answers again')
         self.absent = one_line(absent)
 
-    def _complain(self, name: str, reason: str) -> None:
-        if reason:
-            self._report(PhotoProblem(printable(name), one_line(reason)))
+    def _complain(self, name: str, line: str, code: str) -> None:
+        if line:
+            why, _, remedy = line.partition('; ')
+            self._tell(Remark(name, '', why, remedy, code=code))
+
+    def _tell(self, problem: Remark) -> None:
+        """Report a problem in text that logs and ROS accept."""
+        key, why, remedy = printable(problem.key), one_line(problem.why), one_line(problem.remedy)
+        self._report(replace(problem, key=key, why=why, remedy=remedy))

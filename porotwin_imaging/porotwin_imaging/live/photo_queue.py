@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from typing import NamedTuple
 
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import time_in_words
 
 
@@ -24,24 +25,28 @@ class PhotoQueue:
         self._photos: deque[QueuedPhoto] = deque()
         self._changed = threading.Condition()
 
-    def put(self, photo: QueuedPhoto) -> str:
-        """Add a photograph; return a line on those that were left out for it, or an empty one.
+    def put(self, photo: QueuedPhoto) -> Remark | None:
+        """Add a photograph; return the remark on those that were left out for it; None if none.
 
-        Without room the older half is left out, so that the line does not come with each one.
+        Without room the older half is left out, so that the remark does not come with each one.
         """
         with self._changed:
             self._photos.append(photo)
             self._changed.notify()
             states = [each for each in self._photos if each.role == 'state']
             if len(states) <= self._room:
-                return ''
+                return None
             gone = states[: len(states) // 2]
             leave = {id(each) for each in gone}
             self._photos = deque(each for each in self._photos if id(each) not in leave)
-        return (
-            f'{len(gone)} photographs from {time_in_words(gone[0].time)} to '
-            f'{time_in_words(gone[-1].time)} left out: they come faster than they are read; take '
-            'fewer, or replay with --lock-step'
+        return Remark.of(
+            'photographs',
+            'left_out',
+            '{count} from {first} to {last} left out: they come faster than they are read; take '
+            'fewer, or replay with --lock-step',
+            count=len(gone),
+            first=time_in_words(gone[0].time),
+            last=time_in_words(gone[-1].time),
         )
 
     def get(self) -> QueuedPhoto:

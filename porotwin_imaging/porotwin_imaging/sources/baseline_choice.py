@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_imaging.photograph.file_names import printable
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.photograph.photo_file import decode
-from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
+from porotwin_imaging.sources.camera_source import CameraPhoto, Polled
 
 _REDUCTION = 8
 """The coarsest decoding is enough to find black and over-exposed photographs."""
@@ -41,12 +41,11 @@ class BaselineChoice:
         return polled._replace(photos=photos, problems=problems)
 
 
-def _unusable(photo: CameraPhoto) -> PhotoProblem | None:
+def _unusable(photo: CameraPhoto) -> Remark | None:
     """Return the reason why a photograph cannot be the baseline, None if it can."""
     try:
         decode(photo.data, _REDUCTION)
     except InputError as error:
-        name = printable(photo.name)
-        reason = f"photograph '{name}' cannot be the baseline, the next one is tried: {error}"
-        return PhotoProblem(photo.name, reason)
+        why = f'the photograph cannot be the baseline, the next one is tried: {error}'
+        return Remark(photo.name, '', why, '', code='no_baseline')
     return None

@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
+from porotwin_core.basis.remark import Remark
 from porotwin_imaging.photograph.photo_clock import TimeEvidence, Trust
 from porotwin_imaging.photograph.sent_photos import SentPhoto
 
@@ -40,32 +41,19 @@ class CameraPhoto:
     mark: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
-class PhotoProblem:
-    """A photograph that cannot be sent.
-
-    Attributes:
-        name: name of the photograph or camera.
-        reason: one line with the remedy.
-    """
-
-    name: str
-    reason: str
-
-
 class Polled(NamedTuple):
     """The result of one poll.
 
     Attributes:
         photos: new photographs in the order of exposure.
-        problems: photographs that cannot be sent.
+        problems: photographs that cannot be sent; the key is the name of photograph or camera.
         absent: one line if the camera does not answer, else empty. It is asked again after a
             growing pause.
         remarks: lines for the log, such as the settings of the camera.
     """
 
     photos: list[CameraPhoto]
-    problems: list[PhotoProblem]
+    problems: list[Remark]
     absent: str = ''
     remarks: tuple[str, ...] = ()
 

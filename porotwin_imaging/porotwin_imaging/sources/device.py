@@ -13,11 +13,11 @@ from typing import Any
 import cv2
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import printable
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
-    PhotoProblem,
     Polled,
     SourceKind,
     SourceOption,
@@ -105,8 +105,9 @@ class DeviceSource:
             return self._absent('gave no picture; check its cable')
         encoded, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not encoded:
-            reason = f"camera '{self._name}' gave a picture that cannot be encoded; check it"
-            return Polled([], [PhotoProblem(self._name, reason)], remarks=remarks)
+            words = 'the camera gave a picture that cannot be encoded; check it'
+            problem = Remark.of(self._name, 'unencodable', words)
+            return Polled([], [problem], remarks=remarks)
         self._taken += 1
         name = f'{self._name}-{self._began}-{self._taken:06d}.jpg'
         return Polled([CameraPhoto(data.tobytes(), moment, name)], [], remarks=remarks)

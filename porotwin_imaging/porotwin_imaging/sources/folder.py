@@ -21,6 +21,7 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time, steady_time_of
 from porotwin_imaging.photograph.exposure_time import HEADER_BYTES, exif_time
 from porotwin_imaging.photograph.file_names import natural_order, printable
@@ -34,7 +35,6 @@ from porotwin_imaging.photograph.photo_file import (
 from porotwin_imaging.photograph.sent_photos import FileMark, SentPhoto, digest_of
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
-    PhotoProblem,
     Polled,
     SourceKind,
     SourceOption,
@@ -46,6 +46,9 @@ UNREAD_SUFFIXES = frozenset(
     {'.arw', '.cr2', '.cr3', '.dng', '.heic', '.nef', '.orf', '.raf', '.raw', '.rw2'}
 )
 """Suffixes of raw photographs and of formats that OpenCV does not read."""
+UNREAD = (
+    'it and others like it are not read; set the camera to JPEG, or to JPEG beside its own format'
+)
 MOST_AT_ONCE = 4
 """Photographs per poll: limits the memory, and their topic has a queue of this length."""
 PATIENCE_S = 10.0
@@ -148,7 +151,7 @@ class FolderSource:
         ]
         return Polled([photo for photo in photos if photo is not None], problems)
 
-    def _candidates(self, now: float) -> tuple[list[str], list[PhotoProblem]]:
+    def _candidates(self, now: float) -> tuple[list[str], list[Remark]]:
         """Return the names of files that may be sent, and problems; note when each last changed.
 
         Raises:
@@ -156,7 +159,7 @@ class FolderSource:
         """
         names: list[str] = []
         listed: set[str] = set()
-        problems: list[PhotoProblem] = []
+        problems: list[Remark] = []
         watched = self._looked is not None and now - self._looked <= WATCHED_S
         arrival = self._now()
         with os.scandir(self.folder) as entries:
@@ -165,7 +168,7 @@ class FolderSource:
                 if entry.name.startswith('.'):
                     continue
                 if suffix in UNREAD_SUFFIXES:
-                    problems += self._tell(suffix, entry.name, _unread(entry.name))
+                    problems += self._tell(suffix, entry.name, UNREAD)
                 if suffix not in SUFFIXES:
                     continue
                 fault, mark = _mark_of(entry)
@@ -186,19 +189,20 @@ class FolderSource:
             del self._watched[gone]
         return names, problems
 
-    def _tell(self, key: str, name: str, fault: str) -> list[PhotoProblem]:
+    def _tell(self, key: str, name: str, fault: str) -> list[Remark]:
         """Return the problem of a file that is no photograph, the first time."""
         if not fault or key in self._told:
             return []
         self._told.add(key)
-        return [PhotoProblem(name, fault)]
+        why, _, remedy = fault.partition('; ')
+        return [Remark(name, '', why, remedy, code='no_photograph')]
 
-    def _by_exposure(self, names: list[str]) -> tuple[list[str], list[PhotoProblem]]:
+    def _by_exposure(self, names: list[str]) -> tuple[list[str], list[Remark]]:
         """Return `names` in the order of exposure, and problems.
 
         A file without a believable time follows the file whose name comes before its own.
         """
-        problems: list[PhotoProblem] = []
+        problems: list[Remark] = []
         order: dict[str, float] = {}
         before = -float('inf')
         for name in sorted(names, key=natural_order):
@@ -212,7 +216,7 @@ class FolderSource:
             order[name] = before
         return sorted(order, key=lambda name: order[name]), problems
 
-    def _evidence(self, name: str) -> tuple[TimeEvidence, list[PhotoProblem]]:
+    def _evidence(self, name: str) -> tuple[TimeEvidence, list[Remark]]:
         """Return the times of a file, and problems."""
         watched = self._watched[name]
         problems = []
@@ -225,7 +229,7 @@ class FolderSource:
         except OSError:  # reading the whole file will fail and be reported
             pass
         except InputError as error:
-            problems.append(PhotoProblem(name, f"photograph '{printable(name)}': {error}"))
+            problems.append(Remark(name, '', str(error), '', code='wrong_exif_time'))
         entries = self._protocol.entries
         entry = self._entry(name)
         return TimeEvidence(
@@ -278,7 +282,7 @@ class FolderSource:
             watched.fault = 'is no JPEG, PNG or TIFF, whatever its name says'
         return data if len(data) == watched.mark[0] and is_complete(data) else None
 
-    def _stuck(self, unfinished: list[str], now: float) -> list[PhotoProblem]:
+    def _stuck(self, unfinished: list[str], now: float) -> list[Remark]:
         """Return problems for incomplete files that no longer grow."""
         problems = []
         for name in unfinished:
@@ -289,8 +293,10 @@ class FolderSource:
                     f'is truncated or broken: {watched.mark[0]} bytes, unchanged for '
                     f'{self._patience:g} s'
                 )
-                reason = f"photograph '{printable(name)}' {fault}; copy it again"
-                problems.append(PhotoProblem(name, reason))
+                code = 'unreadable' if watched.fault else 'truncated'
+                problems.append(
+                    Remark(name, '', f'the photograph {fault}', 'copy it again', code=code)
+                )
         return problems
 
     def _released(
@@ -329,24 +335,17 @@ def _mark_of(entry: os.DirEntry[str]) -> tuple[str, FileMark | None]:
     try:
         status = entry.stat()
     except OSError as error:
-        fault = f"'{printable(entry.name)}' cannot be looked at: {error.strerror}"
+        fault = f'it cannot be looked at: {error.strerror}'
         return fault if entry.is_symlink() or error.errno != errno.ENOENT else '', None
     if not stat.S_ISREG(status.st_mode):
         kind = 'folder' if stat.S_ISDIR(status.st_mode) else 'FIFO, socket or device'
-        return f"'{printable(entry.name)}' is a {kind}, no photograph: left out", None
+        return f'it is a {kind}, no photograph; move it away', None
     return '', (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
 def _packed(mark: tuple[int, ...]) -> bytes:
     """Return a mark as bytes, which take less memory; a folder may hold years of photographs."""
     return struct.pack('<3q', *mark)
-
-
-def _unread(name: str) -> str:
-    return (
-        f"'{printable(name)}' and others like it are not read: set the camera to JPEG, or to JPEG "
-        'beside its own format'
-    )
 
 
 def check_folder(address: str) -> None:

@@ -15,12 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import one_line, printable
 from porotwin_imaging.photograph.photo_file import is_photograph
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
-    PhotoProblem,
     Polled,
     SourceKind,
     SourceOption,
@@ -82,8 +82,8 @@ class TetheredSource:
             if is_photograph(data):
                 return Polled([CameraPhoto(data, moment, name)], [], remarks=remarks)
         name = photos[0][0]
-        reason = f"photograph '{printable(name)}' is no JPEG; set the camera to JPEG, or raw + JPEG"
-        return Polled([], [PhotoProblem(name, reason)], remarks=remarks)
+        words = 'the photograph is no JPEG; set the camera to JPEG, or raw + JPEG'
+        return Polled([], [Remark.of(name, 'other_format', words)], remarks=remarks)
 
     def _run(self, arguments: list[str]) -> tuple[float, str]:
         """Run gphoto2; return the moment of its start [s] and its fault in one line, if any."""

@@ -7,7 +7,8 @@ from typing import NamedTuple, cast, get_args
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_text
-from porotwin_imaging.sources.camera_source import PhotoProblem, Role
+from porotwin_core.basis.remark import Remark
+from porotwin_imaging.sources.camera_source import Role
 
 FILE_NAME = 'imaging.csv'
 
@@ -63,7 +64,7 @@ class GrowingProtocol:
         self._fault = ''
         self.entries: dict[Path, ProtocolEntry] = {}
 
-    def refresh(self) -> tuple[bool, list[PhotoProblem]]:
+    def refresh(self) -> tuple[bool, list[Remark]]:
         """Return whether the entries have changed, and problems."""
         for path in self._paths:
             try:
@@ -77,17 +78,17 @@ class GrowingProtocol:
                 self.entries = read_protocol(path)
             except InputError as error:
                 self._stamp = stamp
-                return False, [PhotoProblem(FILE_NAME, str(error))]
+                return False, [Remark(FILE_NAME, '', str(error), '', code='wrong_protocol')]
             except OSError as error:  # tried again, because a share may be away for a moment
                 return False, self._told_once(f'{path}: cannot be read: {error.strerror}')
             self._stamp, self._fault = stamp, ''
             return True, []
         return False, []
 
-    def _told_once(self, fault: str) -> list[PhotoProblem]:
+    def _told_once(self, fault: str) -> list[Remark]:
         """Return the problem of a protocol that cannot be read, the first time."""
         if fault == self._fault:
             return []
         self._fault = fault
         remedy = 'until it can, roles and times are those without it; allow this user to read it'
-        return [PhotoProblem(FILE_NAME, f'{fault}; {remedy}')]
+        return [Remark(FILE_NAME, '', fault, remedy, code='unreadable')]

@@ -14,12 +14,12 @@ from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time
 from porotwin_imaging.photograph.file_names import one_line, printable
 from porotwin_imaging.photograph.photo_file import MOST_BYTES, is_complete, is_photograph
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
-    PhotoProblem,
     Polled,
     SourceKind,
     SourceOption,
@@ -76,19 +76,24 @@ class SnapshotSource:
             with self._opener.open(request, timeout=self._timeout_s) as answer:
                 kind = str(answer.headers.get('Content-Type', 'no type'))
                 if kind.startswith('multipart/'):
-                    return self._problem('answers with a video stream; give the URL of one picture')
+                    return self._problem(
+                        'video', 'answers with a video stream; give the URL of one picture'
+                    )
                 data = self._read(answer)
                 tag = str(answer.headers.get('ETag', ''))
         except urllib.error.HTTPError as error:
             if error.code == _NOT_MODIFIED:
-                return self._problem('has no new picture')
+                return self._problem('old_picture', 'has no new picture')
             return self._absent(f'answers {error.code} {error.reason}')
         except (OSError, http.client.HTTPException, ValueError) as error:
             return self._absent(f'does not answer: {getattr(error, "reason", error)}')
         if not is_photograph(data):
-            return self._problem(f'answers with {kind} of {len(data)} bytes, no JPEG or PNG')
+            words = f'answers with {kind} of {len(data)} bytes, no JPEG or PNG'
+            return self._problem('other_format', words)
         if not is_complete(data):
-            return self._problem(f'answers with a truncated picture of {len(data)} bytes')
+            return self._problem(
+                'truncated', f'answers with a truncated picture of {len(data)} bytes'
+            )
         self._tag = tag  # of a whole picture: any other one is fetched again
         return Polled([CameraPhoto(data, moment, f'snapshot at {moment:.3f} s')], [])
 
@@ -110,8 +115,9 @@ class SnapshotSource:
                 raise OSError(f'more than {MOST_BYTES / 1e6:.0f} MB')
         return b''.join(parts)
 
-    def _problem(self, text: str) -> Polled:
-        return Polled([], [PhotoProblem(self._shown, f'camera {self._shown} {text}')])
+    def _problem(self, code: str, text: str) -> Polled:
+        why, _, remedy = text.partition('; ')
+        return Polled([], [Remark(self._shown, '', f'the camera {why}', remedy, code=code)])
 
     def _absent(self, text: Any) -> Polled:
         return Polled([], [], absent=one_line(f'camera {self._shown} {text}'))

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import yaml_text
@@ -175,24 +176,32 @@ class Calibration:
             f'{rig.height_m:g} m; use a calibration of this rig, or correct its size in rig.yaml'
         )
 
-    def doubt_about(self, rig: Rig) -> str:
-        """Return a line if nothing shows that the calibration is of `rig`; '' if its name does.
+    def doubt_about(self, rig: Rig) -> Remark | None:
+        """Return a remark if nothing shows that the calibration is of `rig`; None if its name does.
 
         `check_rig` refuses another size before.
         """
         made_on = self.made.get('rig')
         if made_on is None:
             origin = f' (of {self.made["from"]})' if 'from' in self.made else ''
-            return (
-                f'the calibration{origin} does not tell its rig, so it cannot be checked for '
-                f"'{rig.name}'; renew it with ./porotwin calibrate, which writes the rig into it"
+            return Remark.of(
+                'calibration',
+                'unknown_rig',
+                "it{origin} does not tell its rig, so it cannot be checked for '{rig}'; renew it "
+                'with ./porotwin calibrate, which writes the rig into it',
+                origin=origin,
+                rig=rig.name,
             )
         if made_on['name'] != rig.name:
-            return (
-                f"the calibration was made on the rig '{made_on['name']}', which is as large as "
-                f"'{rig.name}'; calibrate this one, unless both are the same rig"
+            return Remark.of(
+                'calibration',
+                'other_rig',
+                "it was made on the rig '{made_on}', which is as large as '{rig}'; calibrate this "
+                'one, unless both are the same rig',
+                made_on=made_on['name'],
+                rig=rig.name,
             )
-        return ''
+        return None
 
     def factor_map(self, grid: Grid) -> Array:
         """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""

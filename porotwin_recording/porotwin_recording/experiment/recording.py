@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_checks.all_checks import CHECKS, OF_TABLES, remarks_about
-from porotwin_checks.check import Check
+from porotwin_checks.known import Known
+from porotwin_core.basis.check import Check
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
@@ -141,7 +142,9 @@ def open_recording(
     return recording
 
 
-def odd_lines(recordings: Iterable[Recording], checks: Mapping[str, Check] = CHECKS) -> list[str]:
+def odd_lines(
+    recordings: Iterable[Recording], checks: Mapping[str, Check[Known]] = CHECKS
+) -> list[str]:
     """Return a line for all that `checks` find odd in `recordings`."""
     return [
         f'{recording.source}: {remark}'

@@ -12,6 +12,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
 from porotwin_solver.coefficients.face_field import FaceField
@@ -38,9 +39,6 @@ PROCESSOR = 'cpu'
 
 STEP_ROUND_OFF = 1e-9
 """Excess over a whole number of LONGEST_STEP that adds no step: round-off of the times."""
-
-BALANCE_TOLERANCE = 1e-9
-"""Net rate, relative to the sum of all, that counts as balanced in a rig with closed sides."""
 
 FLOW_UPDATES = 100
 """Updates of a cell that take as long as its share of a solution of the flow, roughly."""

@@ -1,0 +1,1 @@
+"""The checks of a description: one question, one file, found because it lies here."""

@@ -1,0 +1,44 @@
+"""Do the heads of the open sides drive water, and not too much of it?"""
+
+from collections.abc import Iterator
+
+from porotwin_core.basis.check import Check
+from porotwin_core.basis.remark import Remark
+from porotwin_core.rig.description import Rig
+
+STEEP = 0.3
+"""Gradient of the head [-] between opposite sides that no laboratory flow has."""
+
+MOST_GRADIENT = 10.0
+"""Difference of two heads over the distance of their sides above which it is refused: sand would be
+washed out, and a prediction takes minutes."""
+
+
+def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
+    """Yield remarks about heads that drive no water, too much of it, or meet in a corner."""
+    given, raised = rig.boundaries.heads_m, rig.boundaries.raised_heads
+    key = 'boundaries.heads_m'
+    if given and len(given) == 1:
+        why = 'only differences between open sides count, so that one head does nothing'
+        remedy = 'remove it, or give the head of a second open side'
+        yield Remark(key, f'{min(given.values()):g} m', why, remedy)
+    elif given and not raised:
+        why = 'water flows only between open sides with different heads'
+        yield Remark(key, f'{min(given.values()):g} m everywhere', why, 'correct or remove it')
+    for one, other in rig.boundaries.corners_with_a_jump:
+        apart = abs(raised[one] - raised[other])
+        why = f'the {one} and the {other} side meet in a corner, where their heads jump'
+        remedy = (
+            'the rate between them grows with the number of cells: trust no flow near '
+            'this corner, or close one of the two sides'
+        )
+        yield Remark(key, f'{apart:g} m apart', why, remedy)
+    for one, other, size in (('left', 'right', rig.width_m), ('bottom', 'top', rig.height_m)):
+        apart = abs(raised.get(one, 0.0) - raised.get(other, 0.0))
+        if one in raised and other in raised and apart > STEEP * size:
+            why = f'the water falls by {apart:g} m over the {size:g} m between the two sides'
+            far = apart > MOST_GRADIENT * size
+            yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)
+
+
+CHECK = Check(find=remarks_about_heads)
