@@ -159,7 +159,10 @@ def _told(reason: NDArray[np.uint8], bright: Mask) -> list[str]:
     """Return remarks on cells without a phase, and on bright cells without grains."""
     parts = [
         (reason == OFF_SAND, 'of the rig shows the chart, open water or an object: no phase'),
-        (reason == COVERED, 'of the rig is covered, or shows no grains as in the baseline: no phase'),
+        (
+            reason == COVERED,
+            'of the rig is covered, or shows no grains as in the baseline: no phase',
+        ),
         (bright, 'of the rig is bright without the grains of the baseline: gas, or an object'),
     ]
     return [f'{100 * cells.mean():.1f} % {words}' for cells, words in parts if cells.any()]

@@ -103,8 +103,7 @@ class PhaseColours:
         lines = []
         for number, change in zip(self.phase[1:], self.typical[1:], strict=True):
             parts = (
-                f'{name} {100 * value:+.0f} %'
-                for name, value in zip(CHANNELS, change, strict=True)
+                f'{name} {100 * value:+.0f} %' for name, value in zip(CHANNELS, change, strict=True)
             )
             lines.append(f'{PHASES[number]}: {", ".join(parts)} against water')
         return lines

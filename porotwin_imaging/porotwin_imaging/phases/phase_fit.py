@@ -116,7 +116,9 @@ def _fitted(
     floor = PHASE.least_spread**2 * np.eye(len(CHANNELS))
     colours = PhaseColours(phase, law, np.diag((guess**2).mean(axis=0)) + floor)
     seen = [change.visible for change in changes]
-    change_of = np.concatenate([one.change[cells] for one, cells in zip(changes, seen, strict=True)])
+    change_of = np.concatenate(
+        [one.change[cells] for one, cells in zip(changes, seen, strict=True)]
+    )
     light = np.concatenate([one.light[cells] for one, cells in zip(changes, seen, strict=True)])
     size = np.linalg.norm(change_of, axis=1)
     for _ in range(PHASE.rounds):

@@ -64,9 +64,7 @@ def segment_phases(change: ColourChange, colours: PhaseColours, water: Mask) -> 
     return PhaseMap(phase, confidence, change.reason, change.remarks)
 
 
-def probabilities(
-    change: ColourChange, colours: PhaseColours, water: Mask
-) -> NDArray[np.float32]:
+def probabilities(change: ColourChange, colours: PhaseColours, water: Mask) -> NDArray[np.float32]:
     """Return the probability of each colour in each cell, (n, nz, nx); 0 in cells not seen."""
     costs = colours.costs(change)
     costs[1:, water] = np.inf
