@@ -228,8 +228,8 @@ def _segment(
                     if maps:
                         match = work.dates[f'{photo.time:g}'] = series_match(found.phase, maps)
                         say(
-                            f'{photo.name}: most like the map at {match.time_s:g} s, '
-                            f'overlap {match.overlap:.2f}'
+                            f'{photo.name}: {match.time_s:.0f} s in the series; the map at '
+                            f'{match.map_time_s:g} s overlaps by {match.overlap:.2f}'
                         )
                     if number in drawn:
                         work.shown[photo.time] = found

@@ -1,9 +1,9 @@
 """Finds the colours of dissolved CO2 and gas, from the photographs or from boxes of a person.
 
-A first guess starts an expectation-maximisation: probabilities of all cells (`phase_segmentation.py`),
-then the law of each colour and their common scatter from the cells, then probabilities again. A cell
-counts by its probability and by the size of its change. So pale fronts and old stains of the
-indicator, which cover more cells than a plume, do not draw a colour towards water.
+A first guess starts an expectation-maximisation: probabilities of all cells
+(`phase_segmentation.py`), then the law of each colour and their common scatter from the cells, then
+probabilities again. A cell counts by its probability and by the size of its change. So pale fronts
+and old stains of the indicator, which cover more cells than a plume, do not draw a colour to water.
 
 Without boxes, the guess for gas are the cells where every channel is brightest, and for dissolved
 CO2 those that lie farthest from the way between water and gas.

@@ -2,9 +2,9 @@
 
 A colour of a phase costs a cell half of the squared distance from its own change, in units of the
 scatter that all colours share (`phase_colours.py`). So the border between two phases lies half-way
-between their colours. Neighbouring cells mostly have the same phase: a Potts model adds a cost b for
-neighbours with another phase. Its probabilities q are found by the mean-field iteration (Koller and
-Friedman, Probabilistic Graphical Models, 2009, sec. 11.5)
+between their colours. Neighbouring cells mostly have the same phase: a Potts model adds a cost b
+for neighbours with another phase. Its probabilities q are found by the mean-field iteration (Koller
+and Friedman, Probabilistic Graphical Models, 2009, sec. 11.5)
 
     q_p ~ exp(-E_p + b mean_neighbours q_p(neighbour)).
 

@@ -13,9 +13,16 @@ Phases = NDArray[np.uint8]
 
 
 class SeriesMatch(NamedTuple):
-    """The map of a series that overlaps best with another map: its time [s], and the overlap."""
+    """Where a map belongs in a series.
+
+    Attributes:
+        time_s: time of the largest overlap, between the maps of the series [s].
+        map_time_s: time of the map that overlaps best [s].
+        overlap: its overlap [-].
+    """
 
     time_s: float
+    map_time_s: float
     overlap: float
 
 
@@ -32,7 +39,7 @@ def phase_overlap(first: Phases, second: Phases) -> float:
 
 
 def series_match(found: Phases, series: Mapping[float, Phases]) -> SeriesMatch:
-    """Return the map of a series that overlaps best with the map `found` (nz, nx).
+    """Return where the map `found` (nz, nx) belongs in a series.
 
     Args:
         found: phases of one photograph, row 0 at the bottom.
@@ -44,4 +51,17 @@ def series_match(found: Phases, series: Mapping[float, Phases]) -> SeriesMatch:
         for time, one in series.items()
     }
     best = max(overlaps, key=overlaps.__getitem__)
-    return SeriesMatch(best, overlaps[best])
+    return SeriesMatch(_peak(overlaps, best), best, overlaps[best])
+
+
+def _peak(overlaps: Mapping[float, float], best: float) -> float:
+    """Return the time of the peak of the parabola through the best overlap and its neighbours."""
+    times = sorted(overlaps)
+    at = times.index(best)
+    near = times[at - 1 : at + 2]
+    if not 0 < at < len(times) - 1:
+        return best
+    curvature, slope, _ = np.polyfit(np.array(near) - best, [overlaps[one] for one in near], 2)
+    if curvature >= 0.0:
+        return best
+    return float(np.clip(best - 0.5 * slope / curvature, near[0], near[-1]))
