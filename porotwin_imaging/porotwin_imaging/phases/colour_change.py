@@ -33,15 +33,14 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _SAME_LIGHT = 0.08
-"""Largest difference of water from the light that is known, in any channel [log]."""
+"""Largest difference of water from the light that is known, in any channel [log]. Where the grains
+are lost, a darker colour is something in front of the sand; a brighter one may be gas."""
 _LEAST_WATER = 0.1
 """Share of the sand that shows the light of the baseline if nothing else tells the light [-]."""
 _LEAST_FOR_SHAPE = 0.15
 """Share of the sand that tells how the light varies over the rig [-]."""
 _FRONT_STEP = 0.25
 """Change of colour between neighbouring cells that is a front [log]."""
-_LEAST_GAS_LIGHT = 0.05
-"""Sand without visible grains may be dry if all its channels are brighter by this [log]."""
 
 REASONS = ('seen', 'off_sand', 'over_exposed', 'covered')
 """Why a cell has no phase; their numbers in maps are the indices."""
@@ -134,10 +133,11 @@ def colour_change(data: bytes, baseline: Baseline, water: Sequence[Box] = ()) ->
         cells.sums.log_ratio, visible, None if light is None else light.log_gain, water, baseline
     )
     blocks = hidden_sand(cells.sums.blocks)
-    covered = _covered(ratio, blocks, VALIDITY.windows_across) & visible
-    bright = covered & (ratio.min(axis=2) > _LEAST_GAS_LIGHT)
+    lost = _covered(ratio, blocks, VALIDITY.windows_across) & visible
+    bright = lost & (ratio.max(axis=2) > _SAME_LIGHT)
+    covered = lost & ~bright & (ratio.min(axis=2) < -_SAME_LIGHT)
     reason = np.select(
-        [cells.share <= VALIDITY.least_visible_share, ~unclipped, ~shown, covered & ~bright],
+        [cells.share <= VALIDITY.least_visible_share, ~unclipped, ~shown, covered],
         [OFF_SAND, OVER_EXPOSED, OFF_SAND, COVERED],
         SEEN,
     ).astype(np.uint8)
@@ -161,7 +161,7 @@ def _told(reason: NDArray[np.uint8], bright: Mask) -> list[str]:
         (reason == OFF_SAND, 'of the rig shows the chart, open water or an object: no phase'),
         (
             reason == COVERED,
-            'of the rig is covered, or shows no grains as in the baseline: no phase',
+            'of the rig is covered: darker, without the grains of the baseline',
         ),
         (bright, 'of the rig is bright without the grains of the baseline: gas, or an object'),
     ]
