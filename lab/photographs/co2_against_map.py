@@ -133,6 +133,11 @@ def overlaps(found: NDArray[np.uint8], truth: NDArray[np.uint8]) -> dict[str, fl
     return {name: float((a & b).sum() / max(1, (a | b).sum())) for name, (a, b) in both.items()}
 
 
+def _decoded(data: bytes, how: int) -> Pixels:
+    """Return the pixels of a photograph, blue-green-red."""
+    return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), how), np.uint8)
+
+
 def _encoded(pixels: NDArray[Any]) -> bytes:
     """Return a photograph as a JPEG file."""
     whole = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
@@ -141,7 +146,7 @@ def _encoded(pixels: NDArray[Any]) -> bytes:
 
 def _disturbed(state: bytes) -> Iterator[tuple[str, bytes]]:
     """Yield the photograph as another day would show it, by name. 2.2: the exponent of light."""
-    pixels = cv2.imdecode(np.frombuffer(state, np.uint8), cv2.IMREAD_COLOR).astype(np.float32)
+    pixels = _decoded(state, cv2.IMREAD_COLOR).astype(np.float32)
     rows, columns = pixels.shape[:2]
     for percent in (-10, 10):
         yield f'exposure {percent:+d} %', _encoded(pixels * (1 + percent / 100) ** (1 / 2.2))
@@ -212,7 +217,7 @@ def _picture(case: Co2Photographs, target: Path) -> None:
     """Draw the photograph, the map and the official map below each other."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    pixels = cv2.imdecode(np.frombuffer(case.state, np.uint8), cv2.IMREAD_REDUCED_COLOR_4)
+    pixels = _decoded(case.state, cv2.IMREAD_REDUCED_COLOR_4)
     bright = np.clip(pixels[..., ::-1].astype(float) * 1.8, 0, 255).astype(np.uint8)
     found = case.phases()
     extent = (0.0, case.rig.width_m, 0.0, case.rig.height_m)

@@ -45,13 +45,15 @@ def series_match(found: Phases, series: Mapping[float, Phases]) -> SeriesMatch:
         found: phases of one photograph, row 0 at the bottom.
         series: maps of the same rig by time [s], at least one; their cells may have another size.
     """
-    nz, nx = found.shape
-    overlaps = {
-        time: phase_overlap(found, cv2.resize(one, (nx, nz), interpolation=cv2.INTER_NEAREST))
-        for time, one in series.items()
-    }
+    overlaps = {time: phase_overlap(found, _of_shape(one, found)) for time, one in series.items()}
     best = max(overlaps, key=overlaps.__getitem__)
     return SeriesMatch(_peak(overlaps, best), best, overlaps[best])
+
+
+def _of_shape(phases: Phases, like: Phases) -> Phases:
+    """Return a map with the cells of another one."""
+    nz, nx = like.shape
+    return np.asarray(cv2.resize(phases, (nx, nz), interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 def _peak(overlaps: Mapping[float, float], best: float) -> float:
