@@ -25,11 +25,11 @@ def test_a_box_outside_the_rig_is_refused() -> None:
         Box(2.0, 0.0, 3.0, 1.0).cells(Grid(10, 10, 1.0, 1.0))
 
 
-def test_a_hand_is_left_out_a_bright_object_in_doubt_and_a_plume_neither(
+def test_a_dark_object_is_left_out_a_bright_one_in_doubt_and_a_plume_neither(
     laboratory, baseline, true_map, make_jpeg
 ) -> None:
     light = laboratory.scene(true_map)
-    light[200:330, 600:730] = [0.3, 0.1, 0.06]
+    light[200:330, 600:730] = [0.1, 0.06, 0.05]
     light[400:530, 600:730] = [0.5, 0.4, 0.4]
     change = colour_change(make_jpeg(light), baseline)
     plume = true_map.reshape(50, 9, 90, 9).mean(axis=(1, 3)) > 0.5

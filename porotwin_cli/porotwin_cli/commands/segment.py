@@ -1,7 +1,7 @@
 """./porotwin segment: photographs of CO2 with a pH indicator to maps of phases."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,11 +14,15 @@ from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from porotwin_core.basis.parallel import Crew
     from porotwin_core.geometry.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_imaging.phases.colour_change import Box
     from porotwin_imaging.phases.phase_segmentation import PhaseMap
+    from porotwin_imaging.phases.phase_series import SeriesMatch
     from porotwin_imaging.phases.phase_study import PhaseStudy
     from porotwin_recording.tables.photos import Photo
 
@@ -50,6 +54,12 @@ def command(
     water: Annotated[
         list[str] | None, typer.Option(help='Box that always shows water without CO2.')
     ] = None,
+    series: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder of maps (csv, names end in the time): tells the time of each photograph.'
+        ),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
@@ -72,10 +82,11 @@ def command(
     from porotwin_core.basis.parallel import crew
     from porotwin_imaging.baseline.baseline import make_baseline
     from porotwin_imaging.geometry.imaging_cost import map_cost
-    from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, WATER
+    from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, PHASES, WATER
     from porotwin_imaging.phases.phase_study import PhaseStudy
     from porotwin_imaging.photograph.photo_file import MOST_PIXELS, photo_size
     from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.tables.phase_csv import read_phase_series
 
     picture, table = picture_beside(output), output.with_suffix('.csv')
     for path in (output, picture, table):
@@ -85,6 +96,7 @@ def command(
         DISSOLVED: _boxes(dissolved, '--dissolved'),
         GAS: _boxes(gas, '--gas'),
     }
+    maps = read_phase_series(series, len(PHASES)) if series else {}
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
@@ -106,7 +118,7 @@ def command(
     memory = map_cost(rig, map_grid, photo_size(first[0])).memory_bytes
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     with pool:
-        work = _segment(states, study, output, rig, pool)
+        work = _segment(states, study, output, rig, maps, pool)
     rows, refused = work.rows, work.refused
     phase_sheet(picture, rig, work.shown, output.name)
     write_rows(table, rows)
@@ -120,6 +132,7 @@ def command(
                 'colours': study.colours.words(),
                 'perhaps_tracer': study.colours.darken_only(),
                 'phases': rows,
+                'dates': {time: match._asdict() for time, match in work.dates.items()},
                 'remarks': work.remarks,
                 'refused': refused,
             }
@@ -169,11 +182,12 @@ def _tell_times(boxes: 'dict[int, list[Box]]', times: 'list[float]') -> None:
 
 @dataclasses.dataclass
 class _Work:
-    """The results of a run: rows of measures, some maps and the remarks by time, the refused."""
+    """The results of a run: rows, and by time some maps, remarks and dates; the refused."""
 
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     shown: 'dict[float, PhaseMap]' = dataclasses.field(default_factory=dict)
     remarks: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    dates: dict[str, 'SeriesMatch'] = dataclasses.field(default_factory=dict)
     refused: list[str] = dataclasses.field(default_factory=list)
 
 
@@ -183,17 +197,24 @@ def _phases(content: bytes, study: 'PhaseStudy') -> 'PhaseMap':
 
 
 def _segment(
-    states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 'Rig', pool: 'Crew'
+    states: 'Sequence[Photo]',
+    study: 'PhaseStudy',
+    output: Path,
+    rig: 'Rig',
+    maps: 'Mapping[float, NDArray[np.uint8]]',
+    pool: 'Crew',
 ) -> _Work:
     """Write the maps of all photographs; return their measures."""
     from porotwin_cli.photographs.many_photos import each_photo
     from porotwin_cli.pictures.rig_drawing import chosen_maps
+    from porotwin_imaging.phases.colour_change import REASONS
     from porotwin_imaging.phases.phase_colours import PHASES
+    from porotwin_imaging.phases.phase_series import series_match
     from porotwin_recording.tables.phase_maps import PhaseMapWriter
 
     grid, work, words = study.baseline.grid, _Work(), study.colours.words()
     drawn = chosen_maps(len(states))
-    with PhaseMapWriter(output, grid, PHASES, program=PROGRAM, colours=words) as writer:
+    with PhaseMapWriter(output, grid, PHASES, REASONS, program=PROGRAM, colours=words) as writer:
         with progress() as bar:
             task = bar.add_task('photographs', total=len(states))
             for number, (photo, found) in enumerate(each_photo(pool, _phases, states, study)):
@@ -201,9 +222,15 @@ def _segment(
                     work.refused.append(f'{photo.name}: {found}')
                     say(work.refused[-1])
                 else:
-                    writer.append(photo.time, found.phase, found.confidence)
+                    writer.append(photo.time, found.phase, found.confidence, found.reason)
                     work.rows += _rows(found, photo.time, rig, grid)
                     work.remarks[f'{photo.time:g}'] = found.remarks
+                    if maps:
+                        match = work.dates[f'{photo.time:g}'] = series_match(found.phase, maps)
+                        say(
+                            f'{photo.name}: {match.time_s:.0f} s in the series; the map at '
+                            f'{match.map_time_s:g} s overlaps by {match.overlap:.2f}'
+                        )
                     if number in drawn:
                         work.shown[photo.time] = found
                 bar.advance(task)

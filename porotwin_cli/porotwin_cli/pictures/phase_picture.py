@@ -59,7 +59,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
         Patch(facecolor=colour, label=name) for colour, name in zip(COLOURS, PHASES, strict=True)
     ]
     handles.append(Patch(facecolor=DOUBT, label=f'less than {100 * SURE:.0f} % sure'))
-    handles.append(Patch(facecolor=UNSEEN, label='not seen, or another colour'))
+    handles.append(Patch(facecolor=UNSEEN, label='not seen'))
     figure.legend(handles=handles, loc='outside lower center', ncols=len(handles), frameon=False)
     figure.suptitle(title)
     with writing(path):

@@ -7,8 +7,8 @@ A `Baseline` is immutable. All later photographs are compared with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -108,6 +108,14 @@ class Baseline:
                 'set the camera to one of them, sRGB at best'
             )
         return _decode(data, self.photo_size, self.reduction)
+
+    def with_dark_sand(self) -> Self:
+        """Return the baseline with dark sand usable: a bright fluid shows there, a dark one not."""
+        dark = self.mask.unlit & (self.colours.max(axis=2) < BASELINE_MASK.over_exposed)
+        sand = ~(self.mask.checker | self.mask.water | self.mask.objects)
+        usable = (self.usable > 0) | (dark & sand)
+        share = self.sampling.cell_means(usable.astype(np.float32))
+        return replace(self, usable=usable.astype(np.uint8), share=share)
 
     def sand_appearance(self) -> tuple[Array, Array]:
         """Return linear colours (nz, nx, 3) and texture (nz, nx) of the cells, to segment sands."""

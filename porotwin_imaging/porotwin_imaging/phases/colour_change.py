@@ -26,21 +26,25 @@ from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_correction import light_at_chart
 from porotwin_imaging.light.light_check import refuse_unknown_light
 from porotwin_imaging.light.light_drift import LightDrift, light_drift
+from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _SAME_LIGHT = 0.08
-"""Largest difference of water from the light that is known, in any channel [log]."""
+"""Largest difference of water from the light that is known, in any channel [log]. Where the grains
+are lost, a darker colour is something in front of the sand; a brighter one may be gas."""
 _LEAST_WATER = 0.1
 """Share of the sand that shows the light of the baseline if nothing else tells the light [-]."""
 _LEAST_FOR_SHAPE = 0.15
 """Share of the sand that tells how the light varies over the rig [-]."""
 _FRONT_STEP = 0.25
 """Change of colour between neighbouring cells that is a front [log]."""
-_LEAST_GAS_LIGHT = 0.05
-"""Sand without visible grains may be dry if all its channels are brighter by this [log]."""
+
+REASONS = ('seen', 'off_sand', 'over_exposed', 'covered')
+"""Why a cell has no phase; their numbers in maps are the indices."""
+SEEN, OFF_SAND, OVER_EXPOSED, COVERED = range(len(REASONS))
 
 
 @dataclass(frozen=True)
@@ -81,62 +85,87 @@ class Box:
 
 @dataclass(frozen=True)
 class ColourChange:
-    """A photograph relative to the baseline, without the change of the lamps.
+    """What light a photograph has gained or lost since the baseline, without the lamps.
+
+    Linear light is compared by difference: a ratio would magnify the noise of dark sand.
 
     Attributes:
-        log_ratio: log of light relative to the baseline, shape (nz, nx, 3 = red, green, blue).
+        change: light minus the light of the baseline, in each channel relative to the median of
+            the sand in the baseline, shape (nz, nx, 3 = red, green, blue).
         variance: its variance from noise, same shape.
-        visible: cells that show their sand, shape (nz, nx).
+        light: light of the baseline relative to its median, same shape.
+        reason: why a cell has no phase, index of `REASONS`, shape (nz, nx).
         doubtful: visible cells without the grains of the baseline: gas, or a bright object.
         remarks: one line each.
     """
 
-    log_ratio: Array
+    change: Array
     variance: Array
-    visible: Mask
+    light: Array
+    reason: NDArray[np.uint8]
     doubtful: Mask
     remarks: list[str]
+
+    @property
+    def visible(self) -> Mask:
+        """Cells that show their sand, shape (nz, nx)."""
+        return np.asarray(self.reason == SEEN)
 
 
 def colour_change(data: bytes, baseline: Baseline, water: Sequence[Box] = ()) -> ColourChange:
     """Return the change of colour in the photograph `data` (bytes of the file).
 
-    `water` are boxes whose colour has not changed; they show the light.
+    `water` are boxes whose colour has not changed; they show the light if no chart does.
 
     Raises:
         InputError: the photograph cannot be used; one line gives the reason.
     """
+    baseline = baseline.with_dark_sand()
     cells = photo_cells(data, baseline, Stopwatch())
     variance = log_ratio_variance(
         cells.sums, baseline.chart.matrix, baseline.sampling.samples_across
     )
     unclipped, clipped = unclipped_cells(cells.sums, cells.share)
-    visible = (cells.sums.share > VALIDITY.least_visible_share) & unclipped
+    shown = cells.sums.share > VALIDITY.least_visible_share
+    visible = shown & unclipped
     light, chart = light_at_chart(cells.pixels, cells.alignment.homography, baseline.chart)
     ratio = _without_lamps(
         cells.sums.log_ratio, visible, None if light is None else light.log_gain, water, baseline
     )
     blocks = hidden_sand(cells.sums.blocks)
-    covered = _covered(ratio, blocks, VALIDITY.windows_across) & visible
-    bright = covered & (ratio.min(axis=2) > _LEAST_GAS_LIGHT)
-    hidden = covered & ~bright
+    lost = _covered(ratio, blocks, VALIDITY.windows_across) & visible
+    bright = lost & (ratio.max(axis=2) > _SAME_LIGHT)
+    covered = lost & ~bright & (ratio.min(axis=2) < -_SAME_LIGHT)
+    reason = np.select(
+        [cells.share <= VALIDITY.least_visible_share, ~unclipped, ~shown, covered],
+        [OFF_SAND, OVER_EXPOSED, OFF_SAND, COVERED],
+        SEEN,
+    ).astype(np.uint8)
+    sand = np.maximum(baseline.sand_appearance()[0] @ baseline.chart.matrix.T, 0.0)
+    unit = np.maximum(np.median(sand[visible], axis=0), LEAST_LIGHT)
+    state = np.exp(ratio) * sand / unit
     remarks = [
         *alignment_remarks(cells.alignment, baseline.reduction),
         *chart,
         *cells.remarks,
         *clipped,
+        *_told(reason, bright),
     ]
-    for cells_of, words in (
-        (hidden, 'is covered in the photograph: left out'),
+    noise = (variance + baseline.fluctuation) * state**2
+    return ColourChange(state - sand / unit, noise, sand / unit, reason, bright, remarks)
+
+
+def _told(reason: NDArray[np.uint8], bright: Mask) -> list[str]:
+    """Return remarks on cells without a phase, and on bright cells without grains."""
+    parts = [
+        (reason == OFF_SAND, 'of the rig shows the chart, open water or an object: no phase'),
         (
-            bright,
-            'is bright without the grains of the baseline: gas, or a bright object',
+            reason == COVERED,
+            'of the rig is covered: darker, without the grains of the baseline',
         ),
-    ):
-        if cells_of.any():
-            remarks.append(f'{100 * cells_of.sum() / visible.sum():.1f} % of the sand {words}')
-    variance = variance + baseline.fluctuation
-    return ColourChange(ratio, variance, visible & ~hidden, bright, remarks)
+        (bright, 'of the rig is bright without the grains of the baseline: gas, or an object'),
+    ]
+    return [f'{100 * cells.mean():.1f} % {words}' for cells, words in parts if cells.any()]
 
 
 def _without_lamps(
@@ -158,7 +187,8 @@ def _without_lamps(
             raise InputError(
                 f'water {"; ".join(map(str, water))}: no visible sand in it; give another box'
             )
-        known = np.median(ratio[inside], axis=0)
+        if gain is None:
+            known = np.median(ratio[inside], axis=0)
     told = gain is not None or bool(water)
     agrees = visible & (np.abs(ratio - known).max(axis=2) < _SAME_LIGHT)
     share = float(agrees.sum() / max(1, visible.sum()))

@@ -13,17 +13,10 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.baseline import Baseline
-from porotwin_imaging.calibrating.sands import segment
-from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.phases.colour_change import Box, ColourChange, colour_change
-from porotwin_imaging.phases.phase_colours import (
-    PHASES,
-    WATER,
-    PhaseColours,
-    found_colours,
-    given_colours,
-)
-from porotwin_imaging.phases.phase_segmentation import PhaseMap, refined_colours, segment_phases
+from porotwin_imaging.phases.phase_colours import PHASES, WATER, PhaseColours
+from porotwin_imaging.phases.phase_fit import found_colours, given_colours
+from porotwin_imaging.phases.phase_segmentation import PhaseMap, segment_phases
 
 Boxes = Mapping[int, Sequence[Box]]
 """Boxes of the rig by the number of the phase that they show."""
@@ -38,13 +31,11 @@ class PhaseStudy:
 
     Attributes:
         baseline: the baseline of the photographs.
-        sands: index of the sand in each cell, shape (nz, nx).
         water: boxes that always show water.
         colours: the colours of the phases.
     """
 
     baseline: Baseline
-    sands: NDArray[np.uint8]
     water: tuple[Box, ...]
     colours: PhaseColours
 
@@ -68,17 +59,14 @@ class PhaseStudy:
         """
         water = tuple(boxes.get(WATER, ()))
         given = {phase: found for phase, found in boxes.items() if found and phase != WATER}
-        visible = baseline.share > VALIDITY.least_visible_share
-        colours, texture = baseline.sand_appearance()
-        sands = segment(colours, texture, visible)
         changes = _changes(photographs, baseline, water, given)
-        used = list(changes.values())
-        first = (
-            given_colours(changes, given, sands, baseline.grid)
+        cells = _cells(water, baseline)
+        colours = (
+            given_colours(changes, given, cells, baseline.grid)
             if given
-            else found_colours(used, sands)
+            else found_colours(list(changes.values()), cells)
         )
-        return cls(baseline, sands, water, refined_colours(first, used, sands))
+        return cls(baseline, water, colours)
 
     def phases(self, data: bytes) -> PhaseMap:
         """Return the phases in the photograph `data` (bytes of the file).
@@ -87,11 +75,19 @@ class PhaseStudy:
             InputError: the photograph cannot be used.
         """
         change = colour_change(data, self.baseline, self.water)
-        return segment_phases(change, self.colours, self.sands)
+        return segment_phases(change, self.colours, _cells(self.water, self.baseline))
 
     def missing(self) -> list[str]:
         """Return the names of the phases without a colour."""
         return [name for number, name in enumerate(PHASES) if number not in self.colours.phases]
+
+
+def _cells(boxes: Sequence[Box], baseline: Baseline) -> NDArray[np.bool_]:
+    """Return the cells (nz, nx) that lie in any of the boxes."""
+    inside = np.zeros(baseline.grid.shape, bool)
+    for box in boxes:
+        inside |= box.cells(baseline.grid)
+    return inside
 
 
 def _changes(

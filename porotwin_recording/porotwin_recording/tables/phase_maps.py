@@ -20,6 +20,7 @@ class PhaseMapWriter(MapWriter):
         path: the file.
         grid: the grid of the maps.
         phases: names of the phases; their numbers are the indices.
+        reasons: names of the reasons why a cell has no phase; the first one is that it has one.
         program: name and version of the program.
         colours: the colours of the phases in words.
 
@@ -33,6 +34,7 @@ class PhaseMapWriter(MapWriter):
         path: Path,
         grid: Grid,
         phases: Sequence[str],
+        reasons: Sequence[str],
         *,
         program: str = '',
         colours: Sequence[str] = (),
@@ -57,13 +59,25 @@ class PhaseMapWriter(MapWriter):
             np.float32(np.nan),
             {'units': '1', 'long_name': 'probability of the phase'},
         )
+        self._define(
+            'reason',
+            'u1',
+            NO_PHASE,
+            {
+                'long_name': 'why a cell has no phase',
+                'flag_values': np.arange(len(reasons), dtype=np.uint8),
+                'flag_meanings': ' '.join(reasons),
+            },
+        )
 
-    def append(self, time: float, phase: NDArray[np.uint8], confidence: NDArray) -> None:
-        """Write a map of phases (nz, nx) and their probability [-] at `time` [s].
+    def append(
+        self, time: float, phase: NDArray[np.uint8], confidence: NDArray, reason: NDArray[np.uint8]
+    ) -> None:
+        """Write phases (nz, nx), their probability [-], and reasons of no phase at `time` [s].
 
         Raises:
             InputError: a shape is not the one of the grid, or `time` does not increase.
             OSError: the disk is full or fails.
         """
-        self._check(time, (phase, confidence))
-        self._write(time, {'phase': phase, 'confidence': confidence})
+        self._check(time, (phase, confidence, reason))
+        self._write(time, {'phase': phase, 'confidence': confidence, 'reason': reason})
