@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from porotwin_solver.coefficients.face_field import FaceField
@@ -17,7 +17,13 @@ from porotwin_solver.transport.diffusion import (
     dispersion_tensor_adjoint,
     dispersive_exchanges,
 )
-from porotwin_solver.transport.diffusion_kernels import exchange, pair_cells, superbase
+from porotwin_solver.transport.diffusion_kernels import (
+    exchange,
+    named_pairs,
+    sort_pairs,
+    superbase,
+)
+from porotwin_solver.transport.line_kernels import Lines, make_lines
 
 
 @given(
@@ -78,6 +84,59 @@ def test_diffusion_is_conservative_and_bounded_and_preserves_constants(rig) -> N
     assert (constant == 0.3).all()
 
 
+@given(
+    seed=st.integers(0, 10**6),
+    along=st.floats(0.0, 0.2),
+    across=st.floats(0.0, 0.2),
+    duration=st.floats(1.0, 3e4),
+    steps=st.integers(1, 3),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_exchange_along_lines_makes_no_new_extreme_and_no_tracer(
+    rig, seed, along, across, duration, steps
+) -> None:
+    """Whatever the flow, the dispersion and the length of a step: the step may be far too long."""
+    physics, flux = flowing(rig, seed)
+    rng = np.random.default_rng(seed)
+    physics = replace(
+        physics,
+        longitudinal_dispersivity=along,
+        transverse_dispersivity=across,
+        porosity=rng.uniform(0.1, 0.5, (15, 21)),
+    )
+    exchanges = along_lines(physics, flux, duration, steps)
+    field = rng.integers(0, 2, (15, 21)) * rng.choice([1.0, 1e-9])
+    low, high = field.min(), field.max()
+    before = math.fsum((physics.storage * field).ravel())
+    diffuse(field, physics.storage, exchanges)
+    # each substep rounds the volumes that a cell exchanges; they are `moved` times its storage
+    moved = steps * float(np.max(exchanges.weight.max() * duration / physics.storage))
+    slack = 1e-14 * (1.0 + moved) * high
+    assert low - slack <= field.min()
+    assert field.max() <= high + slack
+    assert math.fsum((physics.storage * field).ravel()) == pytest.approx(before, rel=1e-13)
+
+
+def along_lines(physics, flux, duration: float, steps: int):
+    """Return the exchanges along lines in any case, with so many substeps."""
+    whole = dispersive_exchanges(physics, flux, duration)
+    if whole.lines is None:
+        owner = np.repeat(np.arange(whole.start.size - 1), np.diff(whole.start)).astype(np.int32)
+        level = np.zeros(physics.storage.size, np.int8)
+        pairs = sort_pairs(owner, whole.other, whole.weight, level)
+        whole = whole._replace(
+            levels=whole.levels._replace(level=level.reshape(physics.storage.shape)),
+            start=pairs[0],
+            other=pairs[1],
+            weight=pairs[2],
+            to_neighbours=False,
+        )
+    lines = make_lines(
+        whole.start, whole.other, whole.weight, physics.storage.ravel(), duration / steps
+    )
+    return whole._replace(lines=Lines(steps, *lines))
+
+
 def test_the_tensor_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     physics, flux = flowing(rig, 4)
     _, direction = flowing(rig, 5)
@@ -105,8 +164,9 @@ def test_pairs_of_neighbours_are_those_of_the_tensor_to_the_last_bit(make_rig, s
     scaled = DispersionTensor(
         tensor.xx / physics.grid.dx**2, tensor.xz, tensor.zz / physics.grid.dz**2
     )
-    found = pair_cells(scaled, physics.mobile_water, physics.storage, 30.0, 0.5)
-    for one, other in zip((*quick.levels[1:], *quick[1:4]), found, strict=True):
+    first, second, volume, _ = named_pairs(scaled, physics.mobile_water)
+    found = sort_pairs(first, second, volume, quick.levels.level.ravel())
+    for one, other in zip(quick[1:4], found, strict=True):
         np.testing.assert_array_equal(one, other)
     c = np.zeros(shape)
     c.flat[7:12] = np.random.default_rng(2).uniform(size=5)
@@ -122,4 +182,5 @@ def test_a_strong_diffusion_takes_several_steps(rig) -> None:
     physics = replace(nominal_physics(rig, rig.grid(21, 15)), model_diffusion=1e-4)
     found = dispersive_exchanges(physics, FaceField.zeros(physics.grid), 60.0)
     assert not found.to_neighbours
-    assert len(found.levels.count_at_least) > 1
+    assert found.lines is not None
+    assert found.lines.steps > 1

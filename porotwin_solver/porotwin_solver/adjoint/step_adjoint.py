@@ -8,7 +8,11 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRates
 from porotwin_solver.adjoint.adjoint_state import AdjointState
-from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint, weights_adjoint
+from porotwin_solver.adjoint.diffusion_adjoint_kernels import (
+    exchange_adjoint,
+    exchange_along_lines_adjoint,
+    weights_adjoint,
+)
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
@@ -131,15 +135,13 @@ def _transport_adjoint(
     weight_bar = np.zeros_like(exchanges.weight)
 
     def diffusion_adjoint(tape: FloatArray) -> None:
-        exchange_adjoint(
-            c.ravel(),
-            bar.mobile.ravel(),
-            engine.storage.ravel(),
-            exchanges,
-            tape,
-            weight_bar,
-            derivatives.advection.storage.ravel(),
-        )
+        cells = (c.ravel(), bar.mobile.ravel(), engine.storage.ravel())
+        bars = (weight_bar, derivatives.advection.storage.ravel())
+        if exchanges.lines is None:
+            exchange_adjoint(*cells, exchanges, tape, *bars)
+            return
+        length = exchanges.levels.duration / exchanges.lines.steps
+        exchange_along_lines_adjoint(*cells, exchanges.lines, length, tape, *bars)
 
     diffusion_adjoint(tapes.second_diffusion)
     advection_adjoint(

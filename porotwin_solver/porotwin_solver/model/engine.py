@@ -99,7 +99,7 @@ class StepTapes(NamedTuple):
     @classmethod
     def empty(cls, coefficients: StepCoefficients) -> 'StepTapes':
         """Return tapes with room for one step."""
-        diffusion = tape_length(coefficients.exchanges.levels)
+        diffusion = coefficients.exchanges.tape_length
         advection = tape_length(coefficients.levels)
         return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
 
@@ -409,7 +409,7 @@ class Engine:
         A solution of the flow that the tracer changes counts as FLOW_UPDATES for each cell.
         """
         advection = tape_length(coefficients.levels)
-        diffusion = 2 * tape_length(coefficients.exchanges.levels)
+        diffusion = 2 * coefficients.exchanges.tape_length
         flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0
         return advection + diffusion + flow
 

@@ -8,8 +8,11 @@ with non-negative weights between cells that may lie several columns and rows ap
 formula for obtuse superbases (Fehrenbach and Mirebeau, J. Math. Imaging Vis. 49 (2014) 123-147).
 Each exchange adds to one cell the amount that it takes from the other. The scheme is linear,
 symmetric, conservative, second order, and bounded without a limiter. The cells take local time
-steps as in `transport`; an exchange runs at the level of its faster cell.
+steps as in `transport`; an exchange runs at the level of its faster cell. Where that asks for many
+substeps, the exchange is implicit along lines of cells (`line_kernels`).
 """
+
+import math
 
 from typing import NamedTuple
 
@@ -25,10 +28,17 @@ from porotwin_solver.transport.diffusion_kernels import (
     ends_of_tracer,
     exchange,
     gains_from_neighbours,
+    named_pairs,
     neighbour_pairs,
-    pair_cells,
+    sort_pairs,
 )
-from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels
+from porotwin_solver.transport.line_kernels import Lines, exchange_along_lines, make_lines
+from porotwin_solver.transport.local_time_steps import (
+    NO_TAPE,
+    TimeStepLevels,
+    assign_levels,
+    tape_length,
+)
 
 EXCHANGE_LIMIT = 0.5
 """Largest fraction of its storage [-] that a cell exchanges in one substep; monotone up to 1."""
@@ -54,6 +64,7 @@ class Exchanges(NamedTuple):
     weight: (pairs,) [m^3/s]; exchanged volume.
     to_neighbours: whether every cell owns the pairs with its upper and its right neighbour, in this
         order, and all cells take one step.
+    lines: the cells on lines where the exchange is implicit; all levels are then zero.
     """
 
     levels: TimeStepLevels
@@ -61,6 +72,14 @@ class Exchanges(NamedTuple):
     other: NDArray[np.int32]
     weight: FloatArray
     to_neighbours: bool = False
+    lines: Lines | None = None
+
+    @property
+    def tape_length(self) -> int:
+        """The number of updates of all cells together: the length of the tape of `diffuse`."""
+        if self.lines is None:
+            return tape_length(self.levels)
+        return self.lines.steps * len(self.lines.cell)
 
 
 def dispersion_tensor(physics: Physics, flux: FaceField) -> DispersionTensor:
@@ -124,15 +143,27 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
         found = _neighbour_exchanges(physics, duration)
         if found is not None:
             return found
-    level, order, count_at_least, start, other, weight = pair_cells(
-        _per_cell_size(dispersion_tensor(physics, flux), physics),
-        physics.mobile_water,
-        physics.storage * (1.0 - physics.immobile_fraction),
-        duration,
-        EXCHANGE_LIMIT,
-    )
+    size = physics.mobile_water.size
+    storage = (physics.storage * (1.0 - physics.immobile_fraction)).ravel()
+    tensor = _per_cell_size(dispersion_tensor(physics, flux), physics)
+    first, second, volume, total = named_pairs(tensor, physics.mobile_water)
+    rate = total / storage
+    level = np.empty(physics.grid.shape, np.int8)
+    order, count_at_least = assign_levels(rate, duration, EXCHANGE_LIMIT, level.ravel())
     levels = TimeStepLevels(duration, level, order, count_at_least)
-    return Exchanges(levels, start, other, weight)
+    # as advection, the substeps grow with the inverse of the cell size; in pairs of either order
+    steps = 2 * math.ceil(0.5 * math.sqrt(float(np.mean(rate)) * duration))
+    # most pairs are named twice; on a line a pair takes twice as long as a cell of `exchange`
+    implicit = steps * len(first) < tape_length(levels)
+    if implicit:
+        level = np.zeros_like(level)
+        order = np.arange(size, dtype=np.int32)
+        levels = TimeStepLevels(duration, level, order, np.array([size]))
+    pairs = sort_pairs(first, second, volume, level.ravel())
+    if not implicit:
+        return Exchanges(levels, *pairs)
+    lines = Lines(steps, *make_lines(*pairs, storage, duration / steps))
+    return Exchanges(levels, *pairs, lines=lines)
 
 
 def _neighbour_exchanges(physics: Physics, duration: float) -> Exchanges | None:
@@ -169,9 +200,12 @@ def diffuse(
     """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
     `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
-    `tape_length(exchanges.levels)`, records the values that the adjoint needs. Threads share the
-    cells of a large grid where neighbours alone exchange.
+    `exchanges.tape_length`, records the values that the adjoint needs. Threads share the cells of a
+    large grid where neighbours alone exchange.
     """
+    if exchanges.lines is not None:
+        exchange_along_lines(concentration.ravel(), storage.ravel(), exchanges.lines, tape)
+        return
     if len(tape) or not exchanges.to_neighbours:
         exchange(concentration.ravel(), storage.ravel(), exchanges, tape)
         return

@@ -10,7 +10,7 @@ Arguments that recur: `tensor` a DispersionTensor per squared cell size [1/s], (
 import numpy as np
 
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
-from porotwin_solver.transport.local_time_steps import assign_levels, lowest_starting_level
+from porotwin_solver.transport.local_time_steps import lowest_starting_level
 
 MAX_SUPERBASE_STEPS = 100
 """Bound on the reductions of a superbase; it suffices for anisotropies beyond 1e20."""
@@ -51,24 +51,10 @@ def superbase(xx, xz, zz, offset, weight):
 
 
 @compiled
-def pair_cells(tensor, water, storage, duration, limit):
-    """Return level, order, count_at_least, start, other and weight of `diffusion.Exchanges`.
-
-    `tensor`: DispersionTensor per squared cell size [1/s]; `water` and `storage` (nz, nx) [m^3].
-    """
-    nz, nx = water.shape
-    first, second, volume, total = named_pairs(tensor, water)
-    level = np.empty((nz, nx), np.int8)
-    flat = level.ravel()
-    order, count_at_least = assign_levels(total / storage.ravel(), duration, limit, flat)
-    start, other, weight = sort_pairs(first, second, volume, flat)
-    return level, order, count_at_least, start, other, weight
-
-
-@compiled
 def named_pairs(tensor, water):
     """Return the pairs that the cells name: `first`, `second`, `volume` and `total`.
 
+    `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3].
     `first` and `second` (pairs,) are the cells of each pair, `volume` (pairs,) [m^3/s] is what they
     exchange, `total` (nz * nx,) [m^3/s] the sum over the pairs of each cell.
 
@@ -159,7 +145,7 @@ def exchange(c, storage, exchanges, tape):
     substeps, unless it has no room at all.
     """
     gain = np.zeros(len(c))
-    levels, start, other, weight, _ = exchanges
+    levels, start, other, weight, _, _ = exchanges
     duration, level_2d, order, count_at_least = levels
     level = level_2d.ravel()
     highest = len(count_at_least) - 1
@@ -257,7 +243,7 @@ def gains_from_neighbours(c, exchanges, ends, gain, first, last):
     `ends` as of `ends_of_tracer`. The sums have the order of `exchange`, so the result is the same.
     """
     nz, nx = c.shape
-    levels, start, _, weight, _ = exchanges
+    levels, start, _, weight, _, _ = exchanges
     duration = levels.duration
     for i in range(first, last):
         low, high = reach(ends, i, nx)

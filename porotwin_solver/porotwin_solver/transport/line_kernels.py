@@ -1,0 +1,191 @@
+"""Compiled kernels: exchange of tracer along lines of cells, implicit and monotone.
+
+Pairs of cells with one offset form lines. Along each line the exchange is one implicit step, of
+Crank and Nicolson where that is monotone, of Euler elsewhere. The lines of one offset follow those
+of another (locally one-dimensional splitting; Hundsdorfer and Verwer, Numerical Solution of
+Time-Dependent Advection-Diffusion-Reaction Equations, 2003, sec. IV.3). The matrices are M-matrices,
+so no value leaves the range of the others, for any length of a step and any weights.
+
+Cells are numbered by their flat index; all arrays of cells are flat (nz * nx,).
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
+
+LEAST = NEGLIGIBLE**2
+"""Concentration [-] that counts as zero within a line: below the round-off of negligible ones."""
+
+
+class Lines(NamedTuple):
+    """The cells on lines, offset by offset, in ascending order for each offset.
+
+    steps: substeps, each through all offsets; every second one takes them in reverse order.
+    stride: (offsets,); distance of the flat indices of two neighbours on a line.
+    first: (offsets + 1,); the entries of offset n are first[n] to first[n + 1] - 1.
+    cell: (entries,); flat index of the cell.
+    pair: (entries,); index of the pair with the next cell of the line, -1 at its end.
+    inverse: (entries,) [1/m^3]; inverse of the diagonal of the eliminated matrix.
+    before, after: (entries,) [m^3]; volume exchanged with the next cell in a substep, by the
+        concentrations before it and by those after it.
+    """
+
+    steps: int
+    stride: NDArray[np.int64]
+    first: NDArray[np.int64]
+    cell: NDArray[np.int32]
+    pair: NDArray[np.int32]
+    inverse: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+@compiled
+def make_lines(start, other, weight, storage, length):
+    """Return all of `Lines` but the steps, for substeps of `length` [s].
+
+    `start`, `other` and `weight` as of `diffusion.Exchanges`; each pair is listed by its lower cell.
+    """
+    size, pairs = len(storage), len(other)
+    number = np.full(size, -1, np.int64)
+    count = 0
+    stride = np.empty(size, np.int64)
+    for k in range(size):
+        for place in range(start[k], start[k + 1]):
+            step = other[place] - k
+            if number[step] < 0:
+                number[step] = count
+                stride[count] = step
+                count += 1
+    # the pair of each cell with the next one, offset by offset
+    begin = np.zeros(count + 1, np.int64)
+    for k in range(size):
+        for place in range(start[k], start[k + 1]):
+            begin[number[other[place] - k] + 1] += 1
+    for n in range(count):
+        begin[n + 1] += begin[n]
+    fill = begin[:-1].copy()
+    owner = np.empty(pairs, np.int32)
+    by_offset = np.empty(pairs, np.int32)
+    for k in range(size):
+        for place in range(start[k], start[k + 1]):
+            n = number[other[place] - k]
+            owner[fill[n]] = k
+            by_offset[fill[n]] = place
+            fill[n] += 1
+    first = np.zeros(count + 1, np.int64)
+    cell = np.empty(2 * pairs, np.int32)
+    pair = np.empty(2 * pairs, np.int32)
+    inverse, before, after = np.empty(2 * pairs), np.empty(2 * pairs), np.empty(2 * pairs)
+    ahead = np.full(size, -1, np.int32)
+    behind = np.full(size, -1, np.int32)
+    pivot = np.zeros(size)
+    entries = 0
+    for n in range(count):
+        step = stride[n]
+        for place in range(begin[n], begin[n + 1]):
+            ahead[owner[place]] = by_offset[place]
+            behind[owner[place] + step] = by_offset[place]
+        low, high = owner[begin[n]], owner[begin[n + 1] - 1] + step
+        for k in range(low, high + 1):
+            if ahead[k] < 0 and behind[k] < 0:
+                continue
+            gone, come = 0.0, 0.0
+            if ahead[k] >= 0:
+                gone = length * weight[ahead[k]]
+            if behind[k] >= 0:
+                come = length * weight[behind[k]]
+            cell[entries], pair[entries] = k, ahead[k]
+            halved = 0.5 * (gone + come) <= storage[k]
+            before[entries] = 0.0
+            if ahead[k] >= 0 and halved:
+                beyond = gone
+                if ahead[k + step] >= 0:
+                    beyond += length * weight[ahead[k + step]]
+                if 0.5 * beyond <= storage[k + step]:
+                    before[entries] = 0.5 * gone
+            after[entries] = gone - before[entries]
+            # pivot[k]: what the elimination of the cells before k leaves on the diagonal
+            left = storage[k] + pivot[k]
+            inverse[entries] = 1.0 / (left + after[entries])
+            if ahead[k] >= 0:
+                pivot[k + step] = after[entries] * left * inverse[entries]
+            entries += 1
+        for k in range(low, high + 1):
+            ahead[k], behind[k], pivot[k] = -1, -1, 0.0
+        first[n + 1] = entries
+    return (
+        stride[:count].copy(),
+        first,
+        cell[:entries].copy(),
+        pair[:entries].copy(),
+        inverse[:entries].copy(),
+        before[:entries].copy(),
+        after[:entries].copy(),
+    )
+
+
+@compiled
+def offset_at(substep, place, offsets):
+    """Return the offset whose lines come at `place` in a substep."""
+    return place if substep % 2 == 0 else offsets - 1 - place
+
+
+@compiled
+def exchange_along_lines(c, storage, lines, tape):
+    """Advance `c` in place by all substeps of `lines`.
+
+    `tape` receives the concentrations before the exchange along each offset, unless it has no room.
+    """
+    steps, stride, first, cell, _, inverse, before, after = lines
+    new, carried = np.zeros(len(c)), np.zeros(len(c))
+    taped = 0
+    for substep in range(steps):
+        for place in range(len(stride)):
+            n = offset_at(substep, place, len(stride))
+            step, begin, end = stride[n], first[n], first[n + 1]
+            if len(tape) > 0:
+                for entry in range(begin, end):
+                    tape[taped] = c[cell[entry]]
+                    taped += 1
+            for entry in range(begin, end):
+                k = cell[entry]
+                total = storage[k] * c[k] + carried[k]
+                carried[k] = 0.0
+                moved = 0.0
+                if before[entry] > 0.0:
+                    moved = before[entry] * (c[k + step] - c[k])
+                new[k] = (total + moved) * inverse[entry]
+                if abs(new[k]) < LEAST:
+                    new[k] = 0.0
+                if after[entry] > 0.0:
+                    carried[k + step] = after[entry] * new[k] - moved
+            substitute(new, cell, step, inverse, after, begin, end)
+            # the volumes that the new values ask for leave one cell and enter the next
+            for entry in range(begin, end):
+                k = cell[entry]
+                gain = carried[k]
+                carried[k] = 0.0
+                if after[entry] > 0.0:
+                    moved = after[entry] * (new[k + step] - new[k])
+                    if before[entry] > 0.0:
+                        moved += before[entry] * (c[k + step] - c[k])
+                    gain += moved
+                    carried[k + step] = -moved
+                if gain != 0.0:
+                    c[k] += gain / storage[k]
+
+
+@compiled
+def substitute(new, cell, step, inverse, after, begin, end):
+    """Substitute the eliminated values of the lines of one offset in `new`, from their ends."""
+    for entry in range(end - 1, begin - 1, -1):
+        if after[entry] > 0.0:
+            k = cell[entry]
+            new[k] += after[entry] * inverse[entry] * new[k + step]
