@@ -13,7 +13,6 @@ substeps, the exchange is implicit along lines of cells (`line_kernels`).
 """
 
 import math
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,8 @@
 Pairs of cells with one offset form lines. Along each line the exchange is one implicit step, of
 Crank and Nicolson where that is monotone, of Euler elsewhere. The lines of one offset follow those
 of another (locally one-dimensional splitting; Hundsdorfer and Verwer, Numerical Solution of
-Time-Dependent Advection-Diffusion-Reaction Equations, 2003, sec. IV.3). The matrices are M-matrices,
-so no value leaves the range of the others, for any length of a step and any weights.
+Time-Dependent Advection-Diffusion-Reaction Equations, 2003, sec. IV.3). The inverse of each matrix
+has no negative entry. So no value leaves the range of the others, for any step and any weights.
 
 Cells are numbered by their flat index; all arrays of cells are flat (nz * nx,).
 """
@@ -50,7 +50,7 @@ class Lines(NamedTuple):
 def make_lines(start, other, weight, storage, length):
     """Return all of `Lines` but the steps, for substeps of `length` [s].
 
-    `start`, `other` and `weight` as of `diffusion.Exchanges`; each pair is listed by its lower cell.
+    `start`, `other` and `weight` as of `diffusion.Exchanges`; a pair is listed by its lower cell.
     """
     size, pairs = len(storage), len(other)
     number = np.full(size, -1, np.int64)
