@@ -97,9 +97,9 @@ class StepTapes(NamedTuple):
     second_diffusion: FloatArray = NO_TAPE
 
     @classmethod
-    def empty(cls, coefficients: StepCoefficients) -> 'StepTapes':
-        """Return tapes with room for one step."""
-        diffusion = coefficients.exchanges.tape_length
+    def empty(cls, coefficients: StepCoefficients, *, diffuses: bool = True) -> 'StepTapes':
+        """Return tapes with room for one step; those of diffusion only where it `diffuses`."""
+        diffusion = coefficients.exchanges.tape_length if diffuses else 0
         advection = tape_length(coefficients.levels)
         return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
 
@@ -466,6 +466,14 @@ class Engine:
                 state.mobile, self.storage, flux, sources, levels, exchanges, state.tracer_lost
             )
             return
+        self.begin_transport(state, coefficients, tapes)
+        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
+
+    def begin_transport(
+        self, state: State, coefficients: StepCoefficients, tapes: StepTapes
+    ) -> None:
+        """Do all of `transport` but the second diffusion, on the processor."""
+        flux, sources, levels, exchanges = coefficients
         diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
         advect(
             state.mobile,
@@ -478,7 +486,6 @@ class Engine:
             tracer_lost=state.tracer_lost,
             tape=tapes.advection,
         )
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
 
     def exchanges(self, flux: FaceField, duration: float) -> Exchanges:
         """Return the diffusive exchanges over `duration` [s].

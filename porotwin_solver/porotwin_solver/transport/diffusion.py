@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.cell_threads import in_rows
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.transport.diffusion_kernels import (
@@ -195,12 +196,14 @@ def diffuse(
     exchanges: Exchanges,
     *,
     tape: FloatArray = NO_TAPE,
+    negligible: float = NEGLIGIBLE,
 ) -> None:
     """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
     `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
     `exchanges.tape_length`, records the values that the adjoint needs. Threads share the cells of a
-    large grid where neighbours alone exchange.
+    large grid where neighbours alone exchange; a difference up to `negligible` [-] moves nothing
+    there.
     """
     if exchanges.lines is not None:
         exchange_along_lines(concentration.ravel(), storage.ravel(), exchanges.lines, tape)
@@ -212,5 +215,5 @@ def diffuse(
     gain = np.empty((nz, nx))
     ends = np.empty((nz, 2), np.int64)
     in_rows(ends_of_tracer, nz, nz * nx, concentration, ends)
-    in_rows(gains_from_neighbours, nz, nz * nx, concentration, exchanges, ends, gain)
+    in_rows(gains_from_neighbours, nz, nz * nx, concentration, exchanges, ends, gain, negligible)
     in_rows(add_gains, nz, nz * nx, concentration, gain, storage, ends)

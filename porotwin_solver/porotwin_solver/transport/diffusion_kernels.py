@@ -231,20 +231,21 @@ def reach(ends, i, nx):
 
 
 @compiled
-def moved(difference, factor):
-    """Return the tracer moved by a difference in concentration; none below round-off."""
-    return factor * difference if abs(difference) > NEGLIGIBLE else 0.0
+def moved(difference, factor, negligible):
+    """Return the tracer moved by a difference in concentration; none by a negligible one."""
+    return factor * difference if abs(difference) > negligible else 0.0
 
 
 @compiled
-def gains_from_neighbours(c, exchanges, ends, gain, first, last):
+def gains_from_neighbours(c, exchanges, ends, gain, negligible, first, last):
     """Fill the rows of `gain` (nz, nx) [m^3] with what the cells get from their neighbours.
 
-    `ends` as of `ends_of_tracer`. The sums have the order of `exchange`, so the result is the same.
+    `ends` as of `ends_of_tracer`. A difference up to `negligible` [-] moves nothing. The sums have
+    the order of `exchange`, so the result is the same.
     """
     nz, nx = c.shape
     levels, start, _, weight, _, _ = exchanges
-    duration = levels.duration
+    duration, no = levels.duration, negligible
     for i in range(first, last):
         low, high = reach(ends, i, nx)
         to_right = 1 if i < nz - 1 else 0
@@ -253,13 +254,17 @@ def gains_from_neighbours(c, exchanges, ends, gain, first, last):
             here = c[i, j]
             total = 0.0
             if i > 0:
-                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]])
+                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]], no)
             if j > 0:
-                total -= moved(here - c[i, j - 1], duration * weight[start[k - 1] + to_right])
+                total -= moved(
+                    here - c[i, j - 1], duration * weight[start[k - 1] + to_right], negligible
+                )
             if i < nz - 1:
-                total += moved(c[i + 1, j] - here, duration * weight[start[k]])
+                total += moved(c[i + 1, j] - here, duration * weight[start[k]], no)
             if j < nx - 1:
-                total += moved(c[i, j + 1] - here, duration * weight[start[k] + to_right])
+                total += moved(
+                    c[i, j + 1] - here, duration * weight[start[k] + to_right], negligible
+                )
             gain[i, j] = total
 
 
