@@ -19,7 +19,7 @@ from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.flow.background_flux import background_flux
-from porotwin_solver.flow.flow import SHARED_FLOWS
+from porotwin_solver.flow.flow import SHARED_FLOWS, UNIT_FLOWS_KEPT
 from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
@@ -162,6 +162,16 @@ class Engine:
         self._kept_exchanges: dict[float, Exchanges] = {}
         self._kept_rates: tuple[WellRates, Sources, FaceField] | None = None
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
+
+    def prepare(self) -> None:
+        """Solve the unit flows ahead of the first rates, where they hold for all rates.
+
+        Raises:
+            InputError: the iterative solver for large grids does not converge.
+        """
+        if self.physics.fringe is None:
+            for source_sink in self.sources_and_sinks.all[:UNIT_FLOWS_KEPT]:
+                self.flow.unit_flux(source_sink)
 
     def mean_concentration(self, state: State) -> FloatArray:
         """Return the mean over mobile and immobile water, (nz, nx): the camera sees this."""
