@@ -12,6 +12,7 @@ from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.transport.diffusion import (
     DispersionTensor,
+    Exchanges,
     diffuse,
     dispersion_tensor,
     dispersion_tensor_adjoint,
@@ -24,6 +25,7 @@ from porotwin_solver.transport.diffusion_kernels import (
     superbase,
 )
 from porotwin_solver.transport.line_kernels import Lines, make_lines
+from porotwin_solver.transport.local_time_steps import TimeStepLevels
 
 
 @given(
@@ -119,22 +121,16 @@ def test_exchange_along_lines_makes_no_new_extreme_and_no_tracer(
 
 def along_lines(physics, flux, duration: float, steps: int):
     """Return the exchanges along lines in any case, with so many substeps."""
-    whole = dispersive_exchanges(physics, flux, duration)
-    if whole.lines is None:
-        owner = np.repeat(np.arange(whole.start.size - 1), np.diff(whole.start)).astype(np.int32)
-        level = np.zeros(physics.storage.size, np.int8)
-        pairs = sort_pairs(owner, whole.other, whole.weight, level)
-        whole = whole._replace(
-            levels=whole.levels._replace(level=level.reshape(physics.storage.shape)),
-            start=pairs[0],
-            other=pairs[1],
-            weight=pairs[2],
-            to_neighbours=False,
-        )
-    lines = make_lines(
-        whole.start, whole.other, whole.weight, physics.storage.ravel(), duration / steps
-    )
-    return whole._replace(lines=Lines(steps, *lines))
+    grid = physics.grid
+    scales = (1.0 / grid.dx**2, 1.0 / (grid.dx * grid.dz), 1.0 / grid.dz**2)
+    tensor = dispersion_tensor(physics, flux)
+    scaled = DispersionTensor(*(part * scale for part, scale in zip(tensor, scales, strict=True)))
+    level = np.zeros(physics.storage.shape, np.int8)
+    pairs = sort_pairs(*named_pairs(scaled, physics.mobile_water)[:3], level.ravel())
+    lines = Lines(steps, *make_lines(*pairs, physics.storage.ravel(), duration / steps))
+    order, count = np.arange(level.size, dtype=np.int32), np.array([level.size])
+    levels = TimeStepLevels(duration, level, order, count)
+    return Exchanges(levels, *pairs, lines=lines)
 
 
 def test_the_tensor_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
@@ -164,8 +160,8 @@ def test_pairs_of_neighbours_are_those_of_the_tensor_to_the_last_bit(make_rig, s
     scaled = DispersionTensor(
         tensor.xx / physics.grid.dx**2, tensor.xz, tensor.zz / physics.grid.dz**2
     )
-    first, second, volume, _ = named_pairs(scaled, physics.mobile_water)
-    found = sort_pairs(first, second, volume, quick.levels.level.ravel())
+    named = named_pairs(scaled, physics.mobile_water)
+    found = sort_pairs(*named[:3], quick.levels.level.ravel())
     for one, other in zip(quick[1:4], found, strict=True):
         np.testing.assert_array_equal(one, other)
     c = np.zeros(shape)

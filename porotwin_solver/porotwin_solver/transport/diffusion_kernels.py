@@ -19,6 +19,10 @@ OBTUSE_TOLERANCE = 1e-14
 """Scalar product, relative to the trace of the tensor, that counts as zero."""
 
 
+AHEAD, BEHIND = 1, 2
+"""Bits that name the pair of a cell with one of a higher or of a lower index."""
+
+
 @compiled
 def superbase(xx, xz, zz, offset, weight):
     """Fill three offsets (column, row) and weights >= 0 with sum of weight offset offset^T = D.
@@ -52,72 +56,90 @@ def superbase(xx, xz, zz, offset, weight):
 
 @compiled
 def named_pairs(tensor, water):
-    """Return the pairs that the cells name: `first`, `second`, `volume` and `total`.
+    """Return what every cell exchanges with others: `stride`, `sides`, `volume` and `total`.
 
-    `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3].
-    `first` and `second` (pairs,) are the cells of each pair, `volume` (pairs,) [m^3/s] is what they
-    exchange, `total` (nz * nx,) [m^3/s] the sum over the pairs of each cell.
-
-    Every cell gives half of its own weights to the pairs on both sides of it. Most pairs are named
-    twice, once by each cell.
+    `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3]. Each row of
+    `stride` and `volume` (nz * nx, 3) names pairs with the cells so far ahead and behind, and half
+    of the volume [m^3/s] that the cell's own tensor lets them exchange. `sides` (nz * nx, 3) has
+    the bit AHEAD or BEHIND where there is such a cell. `total` (nz * nx,) [m^3/s] is the sum over
+    the pairs of each cell. Most pairs are named twice, once by each cell.
     """
     nz, nx = water.shape
     xx, xz, zz = tensor
     size = nz * nx
     offset = np.empty((3, 2), np.int64)
     weight = np.empty(3)
-    first = np.empty(6 * size, np.int32)
-    second = np.empty(6 * size, np.int32)
-    volume = np.empty(6 * size)
+    stride = np.zeros((size, 3), np.int32)
+    sides = np.zeros((size, 3), np.uint8)
+    volume = np.empty((size, 3))
     total = np.zeros(size)
-    count = 0
     for i in range(nz):
         for j in range(nx):
             superbase(xx[i, j], xz[i, j], zz[i, j], offset, weight)
-            for k in range(3):
-                if weight[k] <= 0.0:
+            k = i * nx + j
+            for n in range(3):
+                if weight[n] <= 0.0:
                     continue
-                for side in (-1, 1):
-                    m, n = i + side * offset[k, 1], j + side * offset[k, 0]
-                    if 0 <= m < nz and 0 <= n < nx:
-                        first[count] = i * nx + j
-                        second[count] = m * nx + n
-                        volume[count] = 0.5 * weight[k] * water[i, j]
-                        total[first[count]] += volume[count]
-                        total[second[count]] += volume[count]
-                        count += 1
-    return first[:count], second[:count], volume[:count], total
+                across, upward = offset[n, 0], offset[n, 1]
+                if upward < 0 or (upward == 0 and across < 0):
+                    across, upward = -across, -upward
+                step = upward * nx + across
+                stride[k, n] = step
+                volume[k, n] = 0.5 * weight[n] * water[i, j]
+                if i + upward < nz and 0 <= j + across < nx:
+                    sides[k, n] |= AHEAD
+                    total[k] += volume[k, n]
+                    total[k + step] += volume[k, n]
+                if i - upward >= 0 and 0 <= j - across < nx:
+                    sides[k, n] |= BEHIND
+                    total[k] += volume[k, n]
+                    total[k - step] += volume[k, n]
+    return stride, sides, volume, total
 
 
 @compiled
-def sort_pairs(first, second, volume, level):
+def named(stride, sides, k, step, side):
+    """Return the place at which cell `k` names a pair on this side at this distance, or -1."""
+    for n in range(3):
+        if stride[k, n] == step and sides[k, n] & side:
+            return n
+    return -1
+
+
+@compiled
+def sort_pairs(stride, sides, volume, level):
     """Return `start`, `other`, `weight` of Exchanges: each pair once, listed by its faster cell."""
-    size, count = len(level), len(first)
-    room = np.zeros(size + 1, np.int32)
-    for k in range(count):
-        room[faster(first[k], second[k], level) + 1] += 1
-    for k in range(size):
-        room[k + 1] += room[k]
-    stop = room[:-1].copy()
-    other = np.empty(count, np.int32)
-    weight = np.empty(count)
-    for k in range(count):
-        owner = faster(first[k], second[k], level)
-        partner = first[k] + second[k] - owner
-        place = find(other, room[owner], stop[owner], partner)
-        if place == stop[owner]:
-            other[place] = partner
-            weight[place] = 0.0
-            stop[owner] += 1
-        weight[place] += volume[k]
+    size = len(level)
     start = np.zeros(size + 1, np.int32)
     for k in range(size):
-        start[k + 1] = start[k] + stop[k] - room[k]
-        for place in range(stop[k] - room[k]):
-            other[start[k] + place] = other[room[k] + place]
-            weight[start[k] + place] = weight[room[k] + place]
-    pairs = start[size]
-    return start, other[:pairs].copy(), weight[:pairs].copy()
+        for n in range(3):
+            step = stride[k, n]
+            if sides[k, n] & AHEAD:
+                start[faster(k, k + step, level) + 1] += 1
+            if sides[k, n] & BEHIND and named(stride, sides, k - step, step, AHEAD) < 0:
+                start[faster(k, k - step, level) + 1] += 1
+    for k in range(size):
+        start[k + 1] += start[k]
+    stop = start[:-1].copy()
+    other = np.empty(start[size], np.int32)
+    weight = np.empty(start[size])
+    for k in range(size):
+        for n in range(3):
+            step = stride[k, n]
+            if sides[k, n] & AHEAD:
+                owner = faster(k, k + step, level)
+                other[stop[owner]] = k + k + step - owner
+                weight[stop[owner]] = volume[k, n]
+                twin = named(stride, sides, k + step, step, BEHIND)
+                if twin >= 0:
+                    weight[stop[owner]] += volume[k + step, twin]
+                stop[owner] += 1
+            if sides[k, n] & BEHIND and named(stride, sides, k - step, step, AHEAD) < 0:
+                owner = faster(k, k - step, level)
+                other[stop[owner]] = k + k - step - owner
+                weight[stop[owner]] = volume[k, n]
+                stop[owner] += 1
+    return start, other, weight
 
 
 @compiled
