@@ -146,20 +146,20 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
     size = physics.mobile_water.size
     storage = (physics.storage * (1.0 - physics.immobile_fraction)).ravel()
     tensor = _per_cell_size(dispersion_tensor(physics, flux), physics)
-    stride, sides, volume, total = named_pairs(tensor, physics.mobile_water)
+    *named, total = named_pairs(tensor, physics.mobile_water)
     rate = total / storage
     level = np.empty(physics.grid.shape, np.int8)
     order, count_at_least = assign_levels(rate, duration, EXCHANGE_LIMIT, level.ravel())
     levels = TimeStepLevels(duration, level, order, count_at_least)
     # as advection, the substeps grow with the inverse of the cell size; in pairs of either order
     steps = 2 * math.ceil(0.5 * math.sqrt(float(np.mean(rate)) * duration))
-    # on a line, one of the three pairs of a cell takes twice as long as all three in `exchange`
-    implicit = 2 * 3 * steps * size < tape_length(levels)
+    # a substep along lines takes as long as four of `exchange`
+    implicit = 4 * steps * size < tape_length(levels)
     if implicit:
         level = np.zeros_like(level)
         order = np.arange(size, dtype=np.int32)
         levels = TimeStepLevels(duration, level, order, np.array([size]))
-    pairs = sort_pairs(stride, sides, volume, level.ravel())
+    pairs = sort_pairs(*named, level.ravel())
     if not implicit:
         return Exchanges(levels, *pairs)
     lines = Lines(steps, *make_lines(*pairs, storage, duration / steps))

@@ -19,10 +19,6 @@ OBTUSE_TOLERANCE = 1e-14
 """Scalar product, relative to the trace of the tensor, that counts as zero."""
 
 
-AHEAD, BEHIND = 1, 2
-"""Bits that name the pair of a cell with one of a higher or of a lower index."""
-
-
 @compiled
 def superbase(xx, xz, zz, offset, weight):
     """Fill three offsets (column, row) and weights >= 0 with sum of weight offset offset^T = D.
@@ -56,13 +52,13 @@ def superbase(xx, xz, zz, offset, weight):
 
 @compiled
 def named_pairs(tensor, water):
-    """Return what every cell exchanges with others: `stride`, `sides`, `volume` and `total`.
+    """Return what cells exchange: `stride`, `ahead`, `behind`, `volume` and `total`.
 
     `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3]. Each row of
     `stride` and `volume` (nz * nx, 3) names pairs with the cells so far ahead and behind, and half
-    of the volume [m^3/s] that the cell's own tensor lets them exchange. `sides` (nz * nx, 3) has
-    the bit AHEAD or BEHIND where there is such a cell. `total` (nz * nx,) [m^3/s] is the sum over
-    the pairs of each cell. Most pairs are named twice, once by each cell.
+    of the volume [m^3/s] that the cell's own tensor lets them exchange. `ahead` and `behind`
+    (nz * nx, 3) tell whether there is such a cell. `total` (nz * nx,) [m^3/s] is the sum over the
+    pairs of each cell. Most pairs are named twice, once by each cell.
     """
     nz, nx = water.shape
     xx, xz, zz = tensor
@@ -70,7 +66,7 @@ def named_pairs(tensor, water):
     offset = np.empty((3, 2), np.int64)
     weight = np.empty(3)
     stride = np.zeros((size, 3), np.int32)
-    sides = np.zeros((size, 3), np.uint8)
+    ahead, behind = np.zeros((size, 3), np.bool_), np.zeros((size, 3), np.bool_)
     volume = np.empty((size, 3))
     total = np.zeros(size)
     for i in range(nz):
@@ -87,36 +83,39 @@ def named_pairs(tensor, water):
                 stride[k, n] = step
                 volume[k, n] = 0.5 * weight[n] * water[i, j]
                 if i + upward < nz and 0 <= j + across < nx:
-                    sides[k, n] |= AHEAD
+                    ahead[k, n] = True
                     total[k] += volume[k, n]
                     total[k + step] += volume[k, n]
                 if i - upward >= 0 and 0 <= j - across < nx:
-                    sides[k, n] |= BEHIND
+                    behind[k, n] = True
                     total[k] += volume[k, n]
                     total[k - step] += volume[k, n]
-    return stride, sides, volume, total
+    return stride, ahead, behind, volume, total
 
 
 @compiled
-def named(stride, sides, k, step, side):
-    """Return the place at which cell `k` names a pair on this side at this distance, or -1."""
+def named(stride, side, k, step):
+    """Return the place at which cell `k` names a pair so far away on this `side`, or -1.
+
+    `side` is `ahead` or `behind` of `named_pairs`.
+    """
     for n in range(3):
-        if stride[k, n] == step and sides[k, n] & side:
+        if stride[k, n] == step and side[k, n]:
             return n
     return -1
 
 
 @compiled
-def sort_pairs(stride, sides, volume, level):
+def sort_pairs(stride, ahead, behind, volume, level):
     """Return `start`, `other`, `weight` of Exchanges: each pair once, listed by its faster cell."""
     size = len(level)
     start = np.zeros(size + 1, np.int32)
     for k in range(size):
         for n in range(3):
             step = stride[k, n]
-            if sides[k, n] & AHEAD:
+            if ahead[k, n]:
                 start[faster(k, k + step, level) + 1] += 1
-            if sides[k, n] & BEHIND and named(stride, sides, k - step, step, AHEAD) < 0:
+            if behind[k, n] and named(stride, ahead, k - step, step) < 0:
                 start[faster(k, k - step, level) + 1] += 1
     for k in range(size):
         start[k + 1] += start[k]
@@ -126,15 +125,15 @@ def sort_pairs(stride, sides, volume, level):
     for k in range(size):
         for n in range(3):
             step = stride[k, n]
-            if sides[k, n] & AHEAD:
+            if ahead[k, n]:
                 owner = faster(k, k + step, level)
                 other[stop[owner]] = k + k + step - owner
                 weight[stop[owner]] = volume[k, n]
-                twin = named(stride, sides, k + step, step, BEHIND)
+                twin = named(stride, behind, k + step, step)
                 if twin >= 0:
                     weight[stop[owner]] += volume[k + step, twin]
                 stop[owner] += 1
-            if sides[k, n] & BEHIND and named(stride, sides, k - step, step, AHEAD) < 0:
+            if behind[k, n] and named(stride, ahead, k - step, step) < 0:
                 owner = faster(k, k - step, level)
                 other[stop[owner]] = k + k - step - owner
                 weight[stop[owner]] = volume[k, n]

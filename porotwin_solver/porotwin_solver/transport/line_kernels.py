@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
 
-LEAST = NEGLIGIBLE**2
-"""Concentration [-] that counts as zero within a line: below the round-off of negligible ones."""
-
 
 class Lines(NamedTuple):
     """The cells on lines, offset by offset, in ascending order for each offset.
@@ -52,10 +49,58 @@ def make_lines(start, other, weight, storage, length):
 
     `start`, `other` and `weight` as of `diffusion.Exchanges`; a pair is listed by its lower cell.
     """
-    size, pairs = len(storage), len(other)
-    number = np.full(size, -1, np.int64)
-    count = 0
+    stride, ahead = pairs_by_offset(start, other)
+    size, entries = len(storage), len(other)
+    for n in range(len(stride)):
+        step = stride[n]
+        for k in range(size - step):
+            if ahead[n, k] >= 0 and ahead[n, k + step] < 0:
+                entries += 1  # the end of a line
+    first = np.zeros(len(stride) + 1, np.int64)
+    cell, pair = np.empty(entries, np.int32), np.empty(entries, np.int32)
+    inverse, before, after = np.empty(entries), np.empty(entries), np.empty(entries)
+    pivot = np.zeros(size)
+    entry = 0
+    for n in range(len(stride)):
+        step = stride[n]
+        for k in range(size):
+            come = 0.0
+            if k >= step and ahead[n, k - step] >= 0:
+                come = length * weight[ahead[n, k - step]]
+            if ahead[n, k] < 0 and come == 0.0:
+                continue
+            gone, halved = 0.0, 0.0
+            if ahead[n, k] >= 0:
+                gone = length * weight[ahead[n, k]]
+                beyond = gone
+                if ahead[n, k + step] >= 0:
+                    beyond += length * weight[ahead[n, k + step]]
+                # monotone where half of what a cell exchanges is not more than it stores
+                if 0.5 * (gone + come) <= storage[k] and 0.5 * beyond <= storage[k + step]:
+                    halved = 0.5 * gone
+            cell[entry], pair[entry] = k, ahead[n, k]
+            before[entry], after[entry] = halved, gone - halved
+            # `pivot` is what the elimination of the cells before k leaves on the diagonal
+            left = storage[k] + pivot[k]
+            pivot[k] = 0.0
+            inverse[entry] = 1.0 / (left + after[entry])
+            if gone > 0.0:
+                pivot[k + step] = after[entry] * left * inverse[entry]
+            entry += 1
+        first[n + 1] = entry
+    return stride, first, cell, pair, inverse, before, after
+
+
+@compiled
+def pairs_by_offset(start, other):
+    """Return the stride of each offset, and the pair of each cell with the next one, or -1.
+
+    The shapes are (offsets,) and (offsets, cells); a cell of the last ones has no next one.
+    """
+    size = len(start) - 1
+    number = np.full(size, -1, np.int32)
     stride = np.empty(size, np.int64)
+    count = 0
     for k in range(size):
         for place in range(start[k], start[k + 1]):
             step = other[place] - k
@@ -63,72 +108,11 @@ def make_lines(start, other, weight, storage, length):
                 number[step] = count
                 stride[count] = step
                 count += 1
-    # the pair of each cell with the next one, offset by offset
-    begin = np.zeros(count + 1, np.int64)
+    ahead = np.full((count, size), -1, np.int32)
     for k in range(size):
         for place in range(start[k], start[k + 1]):
-            begin[number[other[place] - k] + 1] += 1
-    for n in range(count):
-        begin[n + 1] += begin[n]
-    fill = begin[:-1].copy()
-    owner = np.empty(pairs, np.int32)
-    by_offset = np.empty(pairs, np.int32)
-    for k in range(size):
-        for place in range(start[k], start[k + 1]):
-            n = number[other[place] - k]
-            owner[fill[n]] = k
-            by_offset[fill[n]] = place
-            fill[n] += 1
-    first = np.zeros(count + 1, np.int64)
-    cell = np.empty(2 * pairs, np.int32)
-    pair = np.empty(2 * pairs, np.int32)
-    inverse, before, after = np.empty(2 * pairs), np.empty(2 * pairs), np.empty(2 * pairs)
-    ahead = np.full(size, -1, np.int32)
-    behind = np.full(size, -1, np.int32)
-    pivot = np.zeros(size)
-    entries = 0
-    for n in range(count):
-        step = stride[n]
-        for place in range(begin[n], begin[n + 1]):
-            ahead[owner[place]] = by_offset[place]
-            behind[owner[place] + step] = by_offset[place]
-        low, high = owner[begin[n]], owner[begin[n + 1] - 1] + step
-        for k in range(low, high + 1):
-            if ahead[k] < 0 and behind[k] < 0:
-                continue
-            gone, come = 0.0, 0.0
-            if ahead[k] >= 0:
-                gone = length * weight[ahead[k]]
-            if behind[k] >= 0:
-                come = length * weight[behind[k]]
-            cell[entries], pair[entries] = k, ahead[k]
-            halved = 0.5 * (gone + come) <= storage[k]
-            before[entries] = 0.0
-            if ahead[k] >= 0 and halved:
-                beyond = gone
-                if ahead[k + step] >= 0:
-                    beyond += length * weight[ahead[k + step]]
-                if 0.5 * beyond <= storage[k + step]:
-                    before[entries] = 0.5 * gone
-            after[entries] = gone - before[entries]
-            # pivot[k]: what the elimination of the cells before k leaves on the diagonal
-            left = storage[k] + pivot[k]
-            inverse[entries] = 1.0 / (left + after[entries])
-            if ahead[k] >= 0:
-                pivot[k + step] = after[entries] * left * inverse[entries]
-            entries += 1
-        for k in range(low, high + 1):
-            ahead[k], behind[k], pivot[k] = -1, -1, 0.0
-        first[n + 1] = entries
-    return (
-        stride[:count].copy(),
-        first,
-        cell[:entries].copy(),
-        pair[:entries].copy(),
-        inverse[:entries].copy(),
-        before[:entries].copy(),
-        after[:entries].copy(),
-    )
+            ahead[number[other[place] - k], k] = place
+    return stride[:count].copy(), ahead
 
 
 @compiled
@@ -142,9 +126,11 @@ def exchange_along_lines(c, storage, lines, tape):
     """Advance `c` in place by all substeps of `lines`.
 
     `tape` receives the concentrations before the exchange along each offset, unless it has no room.
+    Less than the round-off of a negligible concentration counts as zero.
     """
     steps, stride, first, cell, _, inverse, before, after = lines
     new, carried = np.zeros(len(c)), np.zeros(len(c))
+    least = NEGLIGIBLE * NEGLIGIBLE
     taped = 0
     for substep in range(steps):
         for place in range(len(stride)):
@@ -162,7 +148,7 @@ def exchange_along_lines(c, storage, lines, tape):
                 if before[entry] > 0.0:
                     moved = before[entry] * (c[k + step] - c[k])
                 new[k] = (total + moved) * inverse[entry]
-                if abs(new[k]) < LEAST:
+                if abs(new[k]) < least:
                     new[k] = 0.0
                 if after[entry] > 0.0:
                     carried[k + step] = after[entry] * new[k] - moved
