@@ -98,7 +98,7 @@ def step_adjoint(
         coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration
     with_tensor = bool(varied) or engine.physics.disperses
-    # the same diffusion everywhere is its own adjoint: what it needs is known without the state
+    # the same diffusion everywhere is its own adjoint, for any state
     symmetric = coefficients.exchanges.to_neighbours and not with_tensor
     tapes = StepTapes.empty(coefficients, diffuses=not symmetric)
     state = first.copy()

@@ -440,9 +440,9 @@ def is_flat(c, i, j):
 
 @compiled
 def flat_cell_adjoint(bar, i, j, leaving, cfl_per_flux, correction_bar):
-    """Add to `bar` what `evaluate_faces_adjoint` does, where `is_flat`: the corrections are zero.
+    """Do as `evaluate_faces_adjoint` to `bar`, where `is_flat`: the corrections are zero.
 
-    Of their derivatives, those of the transverse parts alone are not zero. `leaving` (4,) [m^3/s]
+    Only the transverse parts of them have a derivative. `leaving` (4,) [m^3/s]
     is the water through the sides, `correction_bar` (4,) the derivative by the corrections.
     """
     nz, nx = bar.shape

@@ -52,7 +52,7 @@ def superbase(xx, xz, zz, offset, weight):
 
 @compiled
 def named_pairs(tensor, water):
-    """Return what cells exchange: `stride`, `ahead`, `behind`, `volume` and `total`.
+    """Return the exchanges of cells: `stride`, `ahead`, `behind`, `volume` and `total`.
 
     `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3]. Each row of
     `stride` and `volume` (nz * nx, 3) names pairs with the cells so far ahead and behind, and half
@@ -95,7 +95,7 @@ def named_pairs(tensor, water):
 
 @compiled
 def named(stride, side, k, step):
-    """Return the place at which cell `k` names a pair so far away on this `side`, or -1.
+    """Return the place of the pair of cell `k` with this stride on this `side`, or -1.
 
     `side` is `ahead` or `behind` of `named_pairs`.
     """
@@ -197,8 +197,9 @@ def exchange(c, storage, exchanges, tape):
 def neighbour_pairs(across, upward, water):
     """Return `start`, `other`, `weight` of Exchanges, and `total` as of `named_pairs`.
 
-    They are those of `pair_cells` for a tensor without cross terms: `across` and `upward` [1/s] are
-    its two entries per squared cell size, the same in all cells. All cells take one step.
+    A tensor without cross terms gives the pairs of `named_pairs` and `sort_pairs`. Its two entries
+    per squared cell size are `across` and `upward` [1/s], the same in all cells. All cells take one
+    step.
     """
     nz, nx = water.shape
     start = np.zeros(nz * nx + 1, np.int32)

@@ -75,12 +75,12 @@ def make_lines(start, other, weight, storage, length):
                 beyond = gone
                 if ahead[n, k + step] >= 0:
                     beyond += length * weight[ahead[n, k + step]]
-                # monotone where half of what a cell exchanges is not more than it stores
+                # monotone where a cell stores half of its exchange or more
                 if 0.5 * (gone + come) <= storage[k] and 0.5 * beyond <= storage[k + step]:
                     halved = 0.5 * gone
             cell[entry], pair[entry] = k, ahead[n, k]
             before[entry], after[entry] = halved, gone - halved
-            # `pivot` is what the elimination of the cells before k leaves on the diagonal
+            # `pivot`: the part of the diagonal from the elimination of the cells before k
             left = storage[k] + pivot[k]
             pivot[k] = 0.0
             inverse[entry] = 1.0 / (left + after[entry])
