@@ -34,6 +34,7 @@ from porotwin_solver.transport.diffusion_kernels import (
 )
 from porotwin_solver.transport.line_kernels import Lines, exchange_along_lines, make_lines
 from porotwin_solver.transport.local_time_steps import (
+    HIGHEST_LEVEL,
     NO_TAPE,
     TimeStepLevels,
     assign_levels,
@@ -152,7 +153,8 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
     order, count_at_least = assign_levels(rate, duration, EXCHANGE_LIMIT, level.ravel())
     levels = TimeStepLevels(duration, level, order, count_at_least)
     # as advection, the substeps grow with the inverse of the cell size; in pairs of either order
-    steps = 2 * math.ceil(0.5 * math.sqrt(float(np.mean(rate)) * duration))
+    exchanged = min(2.0**HIGHEST_LEVEL, float(np.mean(rate)) * duration)
+    steps = 2 * math.ceil(0.5 * math.sqrt(exchanged))
     # a substep along lines takes as long as four of `exchange`
     implicit = 4 * steps * size < tape_length(levels)
     if implicit:
