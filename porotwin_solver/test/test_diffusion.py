@@ -174,6 +174,17 @@ def test_pairs_of_neighbours_are_those_of_the_tensor_to_the_last_bit(make_rig, s
     assert (one != c).any()
 
 
+def test_water_at_rest_without_diffusion_exchanges_nothing(rig) -> None:
+    physics, _ = flowing(rig, 1)
+    physics = replace(physics, diffusion=0.0)
+    found = dispersive_exchanges(physics, FaceField.zeros(physics.grid), 60.0)
+    assert found.weight.sum() < 1e-300
+    field = np.random.default_rng(1).random((15, 21))
+    before = field.copy()
+    diffuse(field, physics.storage, found)
+    np.testing.assert_array_equal(field, before)
+
+
 def test_a_strong_diffusion_takes_several_steps(rig) -> None:
     physics = replace(nominal_physics(rig, rig.grid(21, 15)), model_diffusion=1e-4)
     found = dispersive_exchanges(physics, FaceField.zeros(physics.grid), 60.0)

@@ -154,7 +154,7 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
     levels = TimeStepLevels(duration, level, order, count_at_least)
     # as advection, the substeps grow with the inverse of the cell size; in pairs of either order
     exchanged = min(2.0**HIGHEST_LEVEL, float(np.mean(rate)) * duration)
-    steps = 2 * math.ceil(0.5 * math.sqrt(exchanged))
+    steps = 2 * max(1, math.ceil(0.5 * math.sqrt(exchanged)))
     # a substep along lines takes as long as four of `exchange`
     implicit = 4 * steps * size < tape_length(levels)
     if implicit:
