@@ -8,6 +8,7 @@ import numpy as np
 
 from porotwin_cli.workspace import small_rig
 from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.model.effect_limits import MOST_DIFFUSION
 from porotwin_core.rates.wells import RateStep, Schedule
 from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_hub.control.setpoint_limits import Limits
@@ -17,6 +18,7 @@ from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.model.engine import LONGEST_STEP
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.presets import PRESETS
 from porotwin_solver.model.simulation import simulate
@@ -31,6 +33,11 @@ MENDED = (
 )
 """Effects with kernels of their own, which a running twin may take over."""
 
+STRONG = (
+    EffectDescription(name='dispersion', parameters=DISPERSIVE | {'diffusion': MOST_DIFFUSION}),
+)
+"""Dispersion that is exchanged along lines of cells."""
+
 PHOTO_WIDTH_PX = 400
 """The smallest photograph that the virtual camera takes."""
 
@@ -42,9 +49,11 @@ def compile_kernels() -> None:
     grid = rig.grid(COLUMNS, ROWS)
     for preset in PRESETS:
         simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, preset=preset)
-    model = Model(rig, grid, effects=MENDED)
-    term = CostTerm(0.0, 1.0, linear=np.ones(grid.shape))
-    schedule_cost(model, np.zeros(grid.shape), [RateStep(0.0, safe)], horizon=1.0, terms=[term])
+    for effects, horizon in ((MENDED, 1.0), (STRONG, LONGEST_STEP)):
+        model = Model(rig, grid, effects=effects)
+        term = CostTerm(0.0, horizon, linear=np.ones(grid.shape))
+        plan = [RateStep(0.0, safe)]
+        schedule_cost(model, np.zeros(grid.shape), plan, horizon=horizon, terms=[term])
     asset = VirtualRig(rig)
     asset.set_rates(safe)
     asset.advance(1.0)

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint
+from porotwin_solver.adjoint.diffusion_adjoint_kernels import (
+    exchange_adjoint,
+    exchange_along_lines_adjoint,
+)
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.transport.diffusion import diffuse, dispersive_exchanges
-from porotwin_solver.transport.local_time_steps import tape_length
+from porotwin_solver.transport.line_kernels import Lines, exchange_along_lines, make_lines
 
 
 def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
@@ -23,7 +26,7 @@ def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
     exchanges = dispersive_exchanges(physics, flux, 60.0)
     start, bar = rng.normal(size=(15, 21)), rng.normal(size=(15, 21))
-    after, tape = start.copy(), np.empty(tape_length(exchanges.levels))
+    after, tape = start.copy(), np.empty(exchanges.tape_length)
     diffuse(after, physics.storage, exchanges, tape=tape)
     forward, back = np.vdot(bar, after), bar.copy()
     exchange_adjoint(
@@ -36,3 +39,45 @@ def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
         np.zeros(start.size),
     )
     assert np.vdot(back, start) == pytest.approx(forward, rel=1e-11)
+
+
+def test_exchange_along_lines_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
+    """The derivatives by concentrations, weights and storage, with parts of either kind of step."""
+    physics = replace(
+        nominal_physics(rig, rig.grid(21, 15)),
+        longitudinal_dispersivity=0.1,
+        transverse_dispersivity=0.01,
+    )
+    rng = np.random.default_rng(8)
+    flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
+    exchanges = dispersive_exchanges(physics, flux, 30.0)
+    lines = exchanges.lines
+    assert lines is not None
+    assert (lines.before > 0.0).any()
+    assert ((lines.before == 0.0) & (lines.after > 0.0)).any()
+    start, bar = rng.normal(size=(15, 21)), rng.normal(size=(15, 21))
+    storage, weight = physics.storage.ravel(), exchanges.weight
+    length = 30.0 / lines.steps
+
+    def after(weights, storages, tape):
+        made = make_lines(exchanges.start, exchanges.other, weights, storages, length)
+        result = start.ravel().copy()
+        exchange_along_lines(result, storages, Lines(lines.steps, *made), tape)
+        return result
+
+    tape = np.empty(exchanges.tape_length)
+    result = after(weight, storage, tape)
+    back, weight_bar, storage_bar = bar.copy(), np.zeros_like(weight), np.zeros(start.size)
+    last = result.copy()
+    exchange_along_lines_adjoint(
+        last, back.ravel(), storage, lines, length, tape, weight_bar, storage_bar
+    )
+    np.testing.assert_array_equal(last, start.ravel())
+    assert np.vdot(back, start) == pytest.approx(np.vdot(bar, result), rel=1e-11)
+    by_weight = weight * rng.uniform(-1e-5, 1e-5, weight.size)
+    by_storage = storage * rng.uniform(-1e-5, 1e-5, storage.size)
+    none = np.empty(0)
+    more = after(weight + by_weight, storage + by_storage, none)
+    less = after(weight - by_weight, storage - by_storage, none)
+    found = np.vdot(weight_bar, by_weight) + np.vdot(storage_bar, by_storage)
+    assert found == pytest.approx(0.5 * np.vdot(bar.ravel(), more - less), rel=1e-6)

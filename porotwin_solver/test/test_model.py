@@ -258,3 +258,15 @@ def test_balanced_rates_are_accepted_in_a_closed_rig(make_rig, rates) -> None:
     assert net_rate(rates) == pytest.approx(0.0, abs=1e-20)
     model = Model(rig, rig.grid(17, 11), preset='fast')
     assert model.predict(model.initial_condition(), rates, 30.0).max() > 0.0
+
+
+def test_no_pressure_is_solved_after_the_preparation_of_a_large_grid(
+    rig, rates, monkeypatch
+) -> None:
+    monkeypatch.setattr('porotwin_solver.model.engine.THREADED_CELLS', 100)
+    model = Model(rig, rig.grid(33, 19), preset='fast')
+    model.prepare()
+    solved = []
+    monkeypatch.setattr(model.engine.flow._pressures, 'solve_once', solved.append)
+    model.predict(rough_map((19, 33), 4), rates, 30.0)
+    assert not solved

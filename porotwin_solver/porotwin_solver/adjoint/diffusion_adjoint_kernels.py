@@ -6,6 +6,7 @@ import numpy as np
 
 from porotwin_solver.coefficients.compiled import compiled
 from porotwin_solver.transport.diffusion_kernels import faster, find, superbase
+from porotwin_solver.transport.line_kernels import offset_at, substitute
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
 
 
@@ -16,7 +17,7 @@ def exchange_adjoint(c, bar, storage, exchanges, tape, weight_bar, storage_bar):
     `c` is the concentration after it and becomes the one before it, read from `tape`. dJ/dweight
     and dJ/dstorage are added to `weight_bar` (pairs,) and `storage_bar`. All cell arrays are flat.
     """
-    levels, start, other, weight, _ = exchanges
+    levels, start, other, weight, _, _ = exchanges
     duration, level_2d, order, count_at_least = levels
     level = level_2d.ravel()
     gain_bar = np.zeros(len(c))
@@ -49,7 +50,7 @@ def weights_adjoint(tensor, water, exchanges, weight_bar, tensor_bar, water_bar)
     offset = np.empty((3, 2), np.int64)
     amounts = np.empty(3)
     nz, nx = water.shape
-    levels, start, other, _, _ = exchanges
+    levels, start, other, _, _, _ = exchanges
     level = levels.level.ravel()
     xx, xz, zz = tensor
     xx_bar, xz_bar, zz_bar = tensor_bar
@@ -76,3 +77,44 @@ def weights_adjoint(tensor, water, exchanges, weight_bar, tensor_bar, water_bar)
                 xx_bar[i, j] -= amount_bar * px * qx
                 xz_bar[i, j] -= amount_bar * (px * qz + pz * qx)
                 zz_bar[i, j] -= amount_bar * pz * qz
+
+
+@compiled
+def exchange_along_lines_adjoint(c, bar, storage, lines, length, tape, weight_bar, storage_bar):
+    """Do as `exchange_adjoint` for `exchange_along_lines`; its substeps have the `length` [s].
+
+    The matrix of a line is symmetric. So `bar / storage` is exchanged as a concentration is, first
+    by the values after the substep, then by those before it.
+    """
+    steps, stride, first, cell, pair, inverse, before, after = lines
+    share, new, carried = bar / storage, np.zeros(len(c)), np.zeros(len(c))
+    last = np.empty(len(c))
+    taped = len(tape)
+    for substep in range(steps - 1, -1, -1):
+        for place in range(len(stride) - 1, -1, -1):
+            n = offset_at(substep, place, len(stride))
+            step, begin, end = stride[n], first[n], first[n + 1]
+            taped -= end - begin
+            for entry in range(begin, end):
+                k = cell[entry]
+                last[k], c[k] = c[k], tape[taped + entry - begin]
+                new[k] = (storage[k] * share[k] + carried[k]) * inverse[entry]
+                carried[k] = 0.0
+                if after[entry] > 0.0:
+                    carried[k + step] = after[entry] * new[k]
+            substitute(new, cell, step, inverse, after, begin, end)
+            for entry in range(begin, end):
+                k = cell[entry]
+                storage_bar[k] += new[k] * (c[k] - last[k])
+                gain = carried[k]
+                carried[k] = 0.0
+                if after[entry] > 0.0:
+                    by_volume = new[k + step] - new[k]
+                    old, late = c[k + step] - c[k], last[k + step] - last[k]
+                    part = before[entry] / (before[entry] + after[entry])
+                    weight_bar[pair[entry]] -= length * by_volume * (late + part * (old - late))
+                    moved = before[entry] * by_volume
+                    gain += moved
+                    carried[k + step] = -moved
+                share[k] = new[k] + gain / storage[k]
+    bar[:] = share * storage

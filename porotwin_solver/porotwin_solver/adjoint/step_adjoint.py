@@ -8,7 +8,11 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRates
 from porotwin_solver.adjoint.adjoint_state import AdjointState
-from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint, weights_adjoint
+from porotwin_solver.adjoint.diffusion_adjoint_kernels import (
+    exchange_adjoint,
+    exchange_along_lines_adjoint,
+    weights_adjoint,
+)
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
@@ -21,6 +25,7 @@ from porotwin_solver.model.model import Model
 from porotwin_solver.transport.diffusion import (
     DispersionTensor,
     Exchanges,
+    diffuse,
     dispersion_tensor,
     dispersion_tensor_adjoint,
 )
@@ -92,10 +97,16 @@ def step_adjoint(
     if coefficients is None:
         coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration
-    tapes = StepTapes.empty(coefficients)
+    with_tensor = bool(varied) or engine.physics.disperses
+    # the same diffusion everywhere is its own adjoint, for any state
+    symmetric = coefficients.exchanges.to_neighbours and not with_tensor
+    tapes = StepTapes.empty(coefficients, diffuses=not symmetric)
     state = first.copy()
     engine.react(state, half)
-    engine.transport(state, coefficients, tapes)
+    if symmetric:
+        engine.begin_transport(state, coefficients, tapes)
+    else:
+        engine.transport(state, coefficients, tapes)
     by_parameter = _reaction_derivatives(varied, bar, state, half)
     engine.react_adjoint(bar, half)
     derivatives = StepDerivatives.zeros(engine.grid)
@@ -107,7 +118,7 @@ def step_adjoint(
         tapes,
         derivatives,
         engine.contact(rates),
-        with_tensor=bool(varied) or engine.physics.disperses,
+        with_tensor=with_tensor,
     )
     by_parameter += _reaction_derivatives(varied, bar, first, half)
     engine.react_adjoint(bar, half)
@@ -126,20 +137,26 @@ def _transport_adjoint(
     *,
     with_tensor: bool,
 ) -> None:
-    """Apply the adjoint of `Engine.transport`; `c` is the concentration after it, then before."""
+    """Apply the adjoint of `Engine.transport`; `c` is the concentration after it, then before.
+
+    Without a tape of the diffusions, `c` is the concentration after the advection.
+    """
     flux, sources, levels, exchanges = coefficients
     weight_bar = np.zeros_like(exchanges.weight)
 
     def diffusion_adjoint(tape: FloatArray) -> None:
-        exchange_adjoint(
-            c.ravel(),
-            bar.mobile.ravel(),
-            engine.storage.ravel(),
-            exchanges,
-            tape,
-            weight_bar,
-            derivatives.advection.storage.ravel(),
-        )
+        cells = (c.ravel(), bar.mobile.ravel(), engine.storage.ravel())
+        bars = (weight_bar, derivatives.advection.storage.ravel())
+        if len(tape) == 0:
+            share = bar.mobile / engine.storage
+            diffuse(share, engine.storage, exchanges, negligible=0.0)
+            np.multiply(share, engine.storage, out=bar.mobile)
+            return
+        if exchanges.lines is None:
+            exchange_adjoint(*cells, exchanges, tape, *bars)
+            return
+        length = exchanges.levels.duration / exchanges.lines.steps
+        exchange_along_lines_adjoint(*cells, exchanges.lines, length, tape, *bars)
 
     diffusion_adjoint(tapes.second_diffusion)
     advection_adjoint(

@@ -56,10 +56,12 @@ class Limited(NamedTuple):
 
     raw: before they are bounded.
     bounded: within the bounds of their faces.
+    scaled: as the cell needs it to stay within its range.
     """
 
     raw: FloatArray
     bounded: FloatArray
+    scaled: FloatArray
 
 
 @compiled
@@ -99,7 +101,7 @@ def corrections_adjoint(c, stencil, cfl_well, well, bar, scheme, stencil_bar, li
     """
     near, upstream, cfl_out, cfl_in = stencil
     near_bar, upstream_bar, cfl_out_bar, cfl_in_bar = stencil_bar
-    raw, bounded = limited
+    raw, bounded, scaled = limited
     half_x = -0.5 * (cfl_in[2] * (c - near[2]) + cfl_in[3] * (c - near[3]))
     half_z = -0.5 * (cfl_in[0] * (c - near[0]) + cfl_in[1] * (c - near[1]))
     fall, rise, entering = 0.0, 0.0, 0.0
@@ -143,8 +145,10 @@ def corrections_adjoint(c, stencil, cfl_well, well, bar, scheme, stencil_bar, li
     for k in range(4):
         if bounded[k] > 0.0:
             down_bar += bar[k] * bounded[k]
+            scaled[k] = bounded[k] * down
         else:
             up_bar += bar[k] * bounded[k]
+            scaled[k] = bounded[k] * up
     fall_bar, rise_bar, room_bar, low_bar, high_bar = 0.0, 0.0, 0.0, 0.0, 0.0
     if down_scaled:
         fall_bar = -down_bar * down / fall
@@ -327,7 +331,7 @@ def evaluate_faces_adjoint(
     correction_bar, flow_bar = np.empty(4), np.empty(4)
     stencil = Stencil(np.empty(4), np.empty(4), np.empty(4), np.empty(4))
     stencil_bar = Stencil(np.empty(4), np.empty(4), np.empty(4), np.empty(4))
-    limited = Limited(np.empty(4), np.empty(4))
+    limited = Limited(np.zeros(4), np.zeros(4), np.zeros(4))
     duration, level, order, _ = levels
     flux_x, flux_z = flux
     inflow, tracer, _ = sources
@@ -378,6 +382,15 @@ def evaluate_faces_adjoint(
             continue
         here = c[i, j]
         cfl_per_flux = length / storage[i, j]
+        if scheme != Scheme.UPWIND and is_flat(c, i, j):
+            for k in range(4):
+                flow_bar[k] = carried_bar[k] * here
+            flat_cell_adjoint(bar, i, j, leaving, cfl_per_flux, correction_bar)
+            flux_x_bar[i, j] -= flow_bar[0]
+            flux_x_bar[i, j + 1] += flow_bar[1]
+            flux_z_bar[i, j] -= flow_bar[2]
+            flux_z_bar[i + 1, j] += flow_bar[3]
+            continue
         well = tracer[i, j] / inflow[i, j] if inflow[i, j] > 0.0 else 0.0
         cfl_well = inflow[i, j] * cfl_per_flux
         here_bar, cfl_well_bar, well_bar = 0.0, 0.0, 0.0
@@ -393,10 +406,7 @@ def evaluate_faces_adjoint(
             inflow_bar[i, j] -= well_bar * well / inflow[i, j]
         for k in range(4):
             # tracer flux = leaving (here + correction)
-            correction = 0.0
-            if scheme != Scheme.UPWIND:
-                correction = scaled_correction(here, stencil, cfl_well, well, limited, k)
-            flow_bar[k] = carried_bar[k] * (here + correction)
+            flow_bar[k] = carried_bar[k] * (here + limited.scaled[k])
             here_bar += correction_bar[k]
             if scheme != Scheme.UPWIND:
                 if leaving[k] > 0.0:
@@ -413,6 +423,46 @@ def evaluate_faces_adjoint(
         if scheme != Scheme.UPWIND:
             here_bar = add_to_neighbours(bar, i, j, here_bar, stencil_bar)
         bar[i, j] += here_bar
+
+
+@compiled
+def is_flat(c, i, j):
+    """Return whether cell (i, j) and its neighbours have the same concentration."""
+    nz, nx = c.shape
+    here = c[i, j]
+    return (
+        (j == 0 or c[i, j - 1] == here)
+        and (j == nx - 1 or c[i, j + 1] == here)
+        and (i == 0 or c[i - 1, j] == here)
+        and (i == nz - 1 or c[i + 1, j] == here)
+    )
+
+
+@compiled
+def flat_cell_adjoint(bar, i, j, leaving, cfl_per_flux, correction_bar):
+    """Do as `evaluate_faces_adjoint` to `bar`, where `is_flat`: the corrections are zero.
+
+    Only the transverse parts of them have a derivative. `leaving` (4,) [m^3/s]
+    is the water through the sides, `correction_bar` (4,) the derivative by the corrections.
+    """
+    nz, nx = bar.shape
+    across = correction_bar[0] + correction_bar[1]
+    upward = correction_bar[2] + correction_bar[3]
+    bar[i, j] += across + upward
+    # the water that enters through the other sides
+    half_x, half_z = 0.5 * upward * cfl_per_flux, 0.5 * across * cfl_per_flux
+    if j > 0 and leaving[0] < 0.0:
+        bar[i, j - 1] -= half_x * leaving[0]
+        bar[i, j] += half_x * leaving[0]
+    if j < nx - 1 and leaving[1] < 0.0:
+        bar[i, j + 1] -= half_x * leaving[1]
+        bar[i, j] += half_x * leaving[1]
+    if i > 0 and leaving[2] < 0.0:
+        bar[i - 1, j] -= half_z * leaving[2]
+        bar[i, j] += half_z * leaving[2]
+    if i < nz - 1 and leaving[3] < 0.0:
+        bar[i, j] += half_z * leaving[3]
+        bar[i + 1, j] -= half_z * leaving[3]
 
 
 @compiled
@@ -463,23 +513,3 @@ def add_to_neighbours(bar, i, j, here_bar, stencil_bar):
     else:
         here_bar += near_bar[3]
     return here_bar
-
-
-@compiled
-def scaled_correction(c, stencil, cfl_well, well, limited, side):
-    """Return the correction of one side as `corrections` does, from those within their faces."""
-    cfl_out, cfl_in, upstream = stencil.cfl_out, stencil.cfl_in, stencil.upstream
-    bounded = limited.bounded
-    fall, rise, entering, low, high = 0.0, 0.0, cfl_well, c, c
-    for k in range(4):
-        fall += cfl_out[k] * max(bounded[k], 0.0)
-        rise -= cfl_out[k] * min(bounded[k], 0.0)
-        entering += cfl_in[k]
-        if cfl_in[k] > 0.0:
-            low, high = min(low, upstream[k]), max(high, upstream[k])
-    if cfl_well > 0.0:
-        low, high = min(low, well), max(high, well)
-    room = max(1.0 - entering, 0.0)
-    if bounded[side] > 0.0:
-        return bounded[side] * ((c - low) * room / fall if fall > (c - low) * room else 1.0)
-    return bounded[side] * ((high - c) * room / rise if rise > (high - c) * room else 1.0)

@@ -20,7 +20,7 @@ from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.flow.background_flux import background_flux
-from porotwin_solver.flow.flow import SHARED_FLOWS
+from porotwin_solver.flow.flow import SHARED_FLOWS, UNIT_FLOWS_KEPT
 from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
@@ -95,9 +95,9 @@ class StepTapes(NamedTuple):
     second_diffusion: FloatArray = NO_TAPE
 
     @classmethod
-    def empty(cls, coefficients: StepCoefficients) -> 'StepTapes':
-        """Return tapes with room for one step."""
-        diffusion = tape_length(coefficients.exchanges.levels)
+    def empty(cls, coefficients: StepCoefficients, *, diffuses: bool = True) -> 'StepTapes':
+        """Return tapes with room for one step; those of diffusion only where it `diffuses`."""
+        diffusion = coefficients.exchanges.tape_length if diffuses else 0
         advection = tape_length(coefficients.levels)
         return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
 
@@ -160,6 +160,16 @@ class Engine:
         self._kept_exchanges: dict[float, Exchanges] = {}
         self._kept_rates: tuple[WellRates, Sources, FaceField] | None = None
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
+
+    def prepare(self) -> None:
+        """Solve the unit flows ahead of the first rates, where they hold for all rates.
+
+        Raises:
+            InputError: the iterative solver for large grids does not converge.
+        """
+        if self.physics.fringe is None:
+            for source_sink in self.sources_and_sinks.all[:UNIT_FLOWS_KEPT]:
+                self.flow.unit_flux(source_sink)
 
     def mean_concentration(self, state: State) -> FloatArray:
         """Return the mean over mobile and immobile water, (nz, nx): the camera sees this."""
@@ -407,7 +417,7 @@ class Engine:
         A solution of the flow that the tracer changes counts as FLOW_UPDATES for each cell.
         """
         advection = tape_length(coefficients.levels)
-        diffusion = 2 * tape_length(coefficients.exchanges.levels)
+        diffusion = 2 * coefficients.exchanges.tape_length
         flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0
         return advection + diffusion + flow
 
@@ -464,6 +474,14 @@ class Engine:
                 state.mobile, self.storage, flux, sources, levels, exchanges, state.tracer_lost
             )
             return
+        self.begin_transport(state, coefficients, tapes)
+        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
+
+    def begin_transport(
+        self, state: State, coefficients: StepCoefficients, tapes: StepTapes
+    ) -> None:
+        """Do all of `transport` but the second diffusion, on the processor."""
+        flux, sources, levels, exchanges = coefficients
         diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
         advect(
             state.mobile,
@@ -476,7 +494,6 @@ class Engine:
             tracer_lost=state.tracer_lost,
             tape=tapes.advection,
         )
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
 
     def exchanges(self, flux: FaceField, duration: float) -> Exchanges:
         """Return the diffusive exchanges over `duration` [s].

@@ -116,6 +116,7 @@ class Model:
         Raises:
             InputError: the iterative solver for large grids does not converge.
         """
+        self.engine.prepare()
         self.predict(self.initial_condition(), {}, 1.0)
 
     def initial_condition(self) -> FloatArray:

@@ -8,9 +8,11 @@ with non-negative weights between cells that may lie several columns and rows ap
 formula for obtuse superbases (Fehrenbach and Mirebeau, J. Math. Imaging Vis. 49 (2014) 123-147).
 Each exchange adds to one cell the amount that it takes from the other. The scheme is linear,
 symmetric, conservative, second order, and bounded without a limiter. The cells take local time
-steps as in `transport`; an exchange runs at the level of its faster cell.
+steps as in `transport`; an exchange runs at the level of its faster cell. Where that asks for many
+substeps, the exchange is implicit along lines of cells (`line_kernels`).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.cell_threads import in_rows
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.transport.diffusion_kernels import (
@@ -25,10 +28,18 @@ from porotwin_solver.transport.diffusion_kernels import (
     ends_of_tracer,
     exchange,
     gains_from_neighbours,
+    named_pairs,
     neighbour_pairs,
-    pair_cells,
+    sort_pairs,
 )
-from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels
+from porotwin_solver.transport.line_kernels import Lines, exchange_along_lines, make_lines
+from porotwin_solver.transport.local_time_steps import (
+    HIGHEST_LEVEL,
+    NO_TAPE,
+    TimeStepLevels,
+    assign_levels,
+    tape_length,
+)
 
 EXCHANGE_LIMIT = 0.5
 """Largest fraction of its storage [-] that a cell exchanges in one substep; monotone up to 1."""
@@ -54,6 +65,7 @@ class Exchanges(NamedTuple):
     weight: (pairs,) [m^3/s]; exchanged volume.
     to_neighbours: whether every cell owns the pairs with its upper and its right neighbour, in this
         order, and all cells take one step.
+    lines: the cells on lines where the exchange is implicit; all levels are then zero.
     """
 
     levels: TimeStepLevels
@@ -61,6 +73,14 @@ class Exchanges(NamedTuple):
     other: NDArray[np.int32]
     weight: FloatArray
     to_neighbours: bool = False
+    lines: Lines | None = None
+
+    @property
+    def tape_length(self) -> int:
+        """The number of updates of all cells together: the length of the tape of `diffuse`."""
+        if self.lines is None:
+            return tape_length(self.levels)
+        return self.lines.steps * len(self.lines.cell)
 
 
 def dispersion_tensor(physics: Physics, flux: FaceField) -> DispersionTensor:
@@ -124,15 +144,28 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
         found = _neighbour_exchanges(physics, duration)
         if found is not None:
             return found
-    level, order, count_at_least, start, other, weight = pair_cells(
-        _per_cell_size(dispersion_tensor(physics, flux), physics),
-        physics.mobile_water,
-        physics.storage * (1.0 - physics.immobile_fraction),
-        duration,
-        EXCHANGE_LIMIT,
-    )
+    size = physics.mobile_water.size
+    storage = (physics.storage * (1.0 - physics.immobile_fraction)).ravel()
+    tensor = _per_cell_size(dispersion_tensor(physics, flux), physics)
+    *named, total = named_pairs(tensor, physics.mobile_water)
+    rate = total / storage
+    level = np.empty(physics.grid.shape, np.int8)
+    order, count_at_least = assign_levels(rate, duration, EXCHANGE_LIMIT, level.ravel())
     levels = TimeStepLevels(duration, level, order, count_at_least)
-    return Exchanges(levels, start, other, weight)
+    # as advection, the substeps grow with the inverse of the cell size; in pairs of either order
+    exchanged = min(2.0**HIGHEST_LEVEL, float(np.mean(rate)) * duration)
+    steps = 2 * max(1, math.ceil(0.5 * math.sqrt(exchanged)))
+    # a substep along lines takes as long as four of `exchange`
+    implicit = 4 * steps * size < tape_length(levels)
+    if implicit:
+        level = np.zeros_like(level)
+        order = np.arange(size, dtype=np.int32)
+        levels = TimeStepLevels(duration, level, order, np.array([size]))
+    pairs = sort_pairs(*named, level.ravel())
+    if not implicit:
+        return Exchanges(levels, *pairs)
+    lines = Lines(steps, *make_lines(*pairs, storage, duration / steps))
+    return Exchanges(levels, *pairs, lines=lines)
 
 
 def _neighbour_exchanges(physics: Physics, duration: float) -> Exchanges | None:
@@ -165,13 +198,18 @@ def diffuse(
     exchanges: Exchanges,
     *,
     tape: FloatArray = NO_TAPE,
+    negligible: float = NEGLIGIBLE,
 ) -> None:
     """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
     `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
-    `tape_length(exchanges.levels)`, records the values that the adjoint needs. Threads share the
-    cells of a large grid where neighbours alone exchange.
+    `exchanges.tape_length`, records the values that the adjoint needs. Threads share the cells of a
+    large grid where neighbours alone exchange; a difference up to `negligible` [-] moves nothing
+    there.
     """
+    if exchanges.lines is not None:
+        exchange_along_lines(concentration.ravel(), storage.ravel(), exchanges.lines, tape)
+        return
     if len(tape) or not exchanges.to_neighbours:
         exchange(concentration.ravel(), storage.ravel(), exchanges, tape)
         return
@@ -179,5 +217,5 @@ def diffuse(
     gain = np.empty((nz, nx))
     ends = np.empty((nz, 2), np.int64)
     in_rows(ends_of_tracer, nz, nz * nx, concentration, ends)
-    in_rows(gains_from_neighbours, nz, nz * nx, concentration, exchanges, ends, gain)
+    in_rows(gains_from_neighbours, nz, nz * nx, concentration, exchanges, ends, gain, negligible)
     in_rows(add_gains, nz, nz * nx, concentration, gain, storage, ends)

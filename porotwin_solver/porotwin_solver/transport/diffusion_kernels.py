@@ -10,7 +10,7 @@ Arguments that recur: `tensor` a DispersionTensor per squared cell size [1/s], (
 import numpy as np
 
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
-from porotwin_solver.transport.local_time_steps import assign_levels, lowest_starting_level
+from porotwin_solver.transport.local_time_steps import lowest_starting_level
 
 MAX_SUPERBASE_STEPS = 100
 """Bound on the reductions of a superbase; it suffices for anisotropies beyond 1e20."""
@@ -51,87 +51,94 @@ def superbase(xx, xz, zz, offset, weight):
 
 
 @compiled
-def pair_cells(tensor, water, storage, duration, limit):
-    """Return level, order, count_at_least, start, other and weight of `diffusion.Exchanges`.
-
-    `tensor`: DispersionTensor per squared cell size [1/s]; `water` and `storage` (nz, nx) [m^3].
-    """
-    nz, nx = water.shape
-    first, second, volume, total = named_pairs(tensor, water)
-    level = np.empty((nz, nx), np.int8)
-    flat = level.ravel()
-    order, count_at_least = assign_levels(total / storage.ravel(), duration, limit, flat)
-    start, other, weight = sort_pairs(first, second, volume, flat)
-    return level, order, count_at_least, start, other, weight
-
-
-@compiled
 def named_pairs(tensor, water):
-    """Return the pairs that the cells name: `first`, `second`, `volume` and `total`.
+    """Return the exchanges of cells: `stride`, `ahead`, `behind`, `volume` and `total`.
 
-    `first` and `second` (pairs,) are the cells of each pair, `volume` (pairs,) [m^3/s] is what they
-    exchange, `total` (nz * nx,) [m^3/s] the sum over the pairs of each cell.
-
-    Every cell gives half of its own weights to the pairs on both sides of it. Most pairs are named
-    twice, once by each cell.
+    `tensor`: DispersionTensor per squared cell size [1/s]; `water` (nz, nx) [m^3]. Each row of
+    `stride` and `volume` (nz * nx, 3) names pairs with the cells so far ahead and behind, and half
+    of the volume [m^3/s] that the cell's own tensor lets them exchange. `ahead` and `behind`
+    (nz * nx, 3) tell whether there is such a cell. `total` (nz * nx,) [m^3/s] is the sum over the
+    pairs of each cell. Most pairs are named twice, once by each cell.
     """
     nz, nx = water.shape
     xx, xz, zz = tensor
     size = nz * nx
     offset = np.empty((3, 2), np.int64)
     weight = np.empty(3)
-    first = np.empty(6 * size, np.int32)
-    second = np.empty(6 * size, np.int32)
-    volume = np.empty(6 * size)
+    stride = np.zeros((size, 3), np.int32)
+    ahead, behind = np.zeros((size, 3), np.bool_), np.zeros((size, 3), np.bool_)
+    volume = np.empty((size, 3))
     total = np.zeros(size)
-    count = 0
     for i in range(nz):
         for j in range(nx):
             superbase(xx[i, j], xz[i, j], zz[i, j], offset, weight)
-            for k in range(3):
-                if weight[k] <= 0.0:
+            k = i * nx + j
+            for n in range(3):
+                if weight[n] <= 0.0:
                     continue
-                for side in (-1, 1):
-                    m, n = i + side * offset[k, 1], j + side * offset[k, 0]
-                    if 0 <= m < nz and 0 <= n < nx:
-                        first[count] = i * nx + j
-                        second[count] = m * nx + n
-                        volume[count] = 0.5 * weight[k] * water[i, j]
-                        total[first[count]] += volume[count]
-                        total[second[count]] += volume[count]
-                        count += 1
-    return first[:count], second[:count], volume[:count], total
+                across, upward = offset[n, 0], offset[n, 1]
+                if upward < 0 or (upward == 0 and across < 0):
+                    across, upward = -across, -upward
+                step = upward * nx + across
+                stride[k, n] = step
+                volume[k, n] = 0.5 * weight[n] * water[i, j]
+                if i + upward < nz and 0 <= j + across < nx:
+                    ahead[k, n] = True
+                    total[k] += volume[k, n]
+                    total[k + step] += volume[k, n]
+                if i - upward >= 0 and 0 <= j - across < nx:
+                    behind[k, n] = True
+                    total[k] += volume[k, n]
+                    total[k - step] += volume[k, n]
+    return stride, ahead, behind, volume, total
 
 
 @compiled
-def sort_pairs(first, second, volume, level):
+def named(stride, side, k, step):
+    """Return the place of the pair of cell `k` with this stride on this `side`, or -1.
+
+    `side` is `ahead` or `behind` of `named_pairs`.
+    """
+    for n in range(3):
+        if stride[k, n] == step and side[k, n]:
+            return n
+    return -1
+
+
+@compiled
+def sort_pairs(stride, ahead, behind, volume, level):
     """Return `start`, `other`, `weight` of Exchanges: each pair once, listed by its faster cell."""
-    size, count = len(level), len(first)
-    room = np.zeros(size + 1, np.int32)
-    for k in range(count):
-        room[faster(first[k], second[k], level) + 1] += 1
-    for k in range(size):
-        room[k + 1] += room[k]
-    stop = room[:-1].copy()
-    other = np.empty(count, np.int32)
-    weight = np.empty(count)
-    for k in range(count):
-        owner = faster(first[k], second[k], level)
-        partner = first[k] + second[k] - owner
-        place = find(other, room[owner], stop[owner], partner)
-        if place == stop[owner]:
-            other[place] = partner
-            weight[place] = 0.0
-            stop[owner] += 1
-        weight[place] += volume[k]
+    size = len(level)
     start = np.zeros(size + 1, np.int32)
     for k in range(size):
-        start[k + 1] = start[k] + stop[k] - room[k]
-        for place in range(stop[k] - room[k]):
-            other[start[k] + place] = other[room[k] + place]
-            weight[start[k] + place] = weight[room[k] + place]
-    pairs = start[size]
-    return start, other[:pairs].copy(), weight[:pairs].copy()
+        for n in range(3):
+            step = stride[k, n]
+            if ahead[k, n]:
+                start[faster(k, k + step, level) + 1] += 1
+            if behind[k, n] and named(stride, ahead, k - step, step) < 0:
+                start[faster(k, k - step, level) + 1] += 1
+    for k in range(size):
+        start[k + 1] += start[k]
+    stop = start[:-1].copy()
+    other = np.empty(start[size], np.int32)
+    weight = np.empty(start[size])
+    for k in range(size):
+        for n in range(3):
+            step = stride[k, n]
+            if ahead[k, n]:
+                owner = faster(k, k + step, level)
+                other[stop[owner]] = k + k + step - owner
+                weight[stop[owner]] = volume[k, n]
+                twin = named(stride, behind, k + step, step)
+                if twin >= 0:
+                    weight[stop[owner]] += volume[k + step, twin]
+                stop[owner] += 1
+            if behind[k, n] and named(stride, ahead, k - step, step) < 0:
+                owner = faster(k, k - step, level)
+                other[stop[owner]] = k + k - step - owner
+                weight[stop[owner]] = volume[k, n]
+                stop[owner] += 1
+    return start, other, weight
 
 
 @compiled
@@ -159,7 +166,7 @@ def exchange(c, storage, exchanges, tape):
     substeps, unless it has no room at all.
     """
     gain = np.zeros(len(c))
-    levels, start, other, weight, _ = exchanges
+    levels, start, other, weight, _, _ = exchanges
     duration, level_2d, order, count_at_least = levels
     level = level_2d.ravel()
     highest = len(count_at_least) - 1
@@ -190,8 +197,9 @@ def exchange(c, storage, exchanges, tape):
 def neighbour_pairs(across, upward, water):
     """Return `start`, `other`, `weight` of Exchanges, and `total` as of `named_pairs`.
 
-    They are those of `pair_cells` for a tensor without cross terms: `across` and `upward` [1/s] are
-    its two entries per squared cell size, the same in all cells. All cells take one step.
+    A tensor without cross terms gives the pairs of `named_pairs` and `sort_pairs`. Its two entries
+    per squared cell size are `across` and `upward` [1/s], the same in all cells. All cells take one
+    step.
     """
     nz, nx = water.shape
     start = np.zeros(nz * nx + 1, np.int32)
@@ -245,20 +253,21 @@ def reach(ends, i, nx):
 
 
 @compiled
-def moved(difference, factor):
-    """Return the tracer moved by a difference in concentration; none below round-off."""
-    return factor * difference if abs(difference) > NEGLIGIBLE else 0.0
+def moved(difference, factor, negligible):
+    """Return the tracer moved by a difference in concentration; none by a negligible one."""
+    return factor * difference if abs(difference) > negligible else 0.0
 
 
 @compiled
-def gains_from_neighbours(c, exchanges, ends, gain, first, last):
+def gains_from_neighbours(c, exchanges, ends, gain, negligible, first, last):
     """Fill the rows of `gain` (nz, nx) [m^3] with what the cells get from their neighbours.
 
-    `ends` as of `ends_of_tracer`. The sums have the order of `exchange`, so the result is the same.
+    `ends` as of `ends_of_tracer`. A difference up to `negligible` [-] moves nothing. The sums have
+    the order of `exchange`, so the result is the same.
     """
     nz, nx = c.shape
-    levels, start, _, weight, _ = exchanges
-    duration = levels.duration
+    levels, start, _, weight, _, _ = exchanges
+    duration, no = levels.duration, negligible
     for i in range(first, last):
         low, high = reach(ends, i, nx)
         to_right = 1 if i < nz - 1 else 0
@@ -267,13 +276,17 @@ def gains_from_neighbours(c, exchanges, ends, gain, first, last):
             here = c[i, j]
             total = 0.0
             if i > 0:
-                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]])
+                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]], no)
             if j > 0:
-                total -= moved(here - c[i, j - 1], duration * weight[start[k - 1] + to_right])
+                total -= moved(
+                    here - c[i, j - 1], duration * weight[start[k - 1] + to_right], negligible
+                )
             if i < nz - 1:
-                total += moved(c[i + 1, j] - here, duration * weight[start[k]])
+                total += moved(c[i + 1, j] - here, duration * weight[start[k]], no)
             if j < nx - 1:
-                total += moved(c[i, j + 1] - here, duration * weight[start[k] + to_right])
+                total += moved(
+                    c[i, j + 1] - here, duration * weight[start[k] + to_right], negligible
+                )
             gain[i, j] = total
 
 
