@@ -258,7 +258,8 @@ def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
         return 0.0
     seen = np.ma.masked_invalid(np.asarray(values, dtype=float))
     lines = contour_generator(grid.x, grid.z, seen).lines(level)
-    return float(sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in lines))
+    steps = (np.diff(np.asarray(line, dtype=float), axis=0) for line in lines)
+    return float(sum(np.hypot(*step.T).sum() for step in steps))
 
 
 def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = 'down') -> int:
