@@ -116,7 +116,7 @@ class ThreadCrew(Crew, ThreadPoolExecutor):
 class ClusterCrew(Crew):
     """Processes under a Dask scheduler, on this machine or others.
 
-    Dask's own executor, `Client.get_executor`, was tried: it cancels the futures of a scheduler
+    Dask's own executor, `Client.get_executor`, was read: it cancels the futures of a scheduler
     that went away, as if their user had cancelled them, so every future would need a second one.
     """
 
