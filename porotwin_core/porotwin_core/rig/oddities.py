@@ -356,11 +356,9 @@ def _turn(a: Any, b: Any, c: Any) -> float:
 
 def _leaks(rig: Rig) -> Iterator[Remark]:
     for effect in rig.effects:
-        rate = effect.parameters.get('rate')
-        if effect.name == 'leak' and isinstance(rate, int | float):
-            remark = rate_remark('effects: leak: rate', rate, rig.pore_volume)
-            if remark is not None:
-                yield remark
+        remark = rate_remark(f'effects: {effect.name}: rate', effect.water_ml_h, rig.pore_volume)
+        if remark is not None:
+            yield remark
 
 
 def _factors(rig: Rig) -> Iterator[Remark]:

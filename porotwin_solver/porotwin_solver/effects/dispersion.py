@@ -18,6 +18,10 @@ from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import number
 
+TRANSVERSE_SHARE = 0.1
+"""Dispersivity across the flow relative to that along it [-], as usual in sand (Bear, Dynamics of
+Fluids in Porous Media, sec. 10.4)."""
+
 
 def spread(physics: Physics, values: Values) -> Physics:
     """Return `physics` with these coefficients of spreading."""

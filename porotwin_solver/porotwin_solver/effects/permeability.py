@@ -9,6 +9,7 @@ from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.words import factor
+from porotwin_solver.effects.water_level import with_true_levels
 
 
 def change(physics: Physics, values: Values) -> Physics:
@@ -18,9 +19,7 @@ def change(physics: Physics, values: Values) -> Physics:
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor where heads drive water; wells alone drive the same flow in any sand."""
-    rig = context.rig
-    is_driven = rig.is_driven or any(e.name == 'water_level' for e in rig.effects)
-    if not is_driven:
+    if not with_true_levels(context.rig).is_driven:
         return []
     fitted = FitParameter('factor', '-', 1.0, 0.05, 0.01, 100.0, log=True)
     return [Candidate('permeability', (fitted,))]

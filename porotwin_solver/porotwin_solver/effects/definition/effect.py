@@ -7,6 +7,7 @@ from enum import Enum
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.blind_draw import Draw
 from porotwin_core.model.effect_parameter import Parameter, Values, checked_values
+from porotwin_core.rig import EffectDescription
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
@@ -101,6 +102,7 @@ class Effect:
         order: position in lists, in searches and in the draws of the blind check.
         replaces_nominal: it replaces its own description in `rig.yaml`; other effects add to it.
         needs_simulation: without, it acts on maps that are simulated already.
+        moves_time: photographs show the rig at another time than they say.
         is_slow_on_fine_grids: a simulation on a large fine grid takes minutes.
         destabilises_fronts: whether fronts finger with these values.
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
@@ -134,6 +136,7 @@ class Effect:
     order: int = LAST
     replaces_nominal: bool = False
     needs_simulation: bool = True
+    moves_time: bool = False
     is_slow_on_fine_grids: bool = False
     destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
@@ -194,6 +197,10 @@ class Effect:
             InputError: an unknown, missing or impossible parameter, by name, value and remedy.
         """
         return checked_values(self.name, self.parameters, given)
+
+    def described(self, **given: float | str) -> EffectDescription:
+        """Return the description of the effect with these parameters."""
+        return EffectDescription(name=self.name, parameters=given)
 
     def in_words(self, given: Mapping[str, object]) -> str:
         """Return the effect with all parameters as plain text; `given` names some of them.
