@@ -79,7 +79,8 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
 def _left_out(result: Diagnosis, summary: Summary) -> str:
     """Return a sentence about the effects of the library that have no row, empty if all have."""
     rows = {row['name'] for row in summary['effects']}
-    names = [spoken(name) for name in EFFECTS if name not in {*rows, *result.excluded}]
+    known = {*rows, *result.excluded}
+    names = [spoken(e.name) for e in EFFECTS.values() if e.is_diagnosed and e.name not in known]
     if not names:
         return ''
     return (

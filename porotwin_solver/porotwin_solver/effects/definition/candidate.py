@@ -1,7 +1,7 @@
 """Candidates of a search: the parameters of an effect with natural steps, ranges and starts."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,6 +76,7 @@ class Candidate:
         fixed: values of the other parameters, in their units.
         starts: scaled parameters [-] where a fit may start; all zero if there are none.
         variant: tells candidates of one effect apart that fit different parameters.
+        tied: parameters that are a share of a fitted one: its name and the share [-].
     """
 
     effect: str
@@ -83,6 +84,7 @@ class Candidate:
     fixed: dict[str, float | str] = field(default_factory=dict)
     starts: tuple[tuple[float, ...], ...] = ()
     variant: str = ''
+    tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -93,7 +95,8 @@ class Candidate:
     def described(self, scaled: Sequence[float]) -> EffectDescription:
         """Return the effect at `scaled`, one number per fitted parameter."""
         values = {k.name: k.value(t) for k, t in zip(self.parameters, scaled, strict=True)}
-        return EffectDescription(name=self.effect, parameters={**self.fixed, **values})
+        tied = {name: share * values[fitted] for name, (fitted, share) in self.tied.items()}
+        return EffectDescription(name=self.effect, parameters={**self.fixed, **values, **tied})
 
     def is_absent(self, scaled: Sequence[float]) -> bool:
         """Return whether the effect at `scaled` is known to change nothing."""
@@ -153,6 +156,10 @@ class SearchContext:
 
 Candidates = Callable[[SearchContext], Sequence[Candidate]]
 """Returns the candidates of one effect; none where the rig cannot have the effect."""
+
+Beliefs = Callable[[Rig], Sequence[Candidate]]
+"""Returns what is believed of an effect before any photograph, on top of `rig.yaml`: u, the number
+of steps, is normal with mean 0 and deviation 1. None where the effect is certainly as described."""
 
 
 TrialsFn = Callable[[SearchContext, tuple[float, float]], Sequence[Candidate]]
