@@ -32,8 +32,6 @@ effect counts."""
 OTHER_USES = {
     ('porotwin_core/rig/description.py', 'water_table'): 'a key of rig.yaml',
     ('porotwin_core/ros/from_messages.py', 'water_table'): 'a key of rig.yaml',
-    **{('porotwin_costa/physics/learnt_account.py', name): 'its dictionary' for name in EFFECTS},
-    ('porotwin_costa/physics/physics_parts.py', 'leak'): 'a part',
 }
 """Texts that are names of effects by chance, and what they are."""
 

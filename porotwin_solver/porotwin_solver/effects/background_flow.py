@@ -88,4 +88,5 @@ EFFECT = Effect(
     appearance=Appearance.SHIFT,
     believed=believed,
     residual_terms=('dc/dx',),
+    is_learnable=True,
 )

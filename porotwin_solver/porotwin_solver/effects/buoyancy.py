@@ -101,4 +101,5 @@ EFFECT = Effect(
     believed=believed,
     destabilises_fronts=fingers,
     residual_terms=('dc/dz',),
+    is_learnable=True,
 )

@@ -16,7 +16,7 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Beliefs, Candidates, PlaceSearch
-from porotwin_solver.effects.definition.words import plain
+from porotwin_solver.effects.definition.words import plain, reading
 
 GUIDE = 'docs/extend/effect.md'
 """The document that explains how to write an effect."""
@@ -120,6 +120,7 @@ class Effect:
             model computes the effect on coarser cells.
         is_tried_in_every_pair: the search adds it to every effect, because it costs no
             simulation and its response is not linear.
+        is_learnable: COSTA may learn it from free runs, on top of what the model has of it.
         residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
             `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.
         gradient_obstacle: returns why the adjoint cannot differentiate by a parameter, with the
@@ -153,6 +154,7 @@ class Effect:
     destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
     is_tried_in_every_pair: bool = False
+    is_learnable: bool = False
     residual_terms: tuple[str, ...] = ()
     gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
 
@@ -243,6 +245,15 @@ class Effect:
     def described(self, **given: float | str) -> EffectDescription:
         """Return the description of the effect with these parameters."""
         return EffectDescription(name=self.name, parameters=given)
+
+    def change_in_words(self, given: Mapping[str, float | str]) -> str:
+        """Return the `given` parameters of a change, each in the unit of reports."""
+        parts = []
+        for name, value in given.items():
+            factor, unit = reading(self.parameters[name])
+            shown = value if isinstance(value, str) else f'{factor * value:.3g}'
+            parts.append(f'{name} {shown} {unit}'.rstrip())
+        return plain(f'{self.name}: {", ".join(parts)}')
 
     def in_words(self, given: Mapping[str, object]) -> str:
         """Return the effect with all parameters as plain text; `given` names some of them.
