@@ -18,7 +18,7 @@ OLD = {
     'patches': [],
     'scheme': 'accurate',
 }
-"""What a model of version 0.2 keeps."""
+"""What an older model keeps."""
 
 
 def test_a_description_is_json_and_comes_back() -> None:

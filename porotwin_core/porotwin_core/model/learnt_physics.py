@@ -34,7 +34,7 @@ class LearntPhysics:
         """Return the physics in a description as JSON keeps it.
 
         Raises:
-            InputError: the description is of version 0.2 or older, and not empty.
+            InputError: the description is of an older version, and not empty.
             KeyError, TypeError, ValueError: an entry is missing or wrong.
         """
         if 'effects' in values:
@@ -43,7 +43,7 @@ class LearntPhysics:
         coefficients = [value for name, value in values.items() if name != 'scheme']
         if any(value not in (0.0, [], [0.0, 0.0]) for value in coefficients):
             raise InputError(
-                'learnt physics: of version 0.2 or older, which had no effects; train again with '
+                'learnt physics: of an older version, without effects; train again with '
                 './porotwin train'
             )
         return cls((), str(values.get('scheme', '')))
