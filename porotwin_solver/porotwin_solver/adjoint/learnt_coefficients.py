@@ -93,7 +93,10 @@ class LearntModels:
             duration: of the longest experiment [s].
             strongest_rate: largest absolute rate of a well [m^3/s].
             place: (x, z) [m]; the trials of effects at that place. None: effects without a place.
+                At rest no map shows a place.
         """
+        if place is not None and strongest_rate == 0.0:
+            return []
         context = SearchContext(self._rig, self._grid, duration, strongest_rate=strongest_rate)
         found: list[Candidate] = []
         for one in EFFECTS.values():
