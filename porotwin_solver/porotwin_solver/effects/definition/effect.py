@@ -235,11 +235,12 @@ class Effect:
         neutral = {name: one.neutral for name, one in self.parameters.items() if not one.is_name}
         values = changed_values(self.name, self.parameters, {**neutral, **given})
         if self.present is not None:
-            values = {
-                name: one.on_top(self.present(physics)[name], values[name])
+            present = self.present(physics)
+            total = {
+                name: one.on_top(present[name], float(values[name]))
                 for name, one in self.parameters.items()
             }
-            values = self.checked(values)
+            values = self.checked(total)
         return self.on_physics(physics, values)
 
     def described(self, **given: float | str) -> EffectDescription:
