@@ -10,7 +10,7 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.effect_limits import MOST_DIFFUSION
 from porotwin_core.rates.wells import RateStep, Schedule
-from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_core.rig import load_rig
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
@@ -18,6 +18,8 @@ from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.effects.dispersion import EFFECT as DISPERSION
+from porotwin_solver.effects.viscosity import EFFECT as VISCOSITY
 from porotwin_solver.model.engine import LONGEST_STEP
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.presets import PRESETS
@@ -26,15 +28,16 @@ from porotwin_solver.model.simulation import simulate
 COLUMNS, ROWS = 47, 28
 """A coarse grid of the small rig: kernels compile for types, not for sizes."""
 
-DISPERSIVE = {'longitudinal_dispersivity': 1e-3, 'transverse_dispersivity': 1e-4, 'diffusion': 1e-9}
 MENDED = (
-    EffectDescription(name='viscosity', parameters={'viscosity_ratio': 1.1}),
-    EffectDescription(name='dispersion', parameters=DISPERSIVE),
+    VISCOSITY.described(viscosity_ratio=1.1),
+    DISPERSION.described(longitudinal_dispersivity=1e-3, transverse_dispersivity=1e-4),
 )
 """Effects with kernels of their own, which a running twin may take over."""
 
 STRONG = (
-    EffectDescription(name='dispersion', parameters=DISPERSIVE | {'diffusion': MOST_DIFFUSION}),
+    DISPERSION.described(
+        longitudinal_dispersivity=1e-3, transverse_dispersivity=1e-4, diffusion=MOST_DIFFUSION
+    ),
 )
 """Dispersion that is exchanged along lines of cells."""
 

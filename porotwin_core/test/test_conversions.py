@@ -17,7 +17,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.cost_term import CostTerm
-from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
 from porotwin_core.ros import conversions
@@ -267,26 +267,18 @@ def test_a_parameter_of_an_effect_that_is_given_twice_is_refused() -> None:
 
 
 def test_learnt_physics_survives_the_wire() -> None:
-    learnt = LearntPhysics(
-        density_difference=0.9,
-        longitudinal_dispersivity=2e-3,
-        transverse_dispersivity=1e-4,
-        background_flux=(1e-7, -2e-7),
-        log_retardation=0.1,
-        leaks=(LearntLeak(0.1, 0.2, 1e-9), LearntLeak(0.5, 0.3, -2e-9)),
-        patches=(SandPatch(0.3, 0.2, 0.05, -1.5),),
+    effects = (
+        EffectDescription(name='buoyancy', parameters={'density_difference': 0.9}),
+        EffectDescription(name='leak', parameters={'x': 0.1, 'z': 0.2, 'rate': -7.2}),
     )
-    message = conversions.learnt_to_msg(learnt)
-    received = deserialize_message(serialize_message(message), type(message))
-    assert conversions.learnt_from_msg(received) == learnt
+    messages = conversions.learnt_to_msg(LearntPhysics(effects))
+    assert conversions.effects_from_msg(map(over_the_wire, messages)) == effects
 
 
 def test_numbers_without_a_point_survive_the_wire() -> None:
     plan = [RateStep(0, {'a': WellRate(1, 1)})]
     step = over_the_wire(conversions.plan_to_msg(plan)[0])
     assert conversions.plan_from_msg([step]) == (RateStep(0.0, {'a': WellRate(1.0, 1.0)}),)
-    learnt = LearntPhysics(1, 1, 1, (0, 0), 1, (LearntLeak(1, 1, 0),), (SandPatch(1, 1, 1, 1),))
-    assert conversions.learnt_from_msg(over_the_wire(conversions.learnt_to_msg(learnt))) == learnt
     effect = EffectDescription.model_construct(name='rest', parameters={'factor': 2})
     message = over_the_wire(conversions.effect_to_msg(effect))
     assert list(message.parameter_values) == [2.0]

@@ -186,7 +186,10 @@ def test_unknown_architecture_is_refused(trained, tmp_path):
         ({'trained_on': {'pumping': []}}, 'damaged model'),
         ({'trained_on': {'rates': []}}, 'a range for every well'),
         ({'trained_on': {'largest_residual': float('inf')}}, 'largest_residual of the model'),
-        ({'learnt': {'log_retardation': float('nan')}}, 'log_retardation: not a finite number'),
+        (
+            {'learnt': {'effects': [{'name': 'leak', 'parameters': {'x': float('nan')}}]}},
+            'damaged model',
+        ),
     ],
 )
 def test_numbers_that_no_training_leaves_are_refused(trained, tmp_path, change, complaint):

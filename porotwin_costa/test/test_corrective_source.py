@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 from costa_examples import question
-from toy_solver import MovingTracers
+from toy_solver import MovingTracers, delayed
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
-from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.rates.wells import WellRate
 from porotwin_costa.correction.corrective_source import (
     APPLIED,
@@ -66,7 +66,7 @@ def test_sigma_of_a_plume_does_not_depend_on_the_size_of_the_window(trained, dat
 def test_the_learnt_physics_is_told_with_the_sigma_that_stands_for_it(trained, dataset):
     predicted, rates, time_step = question(dataset)
     assert corrective_source(trained, predicted, rates, time_step).learnt == NO_LEARNT_PHYSICS
-    learnt = LearntPhysics(log_retardation=0.2)
+    learnt = delayed(1.2)
     model, step = dataclasses.replace(trained, learnt=learnt), LearntStep(learnt, MovingTracers())
     applied = corrective_source(model, predicted, rates, time_step, predicted, physics=step)
     assert applied.learnt == learnt

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from costa_examples import injecting
-from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
+from toy_solver import SPEED, STEP_S, MovingTracers, delayed, moving_frames
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.learnt_physics import LearntPhysics
@@ -26,8 +26,8 @@ from porotwin_costa.networks import CorrectiveNetwork, architecture
 from porotwin_costa.networks.training_settings import TrainingSettings
 from porotwin_costa.training.training import train
 
-SLOWER = LearntPhysics(log_retardation=-np.log(0.8))
-FASTER = LearntPhysics(log_retardation=np.log(0.8))
+SLOWER = delayed(1.25)
+FASTER = delayed(0.8)
 
 
 @pytest.fixture

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
+from toy_solver import SPEED, STEP_S, MovingTracers, delayed, moving_frames
 
-from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_costa.correction.free_run_gate import Judge, KeptRun
 from porotwin_costa.networks import architecture
 from porotwin_costa.networks.training_settings import TrainingSettings
@@ -41,19 +40,19 @@ def test_noise_looks_like_no_effect():
     assert matched(noise, [EffectSources('drift', drift)]).shares == {}
 
 
-def test_a_sigma_is_compared_with_the_sources_of_effects(corrective, rig, grid):
+def test_a_sigma_is_compared_with_the_sources_of_effects(corrective, grid):
     frames = moving_frames(grid, 15)
-    found = look_alikes(corrective, [frames], rig, MovingTracers())
+    found = look_alikes(corrective, [frames], MovingTracers())
     assert sum(found.shares.values()) + found.unexplained == pytest.approx(1.0)
     assert set(found.shares) <= {'retardation'}  # the toy solver has no other effect
-    silent = look_alikes(replace(corrective, trust=0.0), [frames], rig, MovingTracers())
+    silent = look_alikes(replace(corrective, trust=0.0), [frames], MovingTracers())
     assert silent.unexplained == 1.0
 
 
 def test_a_named_effect_and_costa_share_the_gap(corrective, grid):
     run = [KeptRun(moving_frames(grid, 25, speed=0.8 * SPEED), 0.0)]
     bare, named = (Judge(MovingTracers(by * SPEED), run, STEP_S) for by in (1.0, 0.85))
-    rest = LearntPhysics(log_retardation=float(np.log(0.85 / 0.8)))
+    rest = delayed(0.85 / 0.8)
     found = gap_shares(bare, named, replace(corrective, trust=0.0, learnt=rest))
     assert found['named effects'] > 0.5
     assert found['COSTA'] > 0.05

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_solver import POROSITY, SPEED, STEP_S, MovingTracer, MovingTracers, moving_frames
+from toy_solver import POROSITY, SPEED, STEP_S, MovingTracer, MovingTracers, delayed, moving_frames
 
-from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.live_training import LiveTraining, frames_of_pairs, not_used
@@ -36,7 +35,7 @@ def test_a_good_model_is_not_replaced_by_a_worse_one(rig, grid, tmp_path):
         'epochs': 1, 'seed': 3, 'progress': lambda _: None, 'cancelled': lambda: False,
     }  # fmt: skip
     first, _ = live.retrained(pairs, None, architecture('hybrid'), **options)
-    right = LearntPhysics(log_retardation=-np.log(0.8))
+    right = delayed(1.25)
     good = replace(first, learnt=right, trust=0.0)
     again, is_better = live.retrained(pairs, good, architecture('hybrid'), **options)
     assert not is_better

@@ -1,17 +1,21 @@
 """A solver of learnt physics for the tests: tracer that moves to the right, more or less slowly."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.candidate import Candidate, FitParameter
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.model.learnt_solver import Place
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_costa.data.frames import Frames
 
 STEP_S = 30.0
 SPEED = 0.4
 POROSITY = 0.375
+DELAY = Candidate('retardation', (FitParameter('retardation_factor', '-', 1.0, 0.02, 0.05, 20.0),))
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,17 @@ class MovingTracer:
         return self.predict(previous, rates, time_step) + time_step * sigma / POROSITY
 
 
+def delayed(factor: float) -> LearntPhysics:
+    """Return learnt physics with this factor on the retardation."""
+    return LearntPhysics((DELAY.described([DELAY.parameters[0].scaled(factor)]),))
+
+
+def delay(learnt: LearntPhysics) -> float:
+    """Return the factor of all `learnt` retardation."""
+    factors = [float(one.parameters.get('retardation_factor', 1.0)) for one in learnt.effects]
+    return math.prod(factors)
+
+
 @dataclass(frozen=True)
 class MovingTracers:
     """A `LearntSolver`: retardation slows the tracer down, other physics does nothing.
@@ -55,7 +70,15 @@ class MovingTracers:
 
     def model(self, learnt: LearntPhysics) -> MovingTracer:
         speed = SPEED if learnt.scheme else self.speed
-        return MovingTracer(speed * float(np.exp(-learnt.log_retardation)))
+        return MovingTracer(speed / delay(learnt))
+
+    def learnable(
+        self, _duration: float, _strongest_rate: float, place: Place | None = None
+    ) -> list[Candidate]:
+        return [] if place else [DELAY]
+
+    def light(self, learnt: LearntPhysics) -> LearntPhysics:
+        return learnt
 
     def run(
         self,

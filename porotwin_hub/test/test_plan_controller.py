@@ -17,6 +17,7 @@ from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.order_delay import OrdersAhead
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
+from porotwin_core.rig import EffectDescription
 from porotwin_hub.control.controller import Controller, WithSubstitute
 from porotwin_hub.control.plan_controller import PlanController
 from porotwin_hub.models.forecast import ModelUnavailable
@@ -120,7 +121,12 @@ def test_the_decision_carries_the_whole_plan() -> None:
 
 
 def test_learnt_physics_acts_in_every_plan() -> None:
-    model, learnt = TwoStages(), LearntPhysics(density_difference=0.8)
+    model, learnt = (
+        TwoStages(),
+        LearntPhysics(
+            (EffectDescription(name='buoyancy', parameters={'density_difference': 0.8}),)
+        ),
+    )
     controller(model).decide(ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge(learnt=learnt))
     assert model.learnt == learnt
 

@@ -14,6 +14,7 @@ from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_core.rig import EffectDescription
 from porotwin_hub.control.controller import Controller
 from porotwin_hub.control.optimisation import Decision
 from porotwin_hub.control.setpoint_limits import Limits
@@ -101,7 +102,12 @@ def test_a_perfect_correction_makes_the_corrected_error_vanish(make_twin: MakeTw
 def test_a_decision_uses_the_learnt_physics_while_corrections_are_applied(
     make_twin: MakeTwin, toy_controller: Controller
 ) -> None:
-    learnt, asked = LearntPhysics(density_difference=0.8), []
+    learnt, asked = (
+        LearntPhysics(
+            (EffectDescription(name='buoyancy', parameters={'density_difference': 0.8}),)
+        ),
+        [],
+    )
     answers = iter([Correction(np.zeros(SHAPE), 'applied', learnt), Correction(None, 'withheld')])
 
     class Listening:

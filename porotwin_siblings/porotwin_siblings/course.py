@@ -3,8 +3,7 @@
 A `CourseOrder` can be pickled, so any executor may run it: threads, processes, or a Dask cluster.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,10 +13,10 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.delivered_rates import delivered
 from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
-from porotwin_siblings.traits import TRANSVERSE_SHARE, WAVES, Traits
+from porotwin_siblings.unknowns import Sibling
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.effects import described_physics
+from porotwin_solver.effects import described_physics, physics_on_top
 from porotwin_solver.model.engine import Engine, State
 from porotwin_solver.transport.scheme import Scheme
 
@@ -35,7 +34,7 @@ class CourseOrder:
     Attributes:
         rig: the rig as described.
         grid: grid of the sibling.
-        traits: of the sibling.
+        sibling: whose course.
         initial: concentration at the start of the first period, (nz, nx) [-].
         periods: consecutive rates as commanded, or as measured.
         zone: measures to take; None: none.
@@ -45,7 +44,7 @@ class CourseOrder:
 
     rig: Rig
     grid: Grid
-    traits: Traits
+    sibling: Sibling
     initial: FloatArray
     periods: tuple[RatePeriod, ...]
     zone: ZoneMeasure | None = None
@@ -67,7 +66,7 @@ def run_course(order: CourseOrder) -> Course:
     Raises:
         InputError: as `Engine.advance`.
     """
-    engine = engine_of(order.rig, order.grid, order.traits)
+    engine, factors = engine_of(order.rig, order.grid, order.sibling)
     state = State.equilibrium(np.asarray(order.initial, dtype=float))
     tracer, area, maps = [], [], []
     moments = sorted({*order.times, *order.map_times})
@@ -76,7 +75,7 @@ def run_course(order: CourseOrder) -> Course:
         for period in order.periods:
             low, high = max(period.start, now), min(period.end, moment)
             if high > low:
-                rates = delivered(period.rates, order.traits.rate_factors, closed=order.rig.closed)
+                rates = delivered(period.rates, factors, closed=order.rig.closed)
                 engine.advance(state, rates, high - low)
         now = max(now, moment)
         seen = engine.mean_concentration(state)
@@ -88,46 +87,24 @@ def run_course(order: CourseOrder) -> Course:
     return Course(np.array(tracer), np.array(area), np.array(maps).reshape(-1, *order.grid.shape))
 
 
-def engine_of(rig: Rig, grid: Grid, traits: Traits) -> Engine:
-    """Return the engine of a sibling on `grid`. Its rates are those that the pumps deliver."""
+def engine_of(rig: Rig, grid: Grid, sibling: Sibling) -> tuple[Engine, Mapping[str, float]]:
+    """Return the engine of a sibling on `grid`, and the factors of its pumps [-].
+
+    The engine takes the delivered rates, because in a closed rig measured ones must balance first.
+    """
     coarse = grid
     if grid.nx % COARSENING == 0 and grid.nz % COARSENING == 0:
         coarse = rig.grid(grid.nx // COARSENING, grid.nz // COARSENING)
-    return Engine(
-        sibling_physics(rig, grid, traits),
+    physics, coupled = (sibling_physics(rig, one, sibling) for one in (grid, coarse))
+    engine = Engine(
+        replace(physics, rate_factors={}),
         scheme=Scheme.SUPERBEE,
-        coupled_physics=sibling_physics(rig, coarse, traits),
+        coupled_physics=replace(coupled, rate_factors={}),
         longest_step=LONGEST_STEP_S,
     )
+    return engine, physics.rate_factors
 
 
-def sibling_physics(rig: Rig, grid: Grid, traits: Traits) -> Physics:
+def sibling_physics(rig: Rig, grid: Grid, sibling: Sibling) -> Physics:
     """Return the coefficients of the rig on `grid` as a sibling believes them."""
-    return with_traits(traits, described_physics(rig, grid, traits.effects))
-
-
-def with_traits(traits: Traits, physics: Physics) -> Physics:
-    """Return the coefficients of `physics` as a sibling believes them, without its effects."""
-    along = traits.longitudinal_dispersivity
-    (have_x, have_z), (more_x, more_z) = physics.background_flux, traits.background_flux
-    waves = log_permeability(physics.grid, traits.waves)
-    return replace(
-        physics,
-        longitudinal_dispersivity=physics.longitudinal_dispersivity + along,
-        transverse_dispersivity=physics.transverse_dispersivity + TRANSVERSE_SHARE * along,
-        density_difference=physics.density_difference + traits.density_difference,
-        porosity=np.minimum(physics.porosity * traits.porosity_factor, 1.0),
-        background_flux=(have_x + more_x, have_z + more_z),
-        permeability=physics.permeability * traits.permeability_factor * np.exp(waves),
-    )
-
-
-def log_permeability(grid: Grid, waves: Sequence[float]) -> FloatArray:
-    """Return the log of the factor on the permeability, (nz, nx): a sum of cosines, `WAVES`."""
-    total = np.zeros(grid.shape)
-    for amplitude, (along_x, along_z) in zip(waves, WAVES, strict=False):
-        total += amplitude * np.outer(
-            np.cos(math.pi * along_z * grid.z / grid.height),
-            np.cos(math.pi * along_x * grid.x / grid.width),
-        )
-    return total
+    return physics_on_top(described_physics(rig, grid, sibling.diagnosed), sibling.changes)

@@ -4,21 +4,21 @@ A plan that is good for the mean alone may be poor for half of the siblings; the
 counts their doubt (robust optimisation; van Essen et al., SPE Journal 14 (2009) 202-210).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.cost_term import CostTerm
-from porotwin_core.rates.delivered_rates import delivered
 from porotwin_core.rates.wells import RateStep
-from porotwin_core.rig import Rig
-from porotwin_siblings.course import with_traits
-from porotwin_siblings.traits import Traits
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_siblings.unknowns import Sibling
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost, schedule_cost
+from porotwin_solver.coefficients.physics import Physics
+from porotwin_solver.effects import physics_on_top
 from porotwin_solver.model.model import Model
 
 
@@ -29,8 +29,8 @@ class CostOrder:
     Attributes:
         rig: the rig as described.
         grid: grid of `initial` and of the terms.
-        traits: of the sibling.
-        factors: delivered rate over the rate in the plan, by well [-].
+        sibling: who judges.
+        usual: believed rate over commanded rate by well [-], which the plan counts already.
         initial: concentration at the start of the plan, (nz, nx) [-].
         plan: the rates; its times count from the initial state.
         horizon: how long [s].
@@ -40,8 +40,8 @@ class CostOrder:
 
     rig: Rig
     grid: Grid
-    traits: Traits
-    factors: dict[str, float]
+    sibling: Sibling
+    usual: Mapping[str, float]
     initial: FloatArray
     plan: tuple[RateStep, ...]
     horizon: float
@@ -64,30 +64,30 @@ def judge_plan(order: CostOrder) -> ScheduleCost:
     Raises:
         InputError: as `schedule_cost`.
     """
-    rig, factors = order.rig, order.factors
     model = Model(
-        rig,
+        order.rig,
         order.grid,
         preset='fast',
-        effects=order.traits.effects,
-        adapt=partial(with_traits, order.traits),
+        effects=order.sibling.diagnosed,
+        adapt=partial(_beside_the_usual, order.sibling.changes, order.usual),
     )
-    plan = [
-        RateStep(step.start, delivered(step.rates, factors, closed=rig.closed))
-        for step in order.plan
-    ]
-    found = schedule_cost(
+    return schedule_cost(
         model,
         order.initial,
-        plan,
+        order.plan,
         horizon=order.horizon,
         terms=order.terms,
         with_gradient=order.with_gradient,
     )
-    if found.gradient is None:
-        return found
-    shares = np.array([factors.get(well, 1.0) for well in rig.wells])
-    return ScheduleCost(found.cost, found.gradient * shares)
+
+
+def _beside_the_usual(
+    changes: Sequence[EffectDescription], usual: Mapping[str, float], physics: Physics
+) -> Physics:
+    """Return `physics` with `changes` on top, and pumps relative to the `usual` ones."""
+    changed = physics_on_top(physics, changes)
+    factors = {well: factor / usual.get(well, 1.0) for well, factor in changed.rate_factors.items()}
+    return replace(changed, rate_factors=factors)
 
 
 def expected_cost(

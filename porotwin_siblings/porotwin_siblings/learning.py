@@ -10,7 +10,7 @@ from porotwin_core.geometry.map_blocks import Blocks, error_variance
 from porotwin_core.rates.delivered_rates import MEMORY_S
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.traits import Traits, Unknowns
+from porotwin_siblings.unknowns import Sibling, Unknowns
 
 FEATURE_FLOOR = 0.005
 """Difference of the mean of a block that means nothing [-]."""
@@ -45,8 +45,8 @@ class Learning:
         self._unknowns = unknowns
         self._grid = grid
         self._blocks = Blocks.of(grid)
-        self._prior = Belief.independent(unknowns.mean, unknowns.deviation)
-        self._scores = standard_scores(len(unknowns.listed), count, seed)
+        self._prior = Belief.independent(np.zeros(unknowns.count), np.ones(unknowns.count))
+        self._scores = standard_scores(unknowns.count, count, seed)
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -54,14 +54,14 @@ class Learning:
         self.belief = self._prior
         self.inflation = 1.0
 
-    def members(self) -> list[Traits]:
-        """Return the traits of every sibling."""
+    def members(self) -> list[Sibling]:
+        """Return every sibling."""
         drawn = self.belief.members(self.inflation * self._scores)
-        return [self._unknowns.traits(values) for values in drawn.T]
+        return [self._unknowns.sibling(values) for values in drawn.T]
 
-    def mean(self) -> Traits:
-        """Return the traits of the mean belief."""
-        return self._unknowns.traits(self.belief.mean)
+    def mean(self) -> Sibling:
+        """Return the sibling of the mean belief."""
+        return self._unknowns.sibling(self.belief.mean)
 
     def fade(self, elapsed: float) -> None:
         """Let the belief fade to that before any photograph over `elapsed` [s]."""
@@ -70,7 +70,7 @@ class Learning:
     def learn(
         self,
         photograph: Photograph,
-        traits: Sequence[Traits],
+        siblings: Sequence[Sibling],
         maps: Sequence[FloatArray],
         *,
         alike: float,
@@ -79,7 +79,7 @@ class Learning:
 
         Args:
             photograph: the newest one, on any grid of the rig.
-            traits: of every sibling.
+            siblings: all of them.
             maps: the map (nz, nx) that each of them expected, on their grid.
             alike: photographs that judge nearly the same course, this one included.
         """
@@ -90,8 +90,8 @@ class Learning:
         seen = np.isfinite(map_)
         expected = np.array(
             [
-                one + trait.photograph_error * systematic
-                for one, trait in zip(maps, traits, strict=True)
+                one + sibling.photograph_error * systematic
+                for one, sibling in zip(maps, siblings, strict=True)
             ]
         )
         predicted = self._blocks.means(expected, seen).T

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer, plan
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
 from porotwin_siblings.course import Course, CourseOrder, run_course
-from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 from porotwin_siblings.expected_cost import CostOrder
 from porotwin_siblings.forecast_check import (
     CHECK_S,
@@ -31,8 +31,10 @@ from porotwin_siblings.front_check import FrontCheck, front_miss, widened
 from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import BAND, Outlook
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.traits import Traits, Unknowns
+from porotwin_siblings.unknowns import Sibling, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
+from porotwin_solver.effects.definition.candidate import Candidate
+from porotwin_solver.effects.rate import EFFECT as RATE
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
@@ -40,13 +42,13 @@ block meanwhile, so that photographs in between tell little more."""
 
 
 class _Moment(NamedTuple):
-    """A state estimate, the systematic deviation of its photograph (nz, nx), the traits of the mean
-    belief then, and rates until the next photograph."""
+    """A state estimate, the systematic deviation of its photograph (nz, nx), the sibling with the
+    mean belief, and rates until the next photograph."""
 
     time: float
     estimate: Estimate
     systematic: FloatArray
-    mean: Traits
+    mean: Sibling
     periods: tuple[RatePeriod, ...]
 
     @property
@@ -56,10 +58,10 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Where all siblings stand: the newest state, and the traits of each."""
+    """Where all siblings stand: the newest state, and what each believes."""
 
     begin: _Moment
-    traits: tuple[Traits, ...]
+    members: tuple[Sibling, ...]
 
 
 class Siblings:
@@ -73,7 +75,7 @@ class Siblings:
         executor: Executor,
         map_grid: Grid | None = None,
         count: int = 32,
-        diagnosed: Sequence[DiagnosedEffect] = (),
+        diagnosed: Sequence[Candidate] = (),
         seed: int = 1,
     ) -> None:
         """Make siblings that know nothing yet.
@@ -150,10 +152,11 @@ class Siblings:
     def rate_factors(self) -> dict[str, tuple[float, float]]:
         """Return the rate factor of every well, and its standard deviation [-]."""
         belief, result = self.learning.belief, {}
-        for well in self.unknowns.wells:
-            place = self.unknowns.index(f'rate {well}')
-            factor = math.exp(belief.mean[place])
-            result[well] = (factor, factor * float(belief.deviation[place]))
+        for place, (effect, factor) in enumerate(replace(self.unknowns, diagnosed=()).listed):
+            if effect.effect == RATE.name:
+                value = factor.value(belief.mean[place])
+                deviation = value * factor.step * float(belief.deviation[place])
+                result[str(effect.fixed['well'])] = (value, deviation)
         return result
 
     def observe(self, photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
@@ -217,15 +220,15 @@ class Siblings:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
-        begin, traits = self._standing()
-        asked = np.array(numbers or range(len(traits)))
+        begin, members = self._standing()
+        asked = np.array(numbers or range(len(members)))
         periods = plan_periods(plan, begin.time, horizon)
         # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
                 self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid),
                 self._order(begin, begin.mean, periods, after, after),
-                *(self._order(begin, traits[one], periods, after, maps_after) for one in asked),
+                *(self._order(begin, members[one], periods, after, maps_after) for one in asked),
             ],
             executor,
         )
@@ -298,14 +301,14 @@ class Siblings:
                 self.rig,
                 self.rig.grid(nx, nz),
                 one,
-                {well: factor / usual[well] for well, factor in one.rate_factors.items()},
+                usual,
                 initial,
                 tuple(plan),
                 horizon,
                 tuple(terms),
                 with_gradient,
             )
-            for one in (standing.traits[number] for number in numbers)
+            for one in (standing.members[number] for number in numbers)
         ]
 
     def _run(self, orders: Iterable[CourseOrder], executor: Executor | None = None) -> list[Course]:
@@ -314,7 +317,7 @@ class Siblings:
     def _order(
         self,
         begin: _Moment,
-        traits: Traits,
+        sibling: Sibling,
         periods: Sequence[RatePeriod],
         times: FloatArray,
         map_times: FloatArray,
@@ -322,11 +325,11 @@ class Siblings:
     ) -> CourseOrder:
         """Return the order of a sibling's course from `begin`, with times [s] after it."""
         grid = grid or self.grid
-        true_state = begin.state - traits.photograph_error * begin.systematic
+        true_state = begin.state - sibling.photograph_error * begin.systematic
         return CourseOrder(
             self.rig,
             grid,
-            traits,
+            sibling,
             conservative_resample(np.clip(true_state, 0.0, 1.0), grid.shape),
             tuple(periods),
             self._zones[grid] if len(times) else None,
@@ -336,11 +339,11 @@ class Siblings:
 
     def _expected(self, time: float) -> FloatArray:
         """Return the map (nz, nx) that a photograph at `time` [s] would show by the mean belief."""
-        last, traits = self._past[-1], self.learning.mean()
+        last, mean = self._past[-1], self.learning.mean()
         after = np.array([time - last.time])
-        order = self._order(last, traits, last.periods, np.empty(0), after, self.map_grid)
+        order = self._order(last, mean, last.periods, np.empty(0), after, self.map_grid)
         (course,) = self._run([order])
-        return course.maps[0] + traits.photograph_error * last.systematic
+        return course.maps[0] + mean.photograph_error * last.systematic
 
     def _check_forecast(self) -> None:
         """Compare the plume in the zone with its forecast by the mean of some minutes ago."""
@@ -371,11 +374,11 @@ class Siblings:
         self._learnt = photograph.time
         self.learning.fade(elapsed)
         periods = [period for moment in self._past for period in moment.periods]
-        traits = self.learning.members()
+        members = self.learning.members()
         courses = self._run(
-            self._order(begin, one, periods, np.empty(0), np.array([length])) for one in traits
+            self._order(begin, one, periods, np.empty(0), np.array([length])) for one in members
         )
         # photographs of one window judge nearly the same course: together they count as one
         self.learning.learn(
-            photograph, traits, [course.maps[0] for course in courses], alike=length / elapsed
+            photograph, members, [course.maps[0] for course in courses], alike=length / elapsed
         )

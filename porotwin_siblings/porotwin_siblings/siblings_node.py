@@ -63,7 +63,6 @@ from porotwin_siblings.siblings_messages import (
     forecast_to_msg,
     photograph_from_msg,
 )
-from porotwin_siblings.traits import COMMON_UNKNOWNS
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
 NICENESS = 10
@@ -156,9 +155,9 @@ class SiblingsNode(TwinNode):
                 self,
                 'siblings',
                 32,
-                f'number of siblings: more than the wells, {COMMON_UNKNOWNS} other unknowns and '
+                'number of siblings: more than the wells, the other unknown numbers of effects and '
                 'the numbers of a diagnosis together',
-                at_least=COMMON_UNKNOWNS + 2,
+                at_least=2,
                 at_most=1000,
             ),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),

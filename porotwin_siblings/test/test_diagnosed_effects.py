@@ -29,15 +29,15 @@ def written(folder: Path, effects: list[dict], combination: list[str]) -> Path:
 
 def test_kept_effects_are_read_with_their_intervals(tmp_path: Path) -> None:
     (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, RATE], ['buoyancy']))
-    assert found.name == 'buoyancy'
-    (number,) = found.numbers
-    assert (number.name, number.value) == ('density_difference', 4.0)
-    assert number.deviation == pytest.approx(1.0 / 3.29)
+    assert found.effect == 'buoyancy'
+    (number,) = found.parameters
+    assert (number.name, number.value(0.0)) == ('density_difference', 4.0)
+    assert number.step == pytest.approx(1.0 / 3.29)
 
 
 def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
     (found,) = read_diagnosis(written(tmp_path, [RATE], ['rate']))
-    described = found.described(iter([-0.5]))
+    described = found.described([-30.0])
     assert described.parameters == {'well': 'injector', 'factor': 0.0}
 
 
@@ -50,10 +50,11 @@ def test_a_number_without_an_interval_is_taken_as_it_is(tmp_path: Path, end: flo
         'parameters': {'diffusion': diffusion, 'longitudinal_dispersivity': along},
     }
     (found,) = read_diagnosis(written(tmp_path, [dispersion], ['dispersion']))
-    assert [one.name for one in found.numbers] == ['longitudinal_dispersivity']
-    assert found.described(iter([8e-4])).parameters == {
+    (number,) = found.parameters
+    assert number.name == 'longitudinal_dispersivity'
+    assert found.described([number.scaled(8e-4)]).parameters == {
         'diffusion': 1e-9,
-        'longitudinal_dispersivity': 8e-4,
+        'longitudinal_dispersivity': pytest.approx(8e-4),
     }
 
 
@@ -61,9 +62,9 @@ def test_a_number_that_is_known_to_a_factor_is_drawn_by_its_logarithm(tmp_path: 
     across = {'value': 7e-6, 'low': 1e-7, 'high': 0.1, 'unit': 'm'}
     dispersion = {'name': 'dispersion', 'parameters': {'transverse_dispersivity': across}}
     (found,) = read_diagnosis(written(tmp_path, [dispersion], ['dispersion']))
-    (number,) = found.numbers
-    assert number.value == pytest.approx(7e-6)
-    drawn = found.described(iter([number.mean + number.deviation])).parameters
+    (number,) = found.parameters
+    assert number.value(0.0) == pytest.approx(7e-6)
+    drawn = found.described([1.0]).parameters
     assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (1 / 3.29))
 
 
@@ -75,7 +76,7 @@ def test_effects_of_camera_and_scheme_are_none_of_the_rig(tmp_path: Path) -> Non
     }
     named = ['buoyancy', 'clock', 'numerical_diffusion']
     (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, clock, scheme], named))
-    assert found.name == 'buoyancy'
+    assert found.effect == 'buoyancy'
 
 
 def test_no_verdict_leaves_nothing(tmp_path: Path) -> None:

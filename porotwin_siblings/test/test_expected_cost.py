@@ -10,8 +10,11 @@ from siblings_examples import EMPTY, GRID, RATES, RIG
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_siblings.expected_cost import CostOrder, chosen_judges, expected_cost, judge_plan
-from porotwin_siblings.traits import Traits
+from porotwin_siblings.unknowns import Sibling
+from porotwin_solver.effects.dispersion import EFFECT as DISPERSION
+from porotwin_solver.effects.rate import EFFECT as RATE
 
+SPREAD = DISPERSION.described(longitudinal_dispersivity=1e-3, transverse_dispersivity=1e-4)
 HORIZON = 1800.0
 WEIGHTS = np.zeros(GRID.shape)
 WEIGHTS[8:] = RIG.cell_pore_volume(GRID)[8:]
@@ -25,8 +28,8 @@ def order(factor: float, control: float = RATES['control1'].rate) -> CostOrder:
     return CostOrder(
         RIG,
         GRID,
-        Traits({}, longitudinal_dispersivity=1e-3),
-        {'control1': factor},
+        Sibling((SPREAD, RATE.described(well='control1', factor=factor))),
+        {},
         PLUME,
         (RateStep(0.0, rates),),
         HORIZON,

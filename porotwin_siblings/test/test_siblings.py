@@ -11,12 +11,15 @@ from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import RateStep, WellRate
-from porotwin_siblings.course import CourseOrder, run_course
+from porotwin_siblings.course import CourseOrder, run_course, sibling_physics
 from porotwin_siblings.expected_cost import chosen_judges
 from porotwin_siblings.outlook import Outlook, answers
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.siblings import Siblings
-from porotwin_siblings.traits import MOST_DISPERSIVITY_M, RESERVOIRS, Traits
+from porotwin_siblings.unknowns import Sibling
+from porotwin_solver.effects.dispersion import MOST_BELIEVED_M
+from porotwin_solver.effects.permeability import EFFECT as PERMEABILITY
+from porotwin_solver.effects.rate import EFFECT as RATE
 
 PLAN = [RateStep(0.0, RATES)]
 TIMES = (600.0, 1200.0, 2400.0)
@@ -24,8 +27,9 @@ TIMES = (600.0, 1200.0, 2400.0)
 
 def truth(factors: dict[str, float], times: list[float]) -> np.ndarray:
     """Return the maps (times, nz, nx) of a rig whose pumps deliver other rates."""
+    pumps = tuple(RATE.described(well=well, factor=value) for well, value in factors.items())
     order = CourseOrder(
-        RIG, GRID, Traits(factors), EMPTY, (period(0.0, times[-1]),), None, (), tuple(times)
+        RIG, GRID, Sibling(pumps), EMPTY, (period(0.0, times[-1]),), None, (), tuple(times)
     )
     return run_course(order).maps
 
@@ -77,18 +81,21 @@ def test_the_flow_between_reservoirs_is_learnt(threads: Executor) -> None:
     boundaries = RIG.boundaries.model_validate({**sides, 'heads_m': heads})
     rig = RIG.model_copy(update={'boundaries': boundaries})
     times = [300.0 * (number + 1) for number in range(8)]
-    true = Traits({}, permeability_factor=1.5)
+    true = Sibling((PERMEABILITY.described(factor=1.5),))
     periods = (period(0.0, times[-1]),)
     order = CourseOrder(rig, GRID, true, EMPTY, periods, None, (), tuple(times))
     siblings = Siblings(rig, GRID, executor=threads)
-    assert not Siblings(RIG, GRID, executor=threads).unknowns.has_reservoirs
+    name = 'permeability factor'
+    with pytest.raises(ValueError, match=name):  # wells alone drive the same flow in any sand
+        Siblings(RIG, GRID, executor=threads).unknowns.index(name)
     siblings.observe(photograph(0.0, EMPTY))
     for time, map_ in zip(times, run_course(order).maps, strict=True):
         siblings.observe(photograph(time, map_), [period(time - 300.0, time)])
-    place = siblings.unknowns.index(RESERVOIRS)
-    belief = siblings.learning.belief
-    assert belief.mean[place] > np.log(1.2)  # the rest is taken for a drift
-    assert belief.mean[place] == pytest.approx(np.log(1.5), abs=2.5 * belief.deviation[place])
+    place = siblings.unknowns.index(name)
+    belief, step = siblings.learning.belief, siblings.unknowns.listed[place].parameter.step
+    assert step * belief.mean[place] > np.log(1.2)  # the rest is taken for a drift
+    true_steps = np.log(1.5) / step
+    assert belief.mean[place] == pytest.approx(true_steps, abs=2.5 * belief.deviation[place])
 
 
 def test_bands_widen_and_the_zone_is_never_left_again(ordinary: Siblings) -> None:
@@ -208,6 +215,9 @@ def test_photographs_that_contradict_the_rates_lead_to_courses_that_end(threads:
     siblings = Siblings(RIG, GRID, executor=threads)
     siblings.observe(photograph(0.0, EMPTY))
     siblings.observe(photograph(300.0, EMPTY), [period(0.0, 300.0)])  # no tracer came
-    spread = [one.longitudinal_dispersivity for one in siblings.learning.members()]
-    assert max(spread) == pytest.approx(MOST_DISPERSIVITY_M)  # it was kilometres
+    spread = [
+        sibling_physics(RIG, GRID, one).longitudinal_dispersivity
+        for one in siblings.learning.members()
+    ]
+    assert max(spread) == pytest.approx(MOST_BELIEVED_M)  # it was kilometres
     assert siblings.outlook(PLAN, 600.0, (600.0,)).zone_tracer.shape == (3, 1)

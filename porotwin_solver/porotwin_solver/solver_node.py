@@ -13,6 +13,7 @@ from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import qos
 from porotwin_core.ros.conversions import (
@@ -21,7 +22,6 @@ from porotwin_core.ros.conversions import (
     effects_from_msg,
     grid_to_msg,
     header_at,
-    learnt_from_msg,
     ok,
     plan_from_msg,
     rates_from_msg,
@@ -363,7 +363,7 @@ class SolverNode(TwinNode):
             horizon=request.horizon,
             terms=[cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
-            learnt=learnt_from_msg(request.learnt),
+            learnt=LearntPhysics(effects_from_msg(request.learnt)),
         )
         if by_rate is not None:
             response.gradient = np.ravel(by_rate).tolist()

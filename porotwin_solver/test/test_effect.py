@@ -32,7 +32,7 @@ KNOWN = (
 )
 """Effects whose conventions the diagnosis relies on."""
 
-NEVER_DRAWN = {'fringe', 'permeability', 'water_body', 'water_level'}
+NEVER_DRAWN = {'wave', 'fringe', 'permeability', 'water_body', 'water_level'}
 """Effects without consequence for the rigs of the blind check: these are open at the top only."""
 
 

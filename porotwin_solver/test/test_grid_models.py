@@ -7,10 +7,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.cost_term import CostTerm
-from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.adjoint.grid_models import GridModels, refuse_another_size
+from porotwin_solver.effects import EFFECTS
 
 
 def test_a_coarser_grid_has_its_own_preset_and_is_kept(rig) -> None:
@@ -51,7 +52,10 @@ def test_learnt_physics_acts_in_the_cost_of_a_plan_and_in_its_slopes(rig) -> Non
     grid = rig.grid(15, 9)
     models = GridModels(rig, rig.grid(31, 19), preset='upwind', coarse_preset='fast')
     learnt = LearntPhysics(
-        background_flux=(2e-7, 1e-7), leaks=(LearntLeak(0.3, 0.2, from_ml_h(20.0)),)
+        (
+            EFFECTS['background_flow'].described(x_velocity=2e-7, z_velocity=1e-7),
+            EFFECTS['leak'].described(x=0.3, z=0.2, rate=20.0),
+        )
     )
     right = np.zeros(grid.shape)
     right[:, 8:] = 1.0

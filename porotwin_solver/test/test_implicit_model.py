@@ -9,6 +9,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_core.rig import EffectDescription
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_solver.model.implicit_model import ImplicitModel
 
@@ -76,7 +77,7 @@ def test_a_run_is_its_steps(model: ImplicitModel, plume: FloatArray) -> None:
 
 def test_physics_outside_the_papers_equations_is_refused(model: ImplicitModel) -> None:
     denser = LearntModels(model.rig, model.grid, 'implicit').model(
-        LearntPhysics(density_difference=1.0)
+        LearntPhysics((EffectDescription(name='buoyancy', parameters={'density_difference': 1.0}),))
     )
     with pytest.raises(InputError, match="preset 'implicit': knows the paper's equations only"):
         denser.predict(denser.initial_condition(), RATES, STEP_S)

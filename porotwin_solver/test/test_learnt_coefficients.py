@@ -7,10 +7,11 @@ from solver_cases import two_well_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model.model import Model
 
 RATES = {
@@ -18,13 +19,16 @@ RATES = {
     'producer': WellRate(-from_ml_h(400.0)),
 }
 EVERYTHING = LearntPhysics(
-    density_difference=1.0,
-    longitudinal_dispersivity=1e-3,
-    transverse_dispersivity=1e-4,
-    background_flux=(2e-7, -1e-7),
-    log_retardation=0.1,
-    leaks=(LearntLeak(0.3, 0.2, from_ml_h(20.0)),),
-    patches=(SandPatch(0.2, 0.2, 0.06, -1.0),),
+    (
+        EFFECTS['buoyancy'].described(density_difference=1.0),
+        EFFECTS['dispersion'].described(
+            longitudinal_dispersivity=1e-3, transverse_dispersivity=1e-4
+        ),
+        EFFECTS['background_flow'].described(x_velocity=2e-7, z_velocity=-1e-7),
+        EFFECTS['retardation'].described(retardation_factor=1.1),
+        EFFECTS['leak'].described(x=0.3, z=0.2, rate=20.0),
+        EFFECTS['heterogeneity'].described(x=0.2, z=0.2, radius=0.06, permeability_factor=0.37),
+    )
 )
 
 
@@ -44,38 +48,58 @@ def plume(rig: Rig, grid: Grid) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    ('learnt', 'effect', 'parameters'),
+    ('effect', 'parameters'),
     [
-        (LearntPhysics(density_difference=1.5), 'buoyancy', {'density_difference': 1.5}),
-        (LearntPhysics(log_retardation=np.log(1.2)), 'retardation', {'retardation_factor': 1.2}),
-        (
-            LearntPhysics(background_flux=(2e-7, 1e-7)),
-            'background_flow',
-            {'x_velocity': 2e-7, 'z_velocity': 1e-7},
-        ),
-        (
-            LearntPhysics(leaks=(LearntLeak(0.3, 0.2, from_ml_h(30.0)),)),
-            'leak',
-            {'x': 0.3, 'z': 0.2, 'rate': 30.0},
-        ),
+        ('buoyancy', {'density_difference': 1.5}),
+        ('retardation', {'retardation_factor': 1.2}),
+        ('background_flow', {'x_velocity': 2e-7, 'z_velocity': 1e-7}),
+        ('leak', {'x': 0.3, 'z': 0.2, 'rate': 30.0}),
     ],
 )
 def test_learnt_physics_does_what_the_effect_does(
-    rig: Rig, grid: Grid, learnt: LearntPhysics, effect: str, parameters: dict[str, float | str]
+    rig: Rig, grid: Grid, effect: str, parameters: dict[str, float | str]
 ) -> None:
     named = EffectDescription(name=effect, parameters=parameters)
     wanted = Model(rig, grid, preset='fast', effects=[named])
-    found = LearntModels(rig, grid, 'fast').model(learnt)
+    found = LearntModels(rig, grid, 'fast').model(LearntPhysics((named,)))
     state = np.zeros(grid.shape)
     assert np.allclose(
         found.predict(state, RATES, 600.0), wanted.predict(state, RATES, 600.0), atol=1e-12
     )
 
 
-def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
-    far = LearntPhysics(patches=(SandPatch(30.0, 0.2, 0.1, 1.0),))
-    with pytest.raises(InputError, match=r'patch 1 at \(30, 0.2\) m lies outside the rig'):
-        LearntModels(rig, grid, 'fast').model(far)
+@pytest.mark.parametrize(
+    ('effect', 'parameters', 'wrong'),
+    [
+        ('leak', {'x': 30.0, 'z': 0.2, 'rate': 5.0}, 'x = 30'),
+        ('buoyancy', {'density_difference': 2e3}, 'density_difference = 2000'),
+        ('dispersion', {'longitudinal_dispersivity': -1e-3}, 'longitudinal_dispersivity = -0.001'),
+        ('retardation', {'retardation_factor': 0.0}, 'retardation_factor = 0'),
+        ('magic', {}, 'magic'),
+    ],
+)
+def test_learnt_physics_that_no_rig_can_have_is_refused(
+    rig: Rig, grid: Grid, effect: str, parameters: dict[str, float | str], wrong: str
+) -> None:
+    learnt = LearntPhysics((EffectDescription(name=effect, parameters=parameters),))
+    with pytest.raises(InputError, match=wrong):
+        LearntModels(rig, grid, 'fast').model(learnt)
+
+
+def test_what_may_be_learnt_can_run_and_lies_inside_the_rig(rig: Rig, grid: Grid) -> None:
+    solver = LearntModels(rig, grid, 'fast')
+    for place in (None, (0.3, 0.2)):
+        for part in solver.learnable(3600.0, from_ml_h(500.0), place):
+            low, high = np.array([one.range for one in part.parameters]).T
+            assert (low < np.array(part.first)).all()
+            assert (np.array(part.first) < high).all()
+            solver.model(LearntPhysics((part.described(part.first),)))
+
+
+def test_a_delay_may_be_less_than_described(rig: Rig, grid: Grid) -> None:
+    found = LearntModels(rig, grid, 'fast').learnable(3600.0, 1e-7)
+    (delay,) = (one for one in found if one.effect == 'retardation')
+    assert delay.parameters[0].low < 1.0 < delay.parameters[0].high
 
 
 def test_a_learnt_scheme_takes_the_place_of_the_own_one(rig: Rig, grid: Grid) -> None:

@@ -9,7 +9,13 @@ import pytest
 from porotwin_core.basis.discovery import module_names
 from porotwin_core.basis.errors import InputError
 from porotwin_solver import effects
-from porotwin_solver.effects import EFFECTS, effects_of, parse_effect
+from porotwin_solver.effects import (
+    EFFECTS,
+    described_physics,
+    effects_of,
+    parse_effect,
+    physics_on_top,
+)
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.effects.definition.registry import summary
 
@@ -100,3 +106,43 @@ def test_an_effect_is_written_on_a_command_line() -> None:
     ):
         with pytest.raises(InputError, match=remark):
             parse_effect(text)
+
+
+def test_changes_add_to_what_the_physics_has_and_factors_multiply(rig) -> None:
+    had = described_physics(
+        rig,
+        rig.grid(20, 12),
+        [
+            EFFECTS['buoyancy'].described(density_difference=1.0),
+            EFFECTS['dispersion'].described(
+                longitudinal_dispersivity=1e-3, transverse_dispersivity=1e-4, diffusion=2e-9
+            ),
+            EFFECTS['retardation'].described(retardation_factor=1.5),
+        ],
+    )
+    changes = [
+        EFFECTS['buoyancy'].described(density_difference=0.5),
+        EFFECTS['dispersion'].described(longitudinal_dispersivity=2e-3),
+        EFFECTS['retardation'].described(retardation_factor=0.8),
+        EFFECTS['clock'].described(offset=20.0),
+    ]
+    found = physics_on_top(had, changes)
+    assert found.density_difference == 1.5
+    assert found.longitudinal_dispersivity == pytest.approx(3e-3)
+    assert (found.transverse_dispersivity, found.diffusion) == (1e-4, 2e-9)
+    assert found.retardation_factor == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize('along', [-2e-3, 20.0])
+def test_a_change_to_what_no_rig_can_have_is_refused(rig, along) -> None:
+    change = EFFECTS['dispersion'].described(longitudinal_dispersivity=along)
+    with pytest.raises(InputError, match='longitudinal_dispersivity'):
+        physics_on_top(described_physics(rig, rig.grid(20, 12)), [change])
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_what_is_believed_lies_in_the_range_of_the_effect(name, rig) -> None:
+    for candidate in EFFECTS[name].believed(rig):
+        for sign in (-3.0, 0.0, 3.0):
+            drawn = candidate.described([sign] * len(candidate.parameters))
+            physics_on_top(described_physics(rig, rig.grid(20, 12)), [drawn])

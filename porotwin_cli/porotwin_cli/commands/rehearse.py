@@ -188,11 +188,7 @@ def _refuse_rig_alone(experiment: Path) -> None:
 def _ways_out(recording: 'Recording', effects: 'Sequence[EffectDescription]') -> list[str]:
     """Return what may remove tracer: wells that take water out, leaks, open sides."""
     wells = {row.well for row in recording.delivered.rows if row.rate.rate < 0.0}
-    leaks = [
-        'a leak'
-        for effect in (*recording.rig.effects, *effects)
-        if effect.name == 'leak' and float(effect.parameters['rate']) < 0.0
-    ]
+    leaks = ['a leak' for effect in (*recording.rig.effects, *effects) if effect.water_ml_h < 0.0]
     return [*sorted(wells), *leaks[:1], *(['open sides'] if not recording.rig.closed else [])]
 
 

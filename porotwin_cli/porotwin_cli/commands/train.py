@@ -61,8 +61,8 @@ def command(
     from porotwin_core.rig import load_rig
     from porotwin_costa.data.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
-    from porotwin_costa.physics.learnt_words import coefficient_lines
     from porotwin_costa.training.data_parallel import joined
+    from porotwin_solver.effects import EFFECTS
     from porotwin_solver.model.prediction_cost import prediction_cost
 
     refuse_existing(output)
@@ -105,6 +105,7 @@ def command(
             {'output': output, 'learnt_physics': learnt, 'account': account, **model.provenance}
         )
     else:
-        learnt_lines = [] if model.learnt is None else coefficient_lines(model.learnt)
+        effects = () if model.learnt is None else model.learnt.effects
+        learnt_lines = [f'learnt {EFFECTS[e.name].change_in_words(e.parameters)}' for e in effects]
         lines = [f'{output}: {model.provenance["gate"]["says"]}', *learnt_lines, *account['says']]
         print('\n'.join(lines))

@@ -168,7 +168,7 @@ def account_of(
         InputError: the model cannot run.
     """
     solver = LearntModels(rig, model.grid, preset)
-    alike = look_alikes(model, experiments, rig, solver)
+    alike = look_alikes(model, experiments, solver)
     shares = {}
     if bare != rig:
         _, kept = kept_runs(experiments, model.architecture.training.validation_share)

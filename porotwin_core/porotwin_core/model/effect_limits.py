@@ -24,6 +24,9 @@ LEAST_FACTOR, MOST_FACTOR = 0.01, 100.0
 LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR = 1e-9, 1e9
 """Permeability of a zone over the permeability of the sand [-]: more than from clay to gravel."""
 
+MOST_HALF_WAVES = 100.0
+"""Half waves of the permeability along a side [-]: finer than any grid of the sand."""
+
 MOST_DISPERSIVITY = 10.0
 """Dispersivity [m] of an aquifer, far more than in any rig."""
 

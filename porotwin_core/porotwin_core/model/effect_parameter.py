@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from porotwin_core.basis.errors import InputError
@@ -57,6 +57,17 @@ class Parameter:
     def is_factor(self) -> bool:
         """Whether the value multiplies a nominal one, so that a report states per cent."""
         return self.unit == '-' and self.neutral == 1.0 and self.reading is None
+
+    @property
+    def of_changes(self) -> 'Parameter':
+        """The parameter of a change on top of a value: one that is only added may be less, too."""
+        if self.is_name or self.low != self.neutral:
+            return self
+        return replace(self, low=-self.high if self.neutral == 0.0 else 1.0 / self.high)
+
+    def on_top(self, present: float, change: float) -> float:
+        """Return the `present` value after a `change`: times a factor, plus another number."""
+        return present + change if self.neutral == 0.0 else present * change
 
     def checked(self, where: str, value: object) -> float | str:
         """Return `value` as a float, or as text where the parameter is a name.
@@ -174,3 +185,14 @@ def checked_values(
             )
         values[name] = parameter.checked(f'effect {effect}: {name}', value)
     return values
+
+
+def changed_values(
+    effect: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]
+) -> dict[str, float | str]:
+    """Return `given` as `checked_values` does, where the values are changes of the `parameters`.
+
+    Raises:
+        InputError: as `checked_values`.
+    """
+    return checked_values(effect, {n: one.of_changes for n, one in parameters.items()}, given)

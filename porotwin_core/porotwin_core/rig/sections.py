@@ -272,3 +272,13 @@ class EffectDescription(Section):
     parameters: dict[str, Number | str] = Field(
         default_factory=dict, description='numbers and texts by name; docs/effects.md lists them'
     )
+
+    @property
+    def water_ml_h(self) -> float:
+        """Rate of the water [ml/h] that the effect brings at a place, negative where it takes some.
+
+        Its parameters are then the place `x`, `z` and a `rate`. Other effects bring none.
+        """
+        rate = self.parameters.get('rate')
+        has_place = {'x', 'z'} <= set(self.parameters)
+        return float(rate) if has_place and isinstance(rate, int | float) else 0.0

@@ -8,7 +8,6 @@ import array
 import json
 import math
 from collections.abc import Iterable, MutableSequence
-from dataclasses import asdict
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -18,7 +17,6 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, from_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
-from porotwin_core.model import learnt_physics
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
@@ -34,7 +32,6 @@ from porotwin_core.ros.from_messages import cost_term_from_msg as cost_term_from
 from porotwin_core.ros.from_messages import deviation_from_msg as deviation_from_msg
 from porotwin_core.ros.from_messages import effects_from_msg as effects_from_msg
 from porotwin_core.ros.from_messages import grid_from_msg as grid_from_msg
-from porotwin_core.ros.from_messages import learnt_from_msg as learnt_from_msg
 from porotwin_core.ros.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.ros.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.ros.from_messages import rig_from_msg as rig_from_msg
@@ -46,17 +43,14 @@ from porotwin_msgs.msg import (
     ControlLimits,
     Effect,
     GridInfo,
-    LearntLeak,
     Outcome,
     Quantity,
     RigDescription,
-    SandPatch,
     SideHead,
     SourceField,
     TracerField,
 )
 from porotwin_msgs.msg import CostTerm as CostTermMessage
-from porotwin_msgs.msg import LearntPhysics as LearntPhysicsMessage
 from porotwin_msgs.msg import RateStep as RateStepMessage
 from porotwin_msgs.msg import WaterBody as WaterMessage
 from porotwin_msgs.msg import Well as WellMessage
@@ -140,23 +134,9 @@ def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
     )
 
 
-def learnt_to_msg(learnt: LearntPhysics) -> LearntPhysicsMessage:
-    """Return the message of learnt physics."""
-    x, z = learnt.background_flux
-    return LearntPhysicsMessage(
-        density_difference=float(learnt.density_difference),
-        longitudinal_dispersivity=float(learnt.longitudinal_dispersivity),
-        transverse_dispersivity=float(learnt.transverse_dispersivity),
-        background_flux_x=float(x),
-        background_flux_z=float(z),
-        log_retardation=float(learnt.log_retardation),
-        leaks=[LearntLeak(**_floats(leak)) for leak in learnt.leaks],
-        patches=[SandPatch(**_floats(patch)) for patch in learnt.patches],
-    )
-
-
-def _floats(values: learnt_physics.LearntLeak | learnt_physics.SandPatch) -> dict[str, float]:
-    return {name: float(value) for name, value in asdict(values).items()}
+def learnt_to_msg(learnt: LearntPhysics) -> list[Effect]:
+    """Return the effects of learnt physics as messages."""
+    return [effect_to_msg(effect) for effect in learnt.effects]
 
 
 def ok(note: str = '') -> Outcome:

@@ -20,7 +20,6 @@ from porotwin_core.basis.units import to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
-from porotwin_core.model.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import SIDES, EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 
@@ -176,27 +175,6 @@ def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
 
     maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
     return CostTerm(message.start, message.end, **maps)
-
-
-def learnt_from_msg(message: Any) -> LearntPhysics:
-    """Return the learnt physics in a message.
-
-    Raises:
-        InputError: a number is not finite or out of its range.
-    """
-    learnt = LearntPhysics(
-        message.density_difference,
-        message.longitudinal_dispersivity,
-        message.transverse_dispersivity,
-        (message.background_flux_x, message.background_flux_z),
-        message.log_retardation,
-        tuple(LearntLeak(leak.x, leak.z, leak.rate) for leak in message.leaks),
-        tuple(
-            SandPatch(patch.x, patch.z, patch.radius, patch.log_factor) for patch in message.patches
-        ),
-    )
-    learnt.check()
-    return learnt
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:

@@ -215,8 +215,6 @@ class CorrectiveModel:
             raise InputError('time step and scaling must be positive; train it again')
         if not len(ranges.rates) == len(ranges.tracer_rates) == len(self.wells):
             raise InputError('trained_on does not have a range for every well; train it again')
-        if self.learnt is not None:
-            self.learnt.check()
         _ = self.summary  # reads the provenance, which may be damaged as well
 
 

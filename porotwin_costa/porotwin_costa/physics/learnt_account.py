@@ -17,15 +17,15 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
+from porotwin_core.model.candidate import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.model.learnt_solver import LearntSolver
+from porotwin_core.model.learnt_solver import LearntSolver, Place
 from porotwin_core.rates.wells import WellRates
-from porotwin_core.rig import Rig
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.corrective_source import corrective_source
 from porotwin_costa.correction.free_run_gate import Judge
 from porotwin_costa.data.frames import Frames, mean_rates
-from porotwin_costa.physics.physics_parts import PartMaker, PhysicsPart
+from porotwin_costa.physics.learnable import Learnable, with_part
 
 COMPARED_STEPS = 12
 """Steps over which sources are compared, spread evenly; neighbouring ones are nearly equal."""
@@ -38,16 +38,6 @@ MOST_LOOK_ALIKES = 3
 
 LEAST_SHARE = 0.05
 """Share of the squared sigma that an effect must explain to be named [-]."""
-
-EFFECT_OF_PART = {
-    'spreading': 'dispersion',
-    'density': 'buoyancy',
-    'drift': 'background_flow',
-    'sorption': 'retardation',
-    'leak': 'leak',
-    'patch': 'heterogeneity',
-}
-"""The effect of the library that a part of learnt physics belongs to."""
 
 
 def gap_shares(bare: Judge, judge: Judge, model: CorrectiveModel) -> dict[str, float]:
@@ -85,7 +75,7 @@ class LookAlikes:
 
 
 def look_alikes(
-    model: CorrectiveModel, experiments: Sequence[Frames], rig: Rig, solver: LearntSolver
+    model: CorrectiveModel, experiments: Sequence[Frames], solver: LearntSolver
 ) -> LookAlikes:
     """Return the effects that the sigma of the network looks like on the maps of `experiments`.
 
@@ -108,19 +98,19 @@ def look_alikes(
         return LookAlikes({}, 1.0)
     source_of = solver.model(known).source_of
 
-    def source(part: PhysicsPart, values: FloatArray) -> FloatArray:
-        physics = part.apply(known, *part.values(values))
+    def source(part: Candidate, values: FloatArray) -> FloatArray:
+        physics = with_part(known, part, values)
         moved = [_predicted(solver, physics, step) for step in steps]
         pairs = zip(moved, predicted, steps, strict=True)
         return np.array([source_of(a - b, step.length) for a, b, step in pairs])
 
     candidates = []
-    for part in _parts(model, experiments, rig, sigma):
+    for part in _parts(Learnable.of(solver, model.grid, experiments), sigma):
         try:
             columns = [source(part, values).ravel() for values in _directions(part)]
         except InputError:  # a model that cannot have this part
             continue
-        candidates.append(EffectSources(EFFECT_OF_PART[part.name], np.stack(columns, axis=1)))
+        candidates.append(EffectSources(part.effect, np.stack(columns, axis=1)))
     return matched(sigma.ravel(), candidates)
 
 
@@ -146,35 +136,26 @@ def _predicted(solver: LearntSolver, physics: LearntPhysics, step: _Step) -> Flo
     return np.clip(found, 0.0, 1.0)
 
 
-def _parts(
-    model: CorrectiveModel, experiments: Sequence[Frames], rig: Rig, sigma: FloatArray
-) -> list[PhysicsPart]:
-    """Return the parts everywhere, and leaks and patches where sigma is largest."""
-    maker = PartMaker(
-        rig,
-        model.grid,
-        max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
-        max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
-    )
-    grid, power = model.grid, np.sum(sigma**2, axis=0)
+def _parts(learnable: Learnable, sigma: FloatArray) -> list[Candidate]:
+    """Return the effects everywhere, and those at the places where sigma is largest."""
+    grid, power = learnable.grid, np.sum(sigma**2, axis=0)
 
-    def nearby(place: tuple[float, float]) -> float:
+    def nearby(place: Place) -> float:
         radius = np.hypot(grid.x[None, :] - place[0], grid.z[:, None] - place[1])
-        return float(np.sum(power * np.exp(-0.5 * (radius / (0.05 * maker.size)) ** 2)))
+        return float(np.sum(power * np.exp(-0.5 * (radius / (0.05 * learnable.size)) ** 2)))
 
-    places = sorted(maker.places(), key=nearby, reverse=True)[:LOOKED_AT]
-    leaks = [] if rig.closed else [maker.leak_at(*place, 1.0) for place in places]
-    return [*maker.everywhere(), *leaks, *(maker.patch_at(*place, 1.0) for place in places)]
+    places = sorted(learnable.places(), key=nearby, reverse=True)[:LOOKED_AT]
+    return [*learnable.everywhere(), *(part for place in places for part in learnable.at(place))]
 
 
-def _directions(part: PhysicsPart) -> list[FloatArray]:
-    """Return the values of a part at which its sources are taken: each unknown by itself.
+def _directions(part: Candidate) -> list[FloatArray]:
+    """Return the steps of a part at which its sources are taken: each parameter by itself.
 
-    A leak or a patch has one source, at the start of its fit.
+    An effect at a place has one source, at the start of its fit.
     """
-    if part.start and part.name != 'spreading':
-        return [part.first]
-    return list(np.eye(len(part.unknowns)))
+    if part.starts:
+        return [np.array(part.first)]
+    return list(np.eye(len(part.parameters)))
 
 
 class EffectSources(NamedTuple):

@@ -13,11 +13,12 @@ import numpy as np
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.geometry.map_blocks import Blocks
+from porotwin_core.model.candidate import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
 from porotwin_core.model.levenberg_marquardt import LEAST_GAIN, Bounds, minimise
 from porotwin_costa.data.frames import Frames
-from porotwin_costa.physics.physics_parts import PhysicsPart, physics_of
+from porotwin_costa.physics.learnable import physics_of
 
 COMPARED_CELL_M = 0.010
 """Maps are compared on cells at least so wide [m]: finer cells tell no more about the physics."""
@@ -28,6 +29,9 @@ COMPARED_FRAMES = 12
 TYPICAL_ERROR = 0.1
 """Error of a compared cell [-] that weighs as much as one standard deviation of a prior. It is
 larger than the noise, because the errors of neighbouring cells are alike."""
+
+PRIOR_STEPS = 20.0
+"""Standard deviation of the prior of every parameter, in its natural steps [-]."""
 
 
 class Comparison:
@@ -78,7 +82,7 @@ class Comparison:
 
 
 def fit(
-    parts: Sequence[PhysicsPart],
+    parts: Sequence[Candidate],
     comparisons: Sequence[Comparison],
     start: FloatArray,
     *,
@@ -92,14 +96,13 @@ def fit(
     workers of `pool` make the free runs.
     """
     shared = [pool.share(one) for one in comparisons]
-    unknowns = [unknown for part in parts for unknown in part.unknowns]
-    priors = np.array([unknown.prior for unknown in unknowns])
-    highest = np.array([unknown.high for unknown in unknowns])
+    ranges = np.array([one.range for part in parts for one in part.parameters])
+    lowest, highest = ranges.T
 
     def residuals(values: FloatArray) -> list[FloatArray]:
         physics = physics_of(parts, values)
         found = list(pool.map(Comparison.errors, shared, repeat(physics)))
-        return [*found, values / priors]
+        return [*found, values / PRIOR_STEPS]
 
     def slopes(values: FloatArray, here: Sequence[FloatArray]) -> list[FloatArray]:
         steps = np.where(values < highest - 1.0, 1.0, -1.0)
@@ -111,10 +114,7 @@ def fit(
             np.stack([(mine - errors[n * size + i]) / steps[i] for i in range(size)])
             for n, mine in enumerate(here[: len(shared)])
         ]
-        return [*stacks, -np.diag(1.0 / priors)]
+        return [*stacks, -np.eye(size) / PRIOR_STEPS]
 
-    bounds = Bounds(
-        np.array([unknown.low for unknown in unknowns]),
-        highest,
-    )
+    bounds = Bounds(lowest, highest)
     return minimise(residuals, slopes, start, bounds, iterations=iterations, least_gain=least_gain)

@@ -10,7 +10,7 @@ is as large as that of a leak, and moves the leak to another place.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import repeat
 from typing import NamedTuple
 
@@ -20,12 +20,12 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.candidate import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
-from porotwin_core.rig import Rig
 from porotwin_costa.data.frames import Frames, cut, resampled, sequences
+from porotwin_costa.physics.learnable import Learnable, physics_of, with_part
 from porotwin_costa.physics.physics_fit import Comparison, fit
-from porotwin_costa.physics.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 64
 """Most columns of the grid for the last fit, and for the errors that end the search. The model
@@ -78,9 +78,6 @@ KEPT_SHARE = 0.25
 LAST_ITERATIONS = 3
 """Iterations of the last fit, to all frames."""
 
-PlaceFn = Callable[[float, float, float], PhysicsPart]
-"""(x, z, sign) -> a part at a place [m]."""
-
 SolverOn = Callable[[Grid], LearntSolver]
 """Returns a solver on a grid of the rig."""
 
@@ -101,7 +98,7 @@ class Solvers(NamedTuple):
 class Learnt(NamedTuple):
     """The parts that were chosen, and the scaled values of all their unknowns."""
 
-    parts: tuple[PhysicsPart, ...]
+    parts: tuple[Candidate, ...]
     values: FloatArray
 
     @property
@@ -168,7 +165,6 @@ class Share:
 
 
 def learn_physics(
-    rig: Rig,
     grid: Grid,
     experiments: Sequence[Frames],
     solvers: Solvers,
@@ -179,7 +175,6 @@ def learn_physics(
     """Return the physics that free runs from the start of each experiment need to follow it.
 
     Args:
-        rig: the rig of the physics-based model.
         grid: the grid of all maps; physics is learnt on at most LEARNING_COLUMNS columns.
         experiments: the maps to learn from; a fourth at least is kept to judge.
         solvers: make solvers on a grid, which run the model with any physics.
@@ -192,19 +187,14 @@ def learn_physics(
     share = Share.of(experiments, no_finer(grid, SEARCH_COLUMNS), solvers)
     finer = no_finer(grid, LEARNING_COLUMNS)
     judging = Share.of(experiments, finer, solvers)
-    maker = PartMaker(
-        rig,
-        finer,
-        max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
-        max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
-    )
+    learnable = Learnable.of(solvers.precise(finer), finer, experiments)
     best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
-    search = PartSearch(maker, share, judging, pool, judging.cost(LearntPhysics()))
+    search = PartSearch(learnable, share, judging, pool, judging.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         if search.ends_with(best):
             break
         found = search.with_one_more(best.learnt)
-        name = found.learnt.parts[-1].name
+        name = found.learnt.parts[-1].effect
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
             say(f'no more physics to learn: {name} takes {percent(max(kept_gain, 0.0))} of the gap')
@@ -263,7 +253,7 @@ class PartSearch:
     `judging` holds the same frames on a finer grid, and `alone` the costs there without any part.
     """
 
-    maker: PartMaker
+    learnable: Learnable
     share: Share
     judging: Share
     pool: Crew
@@ -292,8 +282,8 @@ class PartSearch:
         Leaks and patches are tried only if no part without a place explains nearly everything or
         leaves a good error, the most promising one first, until one of them ends the search.
         """
-        taken = {part.name for part in known.parts}
-        parts = [part for part in self.maker.everywhere() if part.name not in taken]
+        taken = {part.effect for part in known.parts}
+        parts = [part for part in self.learnable.everywhere() if part.effect not in taken]
         trials = [self._fitted(part, known) for part in parts]
         before, _ = self.share.cost(known.physics)
         clear = any(_gain(before, trial.fitted) >= CLEAR_GAIN for trial in trials)
@@ -305,7 +295,7 @@ class PartSearch:
                     break
         return min(trials, key=_judged)
 
-    def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
+    def _fitted(self, part: Candidate, known: Learnt) -> PhysicsTrial:
         """Return `known` with one more part, all of them fitted together."""
         parts, start = (*known.parts, part), np.concatenate([known.values, part.first])
         values = fit(
@@ -322,32 +312,27 @@ class PartSearch:
         except InputError:  # a model that cannot have this part
             return PhysicsTrial(learnt, np.inf, np.inf)
 
-    def _placed(self, known: Learnt) -> list[PhysicsPart]:
-        """Return leaks and patches at the places where they promise most, the best one first."""
-        makers = [self.maker.patch_at]
-        if not self.maker.rig.closed:
-            makers.append(self.maker.leak_at)
-        found = [one for make in makers for one in self._promising(make, known)]
-        return [part for _, part in sorted(found, key=lambda one: -one[0])]
-
-    def _promising(self, make: PlaceFn, known: Learnt) -> list[tuple[float, PhysicsPart]]:
-        """Return the parts that best explain the errors, of all places and of either sign.
+    def _placed(self, known: Learnt) -> list[Candidate]:
+        """Return the effects at the places where they promise most, the best one first.
 
         A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares. J
-        is taken without a density difference, which would make every run three times as slow. Both
-        signs are run: a dense patch and a permeable one lead the flow around different ways.
+        is taken without what would make every run three times as slow. Both signs are run: a dense
+        patch and a permeable one lead the flow around different ways.
         """
         physics = known.physics
-        light = replace(physics, density_difference=0.0)
+        light = self.learnable.solver.light(physics)
         errors, runs = _errors_together(self.share.fitted, physics), self.share.quick
         base = _errors_together(runs, light)
-
-        parts = [make(x, z, sign) for x, z in self.maker.places() for sign in (1.0, -1.0)]
-        moved = [part.apply(light, *part.values(part.first)) for part in parts]
+        parts = [part for place in self.learnable.places() for part in self.learnable.at(place)]
+        moved = [with_part(light, part, part.first) for part in parts]
         changed = self.pool.map(_errors_together, repeat(self.pool.share(runs)), moved)
         explained = []
         for there in changed:
             change = there - base
             along = max(-float(change @ errors), 0.0)
             explained.append(along**2 / (float(change @ change) + 1.0))
-        return [(explained[n], parts[n]) for n in np.argsort(explained)[::-1][:TRIED_PLACES]]
+        chosen: list[Candidate] = []
+        for part in (parts[n] for n in np.argsort(explained)[::-1]):
+            if sum(one.effect == part.effect for one in chosen) < TRIED_PLACES:
+                chosen.append(part)
+        return chosen

@@ -114,7 +114,6 @@ def train_from_runs(
     learnt = LearntPhysics()
     if architecture.learns_physics:
         learnt = learn_physics(
-            experiments.rig,
             experiments.grid,
             experiments.frames,
             Solvers(experiments.precise_on, experiments.solver_on),

@@ -24,13 +24,13 @@ from porotwin_diagnosis.advice.cause import Amounts, Cause
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.shared_errors import derivatives
-from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Process
+from porotwin_solver.effects.saturation import EFFECT as SATURATION
 
 SLOPE_WIDTH = 1.0
 """Width [cells] over which maps are smoothed before they are differentiated."""
 
-DILUTIONS = EFFECTS['saturation'].laboratory_check
+DILUTIONS = SATURATION.laboratory_check
 GREY_CARD = 'photograph a grey card beside the rig all the time'
 REFLECTION = 'look at this place from another side: a reflection in the glass moves with the eye'
 FIXED_MARK = (

@@ -17,6 +17,7 @@ from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import EFFECTS, effects_of
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.definition.effect import Process, Scope
+from porotwin_solver.effects.retardation import EFFECT as RETARDATION
 
 TOLERANCE = 1.0
 """Steps that a fitted parameter may lie outside its range: responses are linear, maps are noisy."""
@@ -213,9 +214,7 @@ def preferred_direction(runs: FreeRuns) -> Iterator[Cause]:
 
 def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
     """Yield sorption that is stronger at low concentrations: a delay times 1 - c."""
-    sorbed = EffectDescription(
-        name='retardation', parameters={'retardation_factor': 1.0 + SORPTION}
-    )
+    sorbed = RETARDATION.described(retardation_factor=1.0 + SORPTION)
 
     def words(amounts: Amounts) -> str:
         change = 100 * (1.0 / (1.0 + amounts[0]) - 1.0)

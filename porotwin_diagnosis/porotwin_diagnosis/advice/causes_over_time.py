@@ -28,7 +28,7 @@ from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
 from porotwin_diagnosis.model.library import pumping_wells, search_context
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.background_flow import EFFECT as BACKGROUND_FLOW
 from porotwin_solver.effects.definition.effect import Process
 
 WINDOWS = 12
@@ -219,7 +219,7 @@ def _drifts(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
             size = f'{3.6e6 * abs(strength):.2g} mm/h'
             return f'water flows through the whole rig {side}, {size} of Darcy flux'
 
-        check = EFFECTS['background_flow'].laboratory_check
+        check = BACKGROUND_FLOW.laboratory_check
         yield from _of_windows(runs, windows, moved, flux, (name, 'm/s', said, check))
 
 

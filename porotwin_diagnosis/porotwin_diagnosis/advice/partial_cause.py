@@ -61,11 +61,11 @@ def is_dipole(effects: Sequence[EffectDescription], width: float) -> bool:
         effects: effects of a model.
         width: width of the rig [m].
     """
-    leaks = [effect.parameters for effect in effects if effect.name == 'leak']
+    leaks = [effect for effect in effects if effect.water_ml_h]
     if len(leaks) != 2:
         return False
-    one, other = leaks
-    rates = [float(one['rate']), float(other['rate'])]
+    one, other = (leak.parameters for leak in leaks)
+    rates = [leak.water_ml_h for leak in leaks]
     apart = math.hypot(*(float(one[axis]) - float(other[axis]) for axis in ('x', 'z')))
     weaker, stronger = sorted(map(abs, rates))
     opposite = math.prod(rates) < 0.0

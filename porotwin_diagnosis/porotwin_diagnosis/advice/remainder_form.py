@@ -40,6 +40,7 @@ from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample, at_compared_cells
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_solver.effects.retardation import EFFECT as RETARDATION
 
 MOST_TERMS = 3
 """Largest number of terms; more describe noise."""
@@ -141,7 +142,7 @@ def describe_remainder(
             causes_at_places(runs, excluded, pool),
             causes_over_time(runs),
             preferred_direction(runs),
-            [] if 'retardation' in excluded else delay_of_pale_tracer(runs),
+            [] if RETARDATION.name in excluded else delay_of_pale_tracer(runs),
             causes_of_the_camera(runs),
         )
     ]

@@ -74,7 +74,8 @@ class Evidence:
     @property
     def has_open_clock(self) -> bool:
         """Whether the kept model shifts the clock, and the rig may have held tracer instead."""
-        return self.may_have_held_tracer and 'clock' in self.explanation.members
+        moved = any(EFFECTS[name].moves_time for name in self.explanation.members)
+        return self.may_have_held_tracer and moved
 
     @property
     def has_odd_size(self) -> bool:

@@ -75,7 +75,8 @@ def tried_effects(result: Diagnosis, summary: Summary) -> Iterator[TriedEffect]:
 def effects_without_row(result: Diagnosis, summary: Summary) -> list[str]:
     """Return the effects of the library that have no row in the table, in words."""
     rows = {row['name'] for row in summary['effects']}
-    return [spoken(name) for name in EFFECTS if name not in {*rows, *result.excluded}]
+    known = {*rows, *result.excluded}
+    return [spoken(e.name) for e in EFFECTS.values() if e.is_diagnosed and e.name not in known]
 
 
 def _meaning(row: Mapping[str, Any], *, named: bool) -> str:

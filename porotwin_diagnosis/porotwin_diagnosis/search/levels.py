@@ -264,7 +264,7 @@ class Levels:
         """
         sample = self.samples[0]
         pumping = [sample.rig.wells[name] for name in pumping_wells(self.samples)]
-        leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
+        leaks = [effect.parameters for effect in fit.effects if effect.water_ml_h]
         return any(
             np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
             < well.radius_m + WELL_DISTANCE * sample.grid.dx

@@ -71,11 +71,12 @@ class Prior:
         """
         if not self.probabilities:
             return 1.0
+        library = sum(effect.is_diagnosed for effect in EFFECTS.values())
         lasting = sum(
             self.probabilities.get(effect.name, 0.0) * math.exp(-0.5 * self._distance(effect))
             for effect in effects
         )
-        return PERSISTENCE * lasting + (1.0 - PERSISTENCE) / (len(EFFECTS) + 1)
+        return PERSISTENCE * lasting + (1.0 - PERSISTENCE) / (library + 1)
 
     def belief(self, fit: Fit) -> float:
         """Return the weight [-] of a single effect before its misfit is seen: w times 0.5^p.

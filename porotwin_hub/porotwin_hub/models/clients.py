@@ -231,7 +231,8 @@ class DataDrivenModelClient:
             if not response.active:
                 return Correction(None, response.status)
             sigma, _ = conversions.source_from_msg(response.source)
-            return Correction(sigma, response.status, conversions.learnt_from_msg(response.learnt))
+            learnt = LearntPhysics(conversions.effects_from_msg(response.learnt))
+            return Correction(sigma, response.status, learnt)
         except (ModelUnavailable, InputError) as error:
             return Correction(None, str(error))
 

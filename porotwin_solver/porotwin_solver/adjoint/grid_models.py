@@ -10,8 +10,8 @@ from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_solver.adjoint.learnt_coefficients import adapted
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.effects import physics_on_top
 from porotwin_solver.model.implicit_model import ImplicitModel
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.presets import IMPLICIT
@@ -107,7 +107,7 @@ class GridModels:
                 own.rig.grid(grid.nx, grid.nz),
                 preset=own.preset if is_own else self._coarse_preset,
                 effects=self.effects,
-                adapt=partial(adapted, learnt=learnt),
+                adapt=partial(physics_on_top, changes=learnt.effects),
                 supervision=own.engine.supervision,
             )
             known.prepare()

@@ -6,54 +6,21 @@ from functools import partial
 
 import numpy as np
 
-from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.model.learnt_solver import Place
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
-from porotwin_solver.coefficients.physics import Leak, Physics, SourceSink, check
 from porotwin_solver.coefficients.refinement import coarsen_adjoint, refine
+from porotwin_solver.effects import EFFECTS, effect, physics_on_top
+from porotwin_solver.effects.definition.candidate import Candidate, SearchContext
 from porotwin_solver.model.engine import State
 from porotwin_solver.model.implicit_model import ImplicitModel
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.presets import IMPLICIT
 from porotwin_solver.model.simulation import maps_of
-
-
-def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
-    """Return `physics` with the `learnt` changes.
-
-    Raises:
-        InputError: a leak or a patch lies outside the rig.
-    """
-    _check_patches(physics.grid, learnt)
-    x, z = physics.background_flux
-    by_x, by_z = learnt.background_flux
-    leaks = tuple(Leak(SourceSink(leak.x, leak.z), leak.rate) for leak in learnt.leaks)
-    along, across = learnt.longitudinal_dispersivity, learnt.transverse_dispersivity
-    changed = replace(
-        physics,
-        permeability=physics.permeability * learnt.permeability_factor(physics.grid),
-        density_difference=physics.density_difference + learnt.density_difference,
-        longitudinal_dispersivity=physics.longitudinal_dispersivity + along,
-        transverse_dispersivity=physics.transverse_dispersivity + across,
-        background_flux=(x + by_x, z + by_z),
-        retardation_factor=physics.retardation_factor * float(np.exp(learnt.log_retardation)),
-        leaks=(*physics.leaks, *leaks),
-    )
-    check(changed)
-    return changed
-
-
-def _check_patches(grid: Grid, learnt: LearntPhysics) -> None:
-    for number, patch in enumerate(learnt.patches, start=1):
-        if not (0.0 <= patch.x <= grid.width and 0.0 <= patch.z <= grid.height):
-            raise InputError(
-                f'learnt physics, patch {number} at ({patch.x:.6g}, {patch.z:.6g}) m lies outside '
-                f'the rig of {grid.width:g} x {grid.height:g} m; train again'
-            )
 
 
 class AdjointModel(Model):
@@ -114,8 +81,39 @@ class LearntModels:
             self._grid,
             preset=preset,
             effects=self._effects,
-            adapt=partial(adapted, learnt=learnt),
+            adapt=partial(physics_on_top, changes=learnt.effects),
         )
+
+    def learnable(
+        self, duration: float, strongest_rate: float, place: Place | None = None
+    ) -> list[Candidate]:
+        """Return the effects that may be learnt, on top of what the model has of them.
+
+        Args:
+            duration: of the longest experiment [s].
+            strongest_rate: largest absolute rate of a well [m^3/s].
+            place: (x, z) [m]; the trials of effects at that place. None: effects without a place.
+                At rest no map shows a place.
+        """
+        if place is not None and strongest_rate == 0.0:
+            return []
+        context = SearchContext(self._rig, self._grid, duration, strongest_rate=strongest_rate)
+        found: list[Candidate] = []
+        for one in EFFECTS.values():
+            candidates = one.candidates(context) if one.is_learnable else []
+            if not candidates or one.has_place != (place is not None):
+                continue
+            if place is not None and one.places is not None:
+                found += one.places.trials(context, place)
+            else:
+                found.append(_on_top(candidates[0]))
+        return found
+
+    def light(self, learnt: LearntPhysics) -> LearntPhysics:
+        """Return the `learnt` physics without effects that make runs several times as slow."""
+        effects = learnt.effects
+        kept = [e for e in effects if not effect(e.name).destabilises_fronts(e.parameters)]
+        return replace(learnt, effects=tuple(kept))
 
     def run(
         self,
@@ -139,6 +137,16 @@ class LearntModels:
         else:
             maps = maps_of(model, schedule, times, initial=initial, start=start)
         return np.array(list(maps)).reshape(-1, *self._grid.shape)
+
+
+def _on_top(candidate: Candidate) -> Candidate:
+    """Return `candidate` as a change: without fixed numbers, and free to fall below nothing."""
+    fixed = {name: value for name, value in candidate.fixed.items() if isinstance(value, str)}
+    parameters = (
+        replace(one, low=1.0 / one.high) if one.low == one.neutral == 1.0 else one
+        for one in candidate.parameters
+    )
+    return replace(candidate, parameters=tuple(parameters), fixed=fixed)
 
 
 def _steps(

@@ -12,6 +12,7 @@ from porotwin_solver.effects.definition.registry import (
     observation_operator,
     parse_effect,
     parse_effects,
+    physics_on_top,
 )
 
 __all__ = [
@@ -23,4 +24,5 @@ __all__ = [
     'observation_operator',
     'parse_effect',
     'parse_effects',
+    'physics_on_top',
 ]

@@ -3,15 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from numpy.random import Generator
 
+from porotwin_core.basis.units import HOUR_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
 from porotwin_core.model.effect_limits import MOST_DARCY_FLUX
 from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import direction
+
+DRIFT_M_H = 0.006
+"""Standard deviation of how far water drifts beside the wells in an hour, each way [m]."""
 
 
 def drift(physics: Physics, values: Values) -> Physics:
@@ -27,16 +33,20 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     """
     if len(context.rig.water_bodies) > 1:
         return []
-    step = context.front_speed * context.porosity
-    return [
-        Candidate(
-            'background_flow',
-            (
-                FitParameter('x_velocity', 'm/s', 0.0, step, -MOST_DARCY_FLUX, MOST_DARCY_FLUX),
-                FitParameter('z_velocity', 'm/s', 0.0, step, -MOST_DARCY_FLUX, MOST_DARCY_FLUX),
-            ),
-        )
-    ]
+    return [_in_steps(context.front_speed * context.porosity)]
+
+
+def believed(rig: Rig) -> Sequence[Candidate]:
+    """Believe in water that drifts by about DRIFT_M_H, each way."""
+    porosity = float(np.mean(rig.nominal_map('porosity')))
+    return [_in_steps(DRIFT_M_H / HOUR_S * porosity)]
+
+
+def _in_steps(step: float) -> Candidate:
+    most = MOST_DARCY_FLUX
+    names = ('x_velocity', 'z_velocity')
+    parameters = (FitParameter(name, 'm/s', 0.0, step, -most, most) for name in names)
+    return Candidate('background_flow', tuple(parameters))
 
 
 def phrase(values: Values) -> str:
@@ -76,5 +86,7 @@ EFFECT = Effect(
     laboratory_check='inject a drop of tracer with all pumps stopped and see where it drifts',
     blind_draw=draw,
     appearance=Appearance.SHIFT,
+    believed=believed,
     residual_terms=('dc/dx',),
+    is_learnable=True,
 )

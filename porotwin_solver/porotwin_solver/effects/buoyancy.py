@@ -6,16 +6,21 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.basis.units import GRAVITY
+from porotwin_core.basis.units import GRAVITY, HOUR_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
 from porotwin_core.model.effect_limits import MOST_DENSITY_DIFFERENCE
 from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import direction
+
+SINKING_M_H = 0.03
+"""Standard deviation of how far the tracer sinks or rises by its density in an hour [m]."""
 
 
 def weigh(physics: Physics, values: Values) -> Physics:
@@ -40,6 +45,21 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         MOST_DENSITY_DIFFERENCE,
     )
     return [Candidate('buoyancy', (parameter,))]
+
+
+def believed(rig: Rig) -> Sequence[Candidate]:
+    """Believe in a tracer that sinks or rises by about SINKING_M_H."""
+    porosity = float(np.mean(rig.nominal_map('porosity')))
+    permeability = float(np.exp(np.mean(np.log(rig.nominal_map('permeability_m2')))))
+    # sinking speed [m/s] of 1 kg/m3
+    sinking = permeability * GRAVITY / (rig.viscosity_pa_s * porosity)
+    step = SINKING_M_H / HOUR_S / sinking
+    most = MOST_DENSITY_DIFFERENCE
+    return [
+        Candidate(
+            'buoyancy', (FitParameter('density_difference', 'kg/m3', 0.0, step, -most, most),)
+        )
+    ]
 
 
 def phrase(values: Values) -> str:
@@ -77,7 +97,9 @@ EFFECT = Effect(
     ),
     blind_draw=draw,
     appearance=Appearance.BENDING,
-    replaces_nominal=True,
+    present=lambda physics: {'density_difference': physics.density_difference},
+    believed=believed,
     destabilises_fronts=fingers,
     residual_terms=('dc/dz',),
+    is_learnable=True,
 )

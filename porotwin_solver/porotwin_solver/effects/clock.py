@@ -58,5 +58,6 @@ EFFECT = Effect(
     'late clock of the camera; photograph the clock of the pumps',
     blind_draw=draw,
     appearance=Appearance.DELAY,
+    moves_time=True,
     gradient_obstacle=gradient_obstacle,
 )

@@ -13,10 +13,23 @@ from porotwin_core.basis.units import MOLECULAR_DIFFUSION
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
 from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import number
+
+TRANSVERSE_SHARE = 0.1
+"""Dispersivity across the flow relative to that along it [-], as usual in sand (Bear, Dynamics of
+Fluids in Porous Media, sec. 10.4)."""
+
+GRAIN_M, GRAIN_DEVIATION = 4e-4, 1.2
+"""Median of the believed longitudinal dispersivity [m], about a grain, and the deviation of its
+logarithm [-]."""
+
+MOST_BELIEVED_M = 0.05
+"""Largest longitudinal dispersivity that is believed [m], four deviations above the median.
+Photographs that contradict the rates would lead to kilometres, and a run with them does not end."""
 
 
 def spread(physics: Physics, values: Values) -> Physics:
@@ -27,6 +40,23 @@ def spread(physics: Physics, values: Values) -> Physics:
         transverse_dispersivity=values['transverse_dispersivity'],
         diffusion=values['diffusion'],
     )
+
+
+def present(physics: Physics) -> Values:
+    """Return the coefficients of spreading that `physics` has."""
+    return {
+        'longitudinal_dispersivity': physics.longitudinal_dispersivity,
+        'transverse_dispersivity': physics.transverse_dispersivity,
+        'diffusion': physics.diffusion,
+    }
+
+
+def believed(_rig: Rig) -> Sequence[Candidate]:
+    """Believe in a dispersivity of about a grain, known to a factor of three."""
+    name = 'longitudinal_dispersivity'
+    along = FitParameter(name, 'm', GRAIN_M, GRAIN_DEVIATION, 0.0, MOST_BELIEVED_M, log=True)
+    tied = {'transverse_dispersivity': (name, TRANSVERSE_SHARE)}
+    return [Candidate('dispersion', (along,), tied=tied)]
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
@@ -120,8 +150,10 @@ EFFECT = Effect(
     ),
     blind_draw=draw,
     appearance=Appearance.SPREADING,
-    replaces_nominal=True,
+    present=present,
+    believed=believed,
     is_slow_on_fine_grids=True,
     residual_terms=('d2c/dx2', 'd2c/dz2'),
     gradient_obstacle=gradient_obstacle,
+    is_learnable=True,
 )

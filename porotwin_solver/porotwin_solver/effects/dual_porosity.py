@@ -92,5 +92,8 @@ EFFECT = Effect(
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,
     pales_core=True,
-    replaces_nominal=True,
+    present=lambda physics: {
+        'immobile_fraction': physics.immobile_fraction,
+        'exchange_rate': physics.exchange_rate,
+    },
 )

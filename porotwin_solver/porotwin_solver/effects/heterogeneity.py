@@ -140,4 +140,5 @@ EFFECT = Effect(
     laboratory_check='look at the sand there; inject from a well close to it',
     blind_draw=draw,
     appearance=Appearance.BENDING,
+    is_learnable=True,
 )

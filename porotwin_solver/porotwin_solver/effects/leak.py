@@ -102,4 +102,5 @@ EFFECT = Effect(
     blind_draw=draw,
     changes=Process.SOURCE,
     appearance=Appearance.DELAY,
+    is_learnable=True,
 )

@@ -9,10 +9,14 @@ from numpy.random import Generator
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import factor
+
+DEVIATION = 0.04
+"""Standard deviation of the believed logarithm of the factor [-]."""
 
 
 def scale(physics: Physics, values: Values) -> Physics:
@@ -22,9 +26,17 @@ def scale(physics: Physics, values: Values) -> Physics:
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor up to the one that makes the largest porosity 1."""
-    largest = min(MOST_FACTOR, 1.0 / float(np.max(np.asarray(context.rig.nominal_map('porosity')))))
-    parameter = FitParameter('factor', '-', 1.0, 0.015, 0.2, largest, log=True)
-    return [Candidate('porosity', (parameter,))]
+    return [_in_steps(context.rig, 0.015, 0.2)]
+
+
+def believed(rig: Rig) -> Sequence[Candidate]:
+    """Believe in a porosity as described, to DEVIATION."""
+    return [_in_steps(rig, DEVIATION, LEAST_FACTOR)]
+
+
+def _in_steps(rig: Rig, step: float, low: float) -> Candidate:
+    largest = min(MOST_FACTOR, 1.0 / float(np.max(np.asarray(rig.nominal_map('porosity')))))
+    return Candidate('porosity', (FitParameter('factor', '-', 1.0, step, low, largest, log=True),))
 
 
 def phrase(values: Values) -> str:
@@ -57,5 +69,6 @@ EFFECT = Effect(
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,
     equal_to=equal_to,
+    believed=believed,
     residual_terms=('dc/dt',),
 )

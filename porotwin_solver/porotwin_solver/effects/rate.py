@@ -1,6 +1,6 @@
 """One pump delivers factor times the commanded rate, all the time; in a closed rig sinks follow."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from numpy.random import Generator
@@ -8,6 +8,8 @@ from numpy.random import Generator
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -26,6 +28,23 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor of a pumping well; in a closed rig the sinks follow."""
     factor = FitParameter('factor', '-', 1.0, 0.02, 0.0, 5.0)
     return [Candidate('rate', (factor,), {'well': context.well})]
+
+
+def believed(rig: Rig) -> Sequence[Candidate]:
+    """Believe in pumps that deliver as commanded, to RATE_DEVIATION."""
+    factor = FitParameter('factor', '-', 1.0, RATE_DEVIATION, 0.0, MOST_FACTOR, log=True)
+    # by name, so that the order of the wells in rig.yaml changes no draw
+    return [Candidate('rate', (factor,), {'well': well}) for well in sorted(rig.wells)]
+
+
+def rate_factors(effects: Iterable[EffectDescription]) -> dict[str, float]:
+    """Return the delivered over the commanded rate [-] of every well that `effects` name."""
+    found: dict[str, float] = {}
+    for one in effects:
+        if one.name == EFFECT.name:
+            well, factor = str(one.parameters['well']), float(one.parameters['factor'])
+            found[well] = found.get(well, 1.0) * factor
+    return found
 
 
 def phrase(values: Values) -> str:
@@ -49,6 +68,7 @@ EFFECT = Effect(
     },
     on_physics=misdeliver,
     candidates=candidates,
+    believed=believed,
     phrase=phrase,
     plainly='a pump delivers too much or too little',
     laboratory_check='let the pump fill a measuring cylinder until it holds some 50 ml',

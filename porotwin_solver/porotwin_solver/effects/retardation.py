@@ -58,4 +58,5 @@ EFFECT = Effect(
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,
     equal_to=equal_to,
+    is_learnable=True,
 )

@@ -59,7 +59,7 @@ EFFECT = Effect(
     laboratory_check='measure the stock in a capillary viscometer',
     blind_draw=draw,
     appearance=Appearance.BENDING,
-    replaces_nominal=True,
+    present=lambda physics: {'viscosity_ratio': physics.viscosity_ratio},
     destabilises_fronts=fingers,
     # The flow is solved on coarser cells. On recordings with a true viscosity the normalised misfit
     # was 0.26 to 0.69, with other true effects half of that.

@@ -6,17 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.basis.units import MOLECULAR_DIFFUSION
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_solver.effects.dispersion import EFFECT as DISPERSION
+from porotwin_solver.effects.dispersion import TRANSVERSE_SHARE
 from porotwin_solver.model.simulation import simulate
 
 MOST_CELLS = 168_000
 """Most cells of the model: 5 mm on the large FluidFlower, a second for an injection."""
-TRANSVERSE_SHARE = 0.1
-"""Dispersivity across the flow relative to that along it [-], as usual in sand (Bear, Dynamics of
-Fluids in Porous Media, sec. 10.4)."""
 
 
 def plume_model(
@@ -47,11 +45,7 @@ def plume_model(
 
 def _dispersion(dispersivity_m: float) -> EffectDescription:
     """Return the effect of dispersion in sand."""
-    return EffectDescription(
-        name='dispersion',
-        parameters={
-            'longitudinal_dispersivity': dispersivity_m,
-            'transverse_dispersivity': TRANSVERSE_SHARE * dispersivity_m,
-            'diffusion': MOLECULAR_DIFFUSION,
-        },
+    return DISPERSION.described(
+        longitudinal_dispersivity=dispersivity_m,
+        transverse_dispersivity=TRANSVERSE_SHARE * dispersivity_m,
     )

@@ -13,10 +13,10 @@ MOST_USUAL_FACTOR = 10.0
 
 def _find(rig: Rig) -> Iterator[Remark]:
     for number, effect in enumerate(rig.effects):
-        rate, factor = (effect.parameters.get(name) for name in ('rate', 'factor'))
-        if effect.name == 'leak' and isinstance(rate, int | float):
-            remark = rate_remark('effects: leak: rate', rate, rig.pore_volume)
-            yield from [remark] if remark else []
+        key = f'effects: {effect.name}: rate'
+        remark = rate_remark(key, effect.water_ml_h, rig.pore_volume)
+        yield from [remark] if remark else []
+        factor = effect.parameters.get('factor')
         if isinstance(factor, int | float) and factor > MOST_USUAL_FACTOR:
             yield Remark(
                 f'effects: {effect.name}: factor',

@@ -6,10 +6,17 @@ from enum import Enum
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.blind_draw import Draw
-from porotwin_core.model.effect_parameter import Parameter, Values, checked_values
+from porotwin_core.model.effect_parameter import (
+    Parameter,
+    Values,
+    changed_values,
+    checked_values,
+)
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
+from porotwin_solver.effects.definition.candidate import Beliefs, Candidates, PlaceSearch
+from porotwin_solver.effects.definition.words import reading
 
 GUIDE = 'docs/extend/effect.md'
 """The document that explains how to write an effect."""
@@ -61,6 +68,10 @@ def _no_candidates(_context: object) -> tuple[()]:
     return ()
 
 
+def _no_doubt(_rig: Rig) -> tuple[()]:
+    return ()
+
+
 def _equal_to_none(_values: Values) -> tuple[str, ...]:
     return ()
 
@@ -87,6 +98,7 @@ class Effect:
         on_observation: returns the changed observation operator.
         candidates: returns the candidates of a search. With `Scope.WELL` it is called once per
             pumping well, `context.well`.
+        believed: returns the prior of its parameters on a rig.
         places: how the search finds the place; for `Scope.PLACE` only.
         phrase: states the effect with these values in words, as HTML.
         laboratory_check: how to check the effect without the camera.
@@ -98,14 +110,17 @@ class Effect:
             rig takes this core for stock, and so hides a part of the effect.
         equal_to: returns the names of the effects that no map can tell from this one.
         order: position in lists, in searches and in the draws of the blind check.
-        replaces_nominal: it replaces its own description in `rig.yaml`; other effects add to it.
+        present: returns the values that the physics has already, for an effect that replaces its
+            own description in `rig.yaml`; None for one that adds to it.
         needs_simulation: without, it acts on maps that are simulated already.
+        moves_time: photographs show the rig at another time than they say.
         is_slow_on_fine_grids: a simulation on a large fine grid takes minutes.
         destabilises_fronts: whether fronts finger with these values.
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
             model computes the effect on coarser cells.
         is_tried_in_every_pair: the search adds it to every effect, because it costs no
             simulation and its response is not linear.
+        is_learnable: COSTA may learn it from free runs, on top of what the model has of it.
         residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
             `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.
         gradient_obstacle: returns why the adjoint cannot differentiate by a parameter, with the
@@ -123,6 +138,7 @@ class Effect:
     on_physics: Callable[[Physics, Values], Physics] | None = None
     on_observation: Callable[[ObservationOperator, Values], ObservationOperator] | None = None
     candidates: Candidates = _no_candidates
+    believed: Beliefs = _no_doubt
     places: PlaceSearch | None = None
     blind_draw: Draw | None = None
     plainly: str = ''
@@ -131,12 +147,14 @@ class Effect:
     pales_core: bool = False
     equal_to: Callable[[Values], tuple[str, ...]] = _equal_to_none
     order: int = LAST
-    replaces_nominal: bool = False
+    present: Callable[[Physics], Values] | None = None
     needs_simulation: bool = True
+    moves_time: bool = False
     is_slow_on_fine_grids: bool = False
     destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
     is_tried_in_every_pair: bool = False
+    is_learnable: bool = False
     residual_terms: tuple[str, ...] = ()
     gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
 
@@ -152,7 +170,7 @@ class Effect:
             ),
             'laboratory_check: say how to check it': not self.laboratory_check,
             'candidates: without them no diagnosis finds it': (
-                self.scope is not Scope.MODEL and self.candidates is _no_candidates
+                not self.is_diagnosed and self.believed is _no_doubt
             ),
             'places: needed for an effect with a place, and only for one': (
                 self.has_place != (self.places is not None)
@@ -169,6 +187,16 @@ class Effect:
     def is_of_camera(self) -> bool:
         """Whether the camera has the effect, not the rig."""
         return self.scope is Scope.CAMERA
+
+    @property
+    def is_diagnosed(self) -> bool:
+        """Whether a diagnosis may name it: after a search, or after comparing schemes."""
+        return self.scope is Scope.MODEL or self.candidates is not _no_candidates
+
+    @property
+    def replaces_nominal(self) -> bool:
+        """Whether it replaces its own description in `rig.yaml`; other effects add to it."""
+        return self.present is not None
 
     @property
     def process(self) -> Process:
@@ -193,6 +221,40 @@ class Effect:
             InputError: an unknown, missing or impossible parameter, by name, value and remedy.
         """
         return checked_values(self.name, self.parameters, given)
+
+    def on_top(self, physics: Physics, given: Mapping[str, object]) -> Physics:
+        """Return `physics` with the `given` changes on top of what it has of the effect.
+
+        Factors multiply, other numbers add. A parameter that is not given does not change.
+
+        Raises:
+            InputError: an unknown or impossible parameter, or a sum out of range.
+        """
+        if self.on_physics is None:
+            return physics
+        neutral = {name: one.neutral for name, one in self.parameters.items() if not one.is_name}
+        values = changed_values(self.name, self.parameters, {**neutral, **given})
+        if self.present is not None:
+            present = self.present(physics)
+            total = {
+                name: one.on_top(present[name], float(values[name]))
+                for name, one in self.parameters.items()
+            }
+            values = self.checked(total)
+        return self.on_physics(physics, values)
+
+    def described(self, **given: float | str) -> EffectDescription:
+        """Return the description of the effect with these parameters."""
+        return EffectDescription(name=self.name, parameters=given)
+
+    def change_in_words(self, given: Mapping[str, float | str]) -> str:
+        """Return the `given` parameters of a change, each in the unit of reports."""
+        parts = []
+        for name, value in given.items():
+            factor, unit = reading(self.parameters[name])
+            shown = value if isinstance(value, str) else f'{factor * value:.3g}'
+            parts.append(f'{name} {shown} {unit}'.rstrip())
+        return f'{self.name}: {", ".join(parts)}'
 
     def in_words(self, given: Mapping[str, object]) -> str:
         """Return the effect with all parameters as plain text; `given` names some of them.

@@ -71,6 +71,19 @@ def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription])
     return physics
 
 
+def physics_on_top(physics: Physics, changes: Iterable[EffectDescription]) -> Physics:
+    """Return `physics` with every change in turn on top of what it has; see `Effect.on_top`.
+
+    Raises:
+        InputError: as `changed_physics`.
+    """
+    for change in changes:
+        check_places(change.name, change.parameters, physics.grid.width, physics.grid.height)
+        physics = effect(change.name).on_top(physics, change.parameters)
+    check(physics)
+    return physics
+
+
 def observation_operator(descriptions: Iterable[EffectDescription]) -> ObservationOperator:
     """Return how a camera sees a map, with every described effect of the camera in turn.
 
