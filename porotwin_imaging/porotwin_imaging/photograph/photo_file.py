@@ -19,6 +19,7 @@ from PIL import Image, ImageCms
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
+from porotwin_imaging.photograph.jpeg_file import JPEG_START, jpeg_fault, jpeg_pixels, jpeg_size
 
 
 @dataclass(frozen=True)
@@ -36,23 +37,10 @@ class DecodingSettings:
 DECODING = DecodingSettings()
 
 
-JPEG_START = b'\xff\xd8'
-JPEG_END = b'\xff\xd9'
 PNG_START = b'\x89PNG\r\n\x1a\n'
 PNG_END = b'IEND\xaeB`\x82'
 TIFF_STARTS = (b'II*\x00', b'MM\x00*')
-DECODING_FLAGS = {
-    1: cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
-    2: cv2.IMREAD_REDUCED_COLOR_2 | cv2.IMREAD_IGNORE_ORIENTATION,
-    4: cv2.IMREAD_REDUCED_COLOR_4 | cv2.IMREAD_IGNORE_ORIENTATION,
-    8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
-}
-"""OpenCV's flags for each reduction."""
-_JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of the JPEG segment that holds the size; the three exceptions are tables."""
-_SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
-_MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
-"""Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
+_DECODING_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
 _PLAIN_TAGS = {ORIENTATION_TAG: UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
 """Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
@@ -78,8 +66,6 @@ _SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
 """Raw files of cameras are TIFFs that begin with a preview."""
 _BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
 """Usual bits of a level, and where a TIFF and a PNG tell theirs."""
-_TRAILING_BYTES = 64
-"""Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
 MOST_PIXELS = 175_000_000
 """Larger photographs are refused before they are decoded: a damaged or malicious header may claim
 any size. The largest cameras have 150 megapixels."""
@@ -108,19 +94,22 @@ class DecodedPhoto:
 
 
 def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
-    """Return decoded pixels, or None if OpenCV cannot decode the file."""
+    """Return decoded pixels, or None if OpenCV cannot decode the file.
+
+    Raises:
+        InputError: a JPEG is damaged.
+    """
+    if data.startswith(JPEG_START):
+        return jpeg_pixels(data, reduction)
     if data.startswith(TIFF_STARTS):
         data = _with_plain_tags(data)
-    flags = DECODING_FLAGS[reduction if data.startswith(JPEG_START) else 1]
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _DECODING_FLAGS)
     except cv2.error:  # a damaged header may claim a size that OpenCV refuses
         return None
     if pixels is None:
         return None
-    if not data.startswith(JPEG_START):
-        pixels = _reduced(np.asarray(pixels), reduction)
-    return np.asarray(pixels, np.uint8)
+    return np.asarray(_reduced(np.asarray(pixels), reduction), np.uint8)
 
 
 def _reduced(pixels: NDArray[Any], reduction: int) -> NDArray[Any]:
@@ -189,37 +178,12 @@ def is_photograph(data: bytes) -> bool:
 def is_complete(data: bytes) -> bool:
     """Return whether the file `data` ends as its format requires."""
     if data.startswith(JPEG_START):
-        tail = data[-_TRAILING_BYTES:].rstrip(b'\x00')
-        return tail.endswith(JPEG_END) or _jpeg_has_its_end(data)
+        return not jpeg_fault(data)
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
         size = _tiff_size(data)
         return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
-    return False
-
-
-def _jpeg_has_its_end(data: bytes) -> bool:
-    """Return whether the first picture in a JPEG has its end marker; cameras append other data.
-
-    The segments are walked by their lengths, because a preview in a segment has an end marker too.
-    """
-    position = len(JPEG_START)
-    while position + 1 < len(data):
-        if data[position] != 0xFF:
-            return False
-        marker = data[position + 1]
-        if marker == _END_MARKER:
-            return True
-        if marker == 0xFF:
-            position += 1
-            continue
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
-        if marker == _SCAN_MARKER:
-            found = _MARKER_IN_SCAN.search(data, position)
-            if found is None:
-                return False
-            position = found.start()
     return False
 
 
@@ -240,23 +204,6 @@ def _tiff_size(data: bytes) -> tuple[int, int] | None:
         return None
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) from the first frame header of a JPEG, or None."""
-    position = 2
-    while position + 9 < len(data):
-        if data[position] != 0xFF:
-            return None
-        marker = data[position + 1]
-        if marker == 0xFF:
-            position += 1
-            continue
-        if marker in _JPEG_FRAME_MARKERS:
-            height, width = struct.unpack('>HH', data[position + 5 : position + 9])
-            return width, height
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
-    return None
-
-
 def photo_size(data: bytes) -> tuple[int, int]:
     """Return (width, height) [px] of the photograph `data`, read from the header only.
 
@@ -266,7 +213,7 @@ def photo_size(data: bytes) -> tuple[int, int]:
     """
     found: tuple[int, int] | None = None
     if data.startswith(JPEG_START):
-        found = _jpeg_size(data)
+        found = jpeg_size(data)
     elif data.startswith(PNG_START) and len(data) >= 24:
         found = struct.unpack('>II', data[16:24])
     elif data.startswith(TIFF_STARTS):
@@ -302,9 +249,10 @@ def decode(data: bytes, reduction: int = 1) -> DecodedPhoto:
     """
     width, height = photo_size(data)
     if not is_complete(data):
-        raise InputError(
-            f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
-        )
+        fault = (
+            data.startswith(JPEG_START) and jpeg_fault(data)
+        ) or 'is truncated: its end is missing'
+        raise InputError(f'photograph of {len(data)} bytes {fault}; send it again')
     mode = _mode(data)
     if mode == 'LAB':
         raise InputError('photograph is a TIFF with Lab colours; save it with RGB colours')
