@@ -6,7 +6,13 @@ from datetime import datetime
 
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.importers.foreign_table import Decimal, ForeignTable
-from porotwin_recording.importers.foreign_time import DateOrder, moments
+from porotwin_recording.importers.foreign_time import (
+    TIME_ALONE,
+    Clock,
+    DateNumbers,
+    DateOrder,
+    moments,
+)
 
 IMAGING_PROTOCOL = 'imaging_protocol.csv'
 INJECTION_PROTOCOL = 'injection_protocol.csv'
@@ -20,6 +26,8 @@ class ProtocolAnswers:
     Attributes:
         date_order: order of day and month.
         time_zone: zone of times without one, such as Europe/Oslo.
+        date_numbers: what numbers in place of dates count.
+        clock: a 12-hour clock of the pumps, by the half of the day in which its log begins.
         decimal: decimal point or comma.
         rate_unit: unit of rates, such as ml/min.
         concentration: concentration of injected fluids where no column has it [-]: one for all
@@ -29,6 +37,8 @@ class ProtocolAnswers:
     """
 
     date_order: DateOrder | None = None
+    date_numbers: DateNumbers | None = None
+    clock: Clock | None = None
     time_zone: str = ''
     decimal: Decimal | None = None
     rate_unit: str = ''
@@ -66,14 +76,25 @@ def _share(text: str, whole: str) -> float:
     return share
 
 
+def dated_words(table: ForeignTable, title: str) -> list[str]:
+    """Return the words of a column of times, with the dates of another column if they have none."""
+    words = table.columns[title]
+    date = table.find('date')
+    if date in (None, title) or not all(map(TIME_ALONE.fullmatch, words)):
+        return words
+    days = table.columns[str(date)]
+    return [f'{day} {word}' for day, word in zip(days, words, strict=True)]
+
+
 def protocol_moments(
     table: ForeignTable, title: str, answers: ProtocolAnswers, told: list[str]
 ) -> list[datetime]:
     """Return the times in the column `title`; tell the assumptions about them."""
     where = f'{table.path}: {table.spelt(title)}'
     found, remarks = moments(
-        table.columns[title],
+        dated_words(table, title),
         where,
+        numbers=answers.date_numbers,
         order=answers.date_order,
         zone=answers.time_zone,
         places=[f'{where}:{line}' for line in table.lines],

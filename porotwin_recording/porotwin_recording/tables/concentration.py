@@ -18,6 +18,10 @@ from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.property_file import check_variable
+from porotwin_recording.tables.cf_values import (
+    LARGEST_CONCENTRATION,
+    LEAST_CONCENTRATION,
+)
 from porotwin_recording.tables.map_writer import MapWriter
 
 Maps = NDArray[np.float32]
@@ -33,10 +37,6 @@ PACKED_STEP = 0.004
 
 PACKED_NAN = 255
 """Code of NaN in packed maps."""
-
-LEAST_CONCENTRATION, LARGEST_CONCENTRATION = -1.0, 1e6
-"""Concentrations [-] beyond these are no measured values in any unit, but codes for none, such as
--1, -9999 or 1e20. Noise goes down to -0.3."""
 
 DEVIATIONS = {
     'deviation': 'standard deviation of the concentration',

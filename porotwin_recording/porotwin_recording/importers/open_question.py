@@ -1,0 +1,84 @@
+"""Questions that an input leaves open: an answer is proposed only after it was tried on the input.
+
+A reader raises an `QuestionError` with the answers that it can think of. `settled` reads the input
+with each of them. It proposes those with which all of it can be read, and tells what they give.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol, TypeVar
+
+from porotwin_core.basis.errors import InputError
+
+
+class Read(Protocol):
+    """What a reading of an input gives."""
+
+    @property
+    def in_words(self) -> str:
+        """The reading in a few words: its times, above all."""
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether its parts do not meet, such as photographs and rates of different days."""
+
+
+Answers = TypeVar('Answers')
+R = TypeVar('R', bound=Read)
+
+
+class QuestionError(InputError):
+    """A fault that other answers may mend.
+
+    Args:
+        fault: the thing and its value.
+        answers: changes of the answers, by their names; options have the same names.
+        otherwise: what mends it if none of them does.
+    """
+
+    def __init__(self, fault: str, answers: Sequence[Mapping[str, Any]], otherwise: str) -> None:
+        super().__init__(f'{fault}; {otherwise}')
+        self.fault, self.answers = fault, answers
+
+
+def settled(read: Callable[[Answers], R], answers: Answers) -> R:
+    """Return what `read` gives with the `answers` of a person.
+
+    Raises:
+        InputError: a question is open; the line proposes the answers that work.
+    """
+    try:
+        return read(answers)
+    except QuestionError as question:
+        found = list(_that_work(read, answers, question, frozenset()))
+        if not found:
+            raise InputError(str(question)) from None
+        met = [each for each in found if not each[1].is_apart] or found
+        ways = [f'{_options(change)} ({read_so.in_words})' for change, read_so in met]
+        raise InputError(f'{question.fault}; give {", or ".join(ways)}') from None
+
+
+def _that_work(
+    read: Callable[[Answers], R], answers: Answers, question: QuestionError, tried: frozenset[str]
+) -> Iterator[tuple[Mapping[str, Any], R]]:
+    """Yield the changes of the answers with which all can be read, and what they give."""
+    for change in question.answers:
+        if tried & change.keys():
+            continue
+        changed = replace(answers, **change)  # type: ignore[type-var]
+        try:
+            yield change, read(changed)
+        except QuestionError as further:
+            found = _that_work(read, changed, further, tried | change.keys())
+            yield from (({**change, **more}, result) for more, result in found)
+        except InputError:
+            continue
+
+
+def _options(change: Mapping[str, Any]) -> str:
+    return ' '.join(
+        f'--{name.replace("_", "-")} {value:g}'
+        if isinstance(value, float)
+        else f'--{name.replace("_", "-")} {value}'
+        for name, value in change.items()
+    )
