@@ -18,8 +18,7 @@ from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import regular
 from porotwin_core.rig.property_file import check_variable
-
-TIMES_OF_PICTURES = 'time'
+from porotwin_recording.tables.cf_values import netcdf_attributes
 
 
 @dataclass(frozen=True)
@@ -77,15 +76,6 @@ def _netcdf_array(path: Path, variable: netCDF4.Variable) -> NamedArray:
         return np.asarray(variable[:])
 
     return NamedArray(read, variable.shape, variable.dimensions, netcdf_attributes(variable))
-
-
-def netcdf_attributes(variable: netCDF4.Variable) -> dict[str, Any]:
-    """Return the attributes of a variable, with the fill value that its type has by default."""
-    found = {name: variable.getncattr(name) for name in variable.ncattrs()}
-    kind = variable.dtype.str[1:] if isinstance(variable.dtype, np.dtype) else ''
-    if kind[:1] in 'iuf' and kind[1:] != '1' and '_FillValue' not in found:  # bytes have none
-        found['_FillValue'] = netCDF4.default_fillvals.get(kind, np.nan)
-    return found
 
 
 @contextmanager
@@ -162,7 +152,7 @@ def _matlab(path: Path) -> Iterator[Arrays]:
     except NotImplementedError:  # version 7.3, which is HDF5
         with contextlib.closing(netCDF4.Dataset(path)) as dataset:
             dataset.set_auto_maskandscale(False)
-            for name, each in dataset.variables.items():
+            for each in dataset.variables.values():
                 check_variable(path, each)
             found = {name: np.asarray(each[:]).T for name, each in dataset.variables.items()}
     yield {

@@ -187,11 +187,15 @@ def _counted(
 
 
 def _counted_from(numbers: DateNumbers, count: float) -> datetime | None:
-    """Return the time that a number counts, to the millisecond; None if it is none."""
+    """Return the time that a number counts; None if it is none.
+
+    Days are rounded to seconds, because their digits in tables end near there.
+    """
     first, unit = DATE_NUMBERS[numbers]
+    seconds = (count - first) * unit
     try:
-        time = _EPOCH + timedelta(milliseconds=round((count - first) * unit * 1e3))
-    except OverflowError:
+        time = _EPOCH + timedelta(seconds=round(seconds) if unit == DAY_S else seconds)
+    except (OverflowError, ValueError):
         return None
     return time if FIRST_COUNTED_YEAR <= time.year <= LAST_YEAR else None
 

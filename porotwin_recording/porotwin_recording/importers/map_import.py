@@ -102,7 +102,7 @@ class _Arrays:
     """Arrays of a file: values (time, row, column), times, coordinates, and units by name.
 
     `calendar`: of the times. `downward`: z counts from the top of the rig down. `gaps`: numbers of
-    values that the file calls missing. `told`: assumptions about names.
+    values that the file calls missing.
     """
 
     values: NDArray[Any]
@@ -113,7 +113,6 @@ class _Arrays:
     calendar: str = 'standard'
     downward: bool = False
     gaps: Mapping[str, int] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
 
 
 def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
@@ -168,7 +167,9 @@ def _read(path: Path, arrays: _Arrays, rig: Rig, answers: MapAnswers) -> _ReadMa
         InputError: as `import_maps`.
         QuestionError: other answers may mend it.
     """
-    told = list(arrays.told)
+    if answers.stock is not None and not 0.0 < answers.stock < np.inf:
+        raise InputError(f'--stock {answers.stock:g}: give a finite number above 0, such as 100')
+    told: list[str] = []
     if arrays.values.ndim != 3 or len(arrays.times) != len(arrays.values):
         raise InputError(
             f'{path}: its maps have the shape {arrays.values.shape}, and it has '
@@ -473,8 +474,6 @@ def _shares(
         InputError: no value is above 0.
         QuestionError: the values are in another unit, and nothing says which value is the stock.
     """
-    if answers.stock is not None and not 0.0 < answers.stock < np.inf:
-        raise InputError(f'--stock {answers.stock:g}: give a finite number above 0, such as 100')
     if np.isnan(values).all():
         raise InputError(f'{path}: all values of its maps are missing')
     floats = np.asarray(values, dtype=np.float32)

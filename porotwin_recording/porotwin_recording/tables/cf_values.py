@@ -9,6 +9,7 @@ Conventions: https://cfconventions.org (2.5.1, 8.1), and the NetCDF users' guide
 from collections.abc import Mapping
 from typing import Any
 
+import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,6 +53,15 @@ def unpacked(raw: NDArray[Any], attributes: Mapping[str, Any]) -> tuple[NDArray[
         with np.errstate(invalid='ignore'):
             _add(missing, (judged < low) | (judged > high), words, counts)
     return (np.where(missing, np.nan, values) if missing.any() else values), counts
+
+
+def netcdf_attributes(variable: netCDF4.Variable) -> dict[str, Any]:
+    """Return the attributes of a variable, with the fill value that its type has by default."""
+    found = {name: variable.getncattr(name) for name in variable.ncattrs()}
+    kind = variable.dtype.str[1:] if isinstance(variable.dtype, np.dtype) else ''
+    if kind[:1] in 'iuf' and kind[1:] != '1' and '_FillValue' not in found:  # bytes have none
+        found['_FillValue'] = netCDF4.default_fillvals.get(kind, np.nan)
+    return found
 
 
 def has_range(attributes: Mapping[str, Any]) -> bool:
@@ -113,7 +123,7 @@ def without_codes(values: NDArray[Any], stock: float = 1.0) -> tuple[NDArray[Any
         return values, {}
     with np.errstate(invalid='ignore'):
         far = (values < -LEAST_NOISE * stock) | (values > LARGEST_CONCENTRATION * stock)
-    numbers, cells = np.unique(values[far & np.isfinite(values)], return_counts=True)
+    numbers, cells = np.unique(values[far], return_counts=True)
     impossible = (numbers <= LEAST_CONCENTRATION * stock) | (
         numbers > LARGEST_CONCENTRATION * stock
     )
@@ -128,6 +138,6 @@ def in_words(counts: Mapping[str, int], size: int) -> str:
     """Return how many of `size` values became NaN and why."""
     total = sum(counts.values())
     most = sorted(counts.items(), key=lambda item: -item[1])
-    shown = ', '.join(f'{count:,} {why}' for why, count in most[:3])
+    shown = ', '.join(f'{why} ({count:,})' for why, count in most[:3])
     more = f', and {len(most) - 3} more numbers' if len(most) > 3 else ''
     return f'{total:,} of {size:,} values are read as not known: {shown}{more}'
