@@ -99,10 +99,11 @@ def command(
     """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
-    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv, .nc, .mat
-    or .tif or a folder .zarr. Photographs that no imaging_protocol.csv lists have the times that the camera
-    wrote into them (EXIF), or into their names. They may lie beside a rates.csv, whose second 0
-    --time-zero dates. The command asks for missing facts, with answers that it has tried.
+    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv, .nc,
+    .mat or .tif, or a folder .zarr. Photographs that no imaging_protocol.csv lists have the times
+    that the camera wrote into them (EXIF), or into their names. They may lie beside a rates.csv,
+    whose second 0 --time-zero dates. The command asks for missing facts, and proposes the answers
+    with which it can read all.
 
     Example: ./porotwin import experiment experiment_bag
 

@@ -168,7 +168,12 @@ def _counted(
         InputError: they count no dates of an experiment.
     """
     if numbers is None:
-        readings = {name: _counted_from(name, _number(words[0])) for name in DATE_NUMBERS}
+        latest, now = max(map(_number, words)), datetime.now(UTC)
+        readings = {
+            name: _counted_from(name, _number(words[0]))
+            for name in DATE_NUMBERS
+            if (last := _counted_from(name, latest)) and last.date() <= now.date()
+        }
         shown = [f'{name}: {time:%Y-%m-%d %H:%M:%S}' for name, time in readings.items() if time]
         raise QuestionError(
             f"{places[0]}: '{words[0]}' counts from a date ({', '.join(shown) or 'none is known'})",

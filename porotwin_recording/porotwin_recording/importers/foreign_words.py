@@ -24,13 +24,15 @@ _LETTERS = str.maketrans({'ø': 'o', 'æ': 'ae', 'œ': 'oe', 'ł': 'l', 'đ': 'd
 
 NAMES: dict[str, tuple[str, ...]] = {
     'start': (
-        'start', 'begin', 'start_time', 'begin_time', 'beginn', 'anfang', 'startzeit', 'von',
+        'start', 'begin', 'start_time', 'starttidspunkt', 'startzeitpunkt', 'startdatum',
+        'date_de_debut', 'begin_time', 'beginn', 'anfang', 'startzeit', 'von',
         'debut', 'heure_de_debut', 'de', 'borjan', 'starttid', 'borjar', 'begynnelse', 'alku',
         'aloitus', 'fra', 'fran', 'inicio', 'inizio', 'comienzo', 'desde', 'da', 'starttijd',
         'aanvang', 'van', 'from', 'on',
     ),
     'end': (
-        'end', 'stop', 'end_time', 'stop_time', 'ende', 'endzeit', 'bis', 'fin', 'heure_de_fin',
+        'end', 'stop', 'end_time', 'sluttidspunkt', 'endzeitpunkt', 'enddatum', 'date_de_fin',
+        'stop_time', 'ende', 'endzeit', 'bis', 'fin', 'heure_de_fin',
         'a', 'slut', 'sluttid', 'stopp', 'slutt', 'loppu', 'lopetus', 'til', 'till', 'final',
         'fine', 'hasta', 'einde', 'eindtijd', 'tot', 'to', 'until', 'off',
     ),
@@ -42,7 +44,8 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     'time': (
         'time', 'times', 't', 'zeit', 'uhrzeit', 'temps', 'heure', 'tid', 'klokkeslett',
-        'klockslag', 'klokkeslaet', 'aika', 'kello', 'kellonaika', 'tiempo', 'hora', 'tempo', 'ora',
+        'klockslag', 'klokkeslaet', 'aika', 'kello', 'kellonaika', 'tiempo', 'hora', 'tempo',
+        'ora',
         'tijd',
     ),
     'date': ('date', 'datum', 'dato', 'paivamaara', 'paivays', 'fecha', 'data', 'dag', 'tag',
@@ -50,7 +53,10 @@ NAMES: dict[str, tuple[str, ...]] = {
     'duration': ('duration', 'dauer', 'duree', 'varaktighet', 'varighed', 'varighet', 'kesto',
                  'duracion', 'durata', 'duur'),
     'rate': (
-        'rate', 'flow', 'rate_of_flow', 'flow_rate', 'flowrate', 'forderrate', 'flussrate',
+        'rate', 'flow', 'rate_of_flow', 'injection_rate', 'pump_rate', 'infusion_rate',
+        'pumperate',
+        'pumpenrate', 'injektionsrate', 'forderstrom', 'volumenfluss', 'massenstrom',
+        'flow_rate', 'flowrate', 'forderrate', 'flussrate',
         'pumprate', 'durchfluss', 'fluss', 'volumenstrom', 'debit', 'flode', 'flow_hastighed',
         'pumphastighet', 'pumpehastighed', 'strom', 'virtaus', 'virtaama', 'pumppausnopeus',
         'caudal', 'flujo', 'tasa', 'portata', 'flusso', 'debiet', 'stroming', 'pompsnelheid',

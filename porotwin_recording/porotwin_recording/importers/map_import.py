@@ -149,10 +149,17 @@ class _ReadMaps(NamedTuple):
     @property
     def in_words(self) -> str:
         """The times of the maps and their largest value."""
-        maps = self.maps
-        largest = np.nanmax(maps[:]) if len(maps) else np.nan
-        times = f'{maps.times[0]:.6g} to {maps.times[-1]:.6g} s'
-        return f'{len(maps)} maps from {times}, up to {largest:.3g} of the stock'
+        times, values = self.maps.times, self.maps[:]
+        seen = values[values > 0.0]
+        if not seen.size:
+            return f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, nothing above 0'
+        heights = np.broadcast_to(self.maps.grid.z[:, None], values.shape)[values > 0.0]
+        height = np.average(heights, weights=seen)
+        shares = f'half of what is above 0 up to {np.median(seen):.2g}, all up to {seen.max():.3g}'
+        return (
+            f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, '
+            f'{shares}, its middle at z {height:.3g} m'
+        )
 
     @property
     def is_apart(self) -> bool:
@@ -514,14 +521,12 @@ def _ask_for_stock(path: Path, values: NDArray[Any], unit: str, largest: float) 
         return
     exact = float(np.nanmax(values))
     rest = values[values < exact]
-    ways: list[dict[str, float]] = []
+    ways = [{'stock': PERCENT if largest <= MOST_STOCK * PERCENT else exact}]
     if (values == exact).sum() > 1 and rest.size and rest.max() <= MOST_STOCK:
-        ways = [{'no_value': exact}]  # a number that stands alone, far above all others
-    elif largest <= MOST_STOCK * PERCENT:
-        ways = [{'stock': PERCENT}]
+        ways.append({'no_value': exact})  # a number that stands alone, far above all others
     raise QuestionError(
         f'{path}: concentrations reach {exact:.6g}, and 1 is tracer stock',
-        [*ways, {'stock': exact}],
+        ways,
         'give --stock, the value of the tracer stock',
     )
 

@@ -68,11 +68,15 @@ def _that_work(
         changed = replace(answers, **change)  # type: ignore[type-var]
         try:
             yield change, read(changed)
-        except QuestionError as further:
-            found = _that_work(read, changed, further, tried | change.keys())
-            yield from (({**change, **more}, result) for more, result in found)
+        except QuestionError as further:  # asked next; here it matters that an answer works
+            found = [result for _, result in _that_work(read, changed, further, tried | {*change})]
+            yield from ((change, result) for result in sorted(found, key=_is_apart)[:1])
         except InputError:
             continue
+
+
+def _is_apart(result: Read) -> bool:
+    return result.is_apart
 
 
 def _options(change: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, to_ml_h
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import (
     COMMANDED_FILE,
@@ -126,8 +126,12 @@ class _ReadProtocols(NamedTuple):
         times = [photo.time for photo in self.photos]
         seen = f', photographs from {min(times):.0f} to {max(times):.0f} s' if times else ''
         known = self.rates.known_rates
-        rates = f', rates from {known.rows[0].time:.0f} to {known.rows[-1].time:.0f} s'
-        return f'time zero {self.begin:%Y-%m-%d %H:%M:%S}{rates if known else ""}{seen}'
+        zero = f'time zero {self.begin:%Y-%m-%d %H:%M:%S}'
+        if known is None:
+            return f'{zero}{seen}'
+        largest = to_ml_h(max(abs(row.rate.rate) for row in known.rows))
+        span = f'{known.rows[0].time:.0f} to {known.rows[-1].time:.0f} s'
+        return f'{zero}, rates from {span} up to {largest:.6g} ml/h{seen}'
 
     @property
     def is_apart(self) -> bool:
