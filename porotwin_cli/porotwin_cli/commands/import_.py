@@ -159,14 +159,14 @@ def command(
         else:
             answers = ProtocolAnswers(
                 date_order,
-                date_numbers,
-                clock,
                 time_zone,
                 decimal,
                 rate_unit,
                 concentration_in(concentration),
                 camera_ahead,
                 time_zero,
+                date_numbers,
+                clock,
             )
             told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
         for line in told:

@@ -37,8 +37,9 @@ class QuestionError(InputError):
     """
 
     def __init__(self, fault: str, answers: Sequence[Mapping[str, Any]], otherwise: str) -> None:
-        super().__init__(f'{fault}; {otherwise}')
-        self.fault, self.answers = fault, answers
+        mark = '' if fault.endswith('?') else ';'
+        super().__init__(f'{fault}{mark} {otherwise}')
+        self.fault, self.answers, self.otherwise = f'{fault}{mark}', answers, otherwise
 
 
 def settled(read: Callable[[Answers], R], answers: Answers) -> R:
@@ -55,7 +56,8 @@ def settled(read: Callable[[Answers], R], answers: Answers) -> R:
             raise InputError(str(question)) from None
         met = [each for each in found if not each[1].is_apart] or found
         ways = [f'{_options(change)} ({read_so.in_words})' for change, read_so in met]
-        raise InputError(f'{question.fault}; give {", or ".join(ways)}') from None
+        told = ', or '.join([*ways, question.otherwise])
+        raise InputError(f'{question.fault} give {told}') from None
 
 
 def _that_work(

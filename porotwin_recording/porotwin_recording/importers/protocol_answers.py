@@ -26,25 +26,25 @@ class ProtocolAnswers:
     Attributes:
         date_order: order of day and month.
         time_zone: zone of times without one, such as Europe/Oslo.
-        date_numbers: what numbers in place of dates count.
-        clock: a 12-hour clock of the pumps, by the half of the day in which its log begins.
         decimal: decimal point or comma.
         rate_unit: unit of rates, such as ml/min.
         concentration: concentration of injected fluids where no column has it [-]: one for all
             wells, or one for each by name.
         camera_ahead_s: time by which the camera's clock is ahead of the pumps' [s].
         time_zero: date and time of second 0 of rates.csv, by the clock of the pumps.
+        date_numbers: what numbers in place of dates count.
+        clock: a 12-hour clock of the pumps, by the half of the day in which its log begins.
     """
 
     date_order: DateOrder | None = None
-    date_numbers: DateNumbers | None = None
-    clock: Clock | None = None
     time_zone: str = ''
     decimal: Decimal | None = None
     rate_unit: str = ''
     concentration: float | Mapping[str, float] | None = None
     camera_ahead_s: float = 0.0
     time_zero: str = ''
+    date_numbers: DateNumbers | None = None
+    clock: Clock | None = None
 
 
 def concentration_in(text: str) -> float | dict[str, float] | None:
