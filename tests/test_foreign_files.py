@@ -29,6 +29,8 @@ height_m: 0.4
 depth_m: 0.01
 porosity: 0.4
 permeability_m2: 1.0e-10
+viscosity_pa_s: 1.0e-3
+density_kg_m3: 998.0
 boundaries: {top: open, bottom: closed, left: closed, right: closed}
 wells:
   injector: {x_m: 0.3, z_m: 0.2}

@@ -59,9 +59,7 @@ def test_exif_with_subseconds_and_zone() -> None:
     ],
     ids=['changed', 'digitized', 'own first', 'empty', 'unchanged', 'edited later'],
 )
-def test_other_tags_of_the_zone_count_unless_a_file_was_edited_later(
-    tmp_path, tags, zone
-) -> None:
+def test_other_tags_of_the_zone_count_unless_a_file_was_edited_later(tmp_path, tags, zone) -> None:
     path = tmp_path / 'a.jpg'
     path.write_bytes(with_exif(original='2021:09:03 16:05:06', **tags))
     assert exif_words(path) == f'2021-09-03 16:05:06{zone}'

@@ -67,7 +67,7 @@ def test_a_cut_within_a_scan_is_refused_without_a_line_of_the_decoder(options, c
     for share in (0.5, 0.8, 0.95, 0.98):
         cut = data[: int(share * len(data))] + JPEG_END
         with pytest.raises(InputError, match='is broken') as error:
-            jpeg_pixels(cut)
+            jpeg_pixels(cut, 1)
         assert '\n' not in str(error.value)
     assert capfd.readouterr() == ('', '')
 

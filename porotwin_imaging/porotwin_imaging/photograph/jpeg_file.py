@@ -125,7 +125,7 @@ def _missing_scans(frame: _Segment, scans: Sequence[bytes]) -> str:
     return f'scans of {missing} of {number} components are missing' if missing else ''
 
 
-def jpeg_pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8]:
+def jpeg_pixels(data: bytes, reduction: int) -> NDArray[np.uint8]:
     """Return blue-green-red pixels, 1 / `reduction` (1, 2, 4 or 8) of the size of the file.
 
     Raises:

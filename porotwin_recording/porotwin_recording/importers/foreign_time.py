@@ -38,9 +38,6 @@ DATE_NUMBERS: dict[DateNumbers, tuple[float, float]] = {
 UNIX = ('unix-s', 'unix-ms')
 """Those that count in UTC."""
 
-FIRST_COUNTED_YEAR = 1985
-"""Computers count dates of experiments since then."""
-
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _TIME = (
@@ -202,7 +199,7 @@ def _counted_from(numbers: DateNumbers, count: float) -> datetime | None:
         time = _EPOCH + timedelta(seconds=round(seconds) if unit == DAY_S else seconds)
     except (OverflowError, ValueError):
         return None
-    return time if FIRST_COUNTED_YEAR <= time.year <= LAST_YEAR else None
+    return time if _EPOCH.year < time.year <= LAST_YEAR else None
 
 
 def on_twelve_hours(times: Sequence[datetime], clock: Clock, where: str) -> list[datetime]:

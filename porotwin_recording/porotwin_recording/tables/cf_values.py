@@ -109,7 +109,7 @@ def _add(missing: NDArray[np.bool_], found: Any, words: str, counts: Counts) -> 
         missing |= found
 
 
-def without_codes(values: NDArray[Any], stock: float = 1.0) -> tuple[NDArray[Any], Counts]:
+def without_codes(values: NDArray[Any], stock: float) -> tuple[NDArray[Any], Counts]:
     """Return concentrations with NaN in place of numbers that stand for no value.
 
     Such a number is beyond every concentration. Or it is far below zero and stands in several

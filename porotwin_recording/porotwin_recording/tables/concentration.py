@@ -242,7 +242,7 @@ def _tell_range(path: Path, variable: netCDF4.Variable) -> None:
 
 def without_impossible(maps: Maps, path: Path) -> Maps:
     """Return the `maps` of the recording `path` with NaN in place of impossible concentrations."""
-    values, counts = without_codes(maps)
+    values, counts = without_codes(maps, stock=1.0)
     if counts:
         LOG.warning(
             '%s: in %d maps, %s; write NaN there', path, len(maps), in_words(counts, maps.size)
