@@ -126,7 +126,7 @@ class _WrittenMaps:
         )
 
     def close(self) -> None:
-        """Close the file; those of a zarr folder are closed."""
+        """Close the file; a zarr folder has none open."""
         if self._dataset is not None:
             self._dataset.close()
 
@@ -199,7 +199,7 @@ class _Begun:
         new.replace(self._mark)  # a kill may come at any moment
 
     def remove(self) -> None:
-        """Remove what is left of the export."""
+        """Remove the rest of the export."""
         if self.path.is_dir():
             shutil.rmtree(self.path)
         self.path.unlink(missing_ok=True)
@@ -246,7 +246,7 @@ def _about(recording: Recording) -> dict[str, Any]:
 
 
 def _variables(recording: Recording) -> dict[str, _Variable]:
-    """Return all variables, those of the maps without their values."""
+    """Return all variables; the maps have no values yet."""
     rig, grid, maps = recording.rig, recording.grid, recording.present_maps
 
     def of(values: Any, dimension: str, unit: str, meaning: str, **more: str) -> _Variable:

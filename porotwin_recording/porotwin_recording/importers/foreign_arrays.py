@@ -107,7 +107,7 @@ def _zarr_array(path: Path, name: str, array: Any) -> NamedArray:
     if isinstance(fill, str):  # xarray writes the bytes of a float
         attributes['_FillValue'] = struct.unpack('<d', base64.b64decode(fill))[0]
     elif fill is None and array.metadata.zarr_format == 2 and array.fill_value:
-        attributes['_FillValue'] = array.fill_value  # 0 is what programs write without asking
+        attributes['_FillValue'] = array.fill_value  # programs write 0 without being asked
     return NamedArray(read, array.shape, tuple(map(str, names or ())), attributes)
 
 

@@ -1,7 +1,7 @@
 """CSV tables of other programs: separators, decimal commas and encodings as Excel writes them.
 
-The heads may stand below lines of comments, in any language of `foreign_words.py`, and above a line
-of units.
+The heads may stand below comments and above a line of units, in any language of
+`words_of_languages.py`.
 """
 
 import codecs
@@ -17,8 +17,13 @@ from typing import Literal
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_recording.importers.foreign_units import is_unit
-from porotwin_recording.importers.foreign_words import NAMES, plain, quantities, with_plain_signs
 from porotwin_recording.importers.open_question import QuestionError
+from porotwin_recording.importers.words_of_languages import (
+    NAMES,
+    plain,
+    quantities,
+    with_plain_signs,
+)
 
 Decimal = Literal['point', 'comma']
 
@@ -206,7 +211,7 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
 
 @dataclass(frozen=True)
 class _Rows:
-    """The head of a table, the rows below it with their line numbers, and what separates both."""
+    """The head of a table, the numbered rows below it, and the separator."""
 
     head: list[str]
     below: list[tuple[int, list[str]]]

@@ -10,13 +10,13 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
 from porotwin_recording.importers.foreign_table import number_in
-from porotwin_recording.importers.foreign_words import ZONES, month_of, with_plain_signs
 from porotwin_recording.importers.open_question import QuestionError
+from porotwin_recording.importers.words_of_languages import ZONES, month_of, with_plain_signs
 
 DateOrder = Literal['day-first', 'month-first']
 DateNumbers = Literal['excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms']
 Clock = Literal['12h-am', '12h-pm']
-"""A 12-hour clock without am and pm, by the half of the day in which its log begins."""
+"""A 12-hour clock without am and pm; its log begins in the first or second half of a day."""
 
 MONTHS = 12
 HALF_DAY_H = 12
@@ -111,7 +111,7 @@ def moments(
         order: order of day and month in dates such as 3/4/2024; None: as the dates show.
         zone: time zone, such as Europe/Oslo; empty: none.
         places: the place of each word, for messages; empty: its row in a table with a header.
-        numbers: what numbers in place of dates count; None: not known.
+        numbers: system of numbers in place of dates; None: not known.
 
     Raises:
         InputError: a word is no time, lacks the time of day that others have, is none in its zone,
@@ -161,7 +161,7 @@ def _counted(
     """Return the times that numbers count; local ones if a spreadsheet or MATLAB wrote them.
 
     Raises:
-        QuestionError: nothing says what they count.
+        QuestionError: their system is not known.
         InputError: they count no dates of an experiment.
     """
     if numbers is None:
@@ -207,7 +207,7 @@ def on_twelve_hours(times: Sequence[datetime], clock: Clock, where: str) -> list
 
     Args:
         times: as written, in their order.
-        clock: half of the day in which they begin.
+        clock: tells the half of the day of the first.
         where: file and column, for messages.
 
     Raises:

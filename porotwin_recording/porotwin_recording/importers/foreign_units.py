@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cftime
 
 from porotwin_core.basis.errors import InputError
-from porotwin_recording.importers.foreign_words import NAMES, UNITS, plain, with_plain_signs
+from porotwin_recording.importers.words_of_languages import NAMES, UNITS, plain, with_plain_signs
 
 if TYPE_CHECKING:
     import pint
@@ -24,7 +24,7 @@ SHARES = {'': 1.0, '1': 1.0, '-': 1.0, '%': 1e-2}
 """Shares of the tracer stock [-] by name."""
 
 _PLAIN_UNIT = re.compile(r'[a-z\d*/%.()-]{1,40}')
-"""What a library may see: it computes powers."""
+"""Texts for the library; it computes powers, so others are kept from it."""
 
 _NAMED = re.compile(
     '(?:'
@@ -75,7 +75,7 @@ def _size_in(unit: str, wanted: str) -> float | None:
         return None
     try:
         return float(_registry().Quantity(1.0, _registry().parse_units(text)).to(wanted).magnitude)
-    except Exception:  # it raises errors of many types, those of Python's own parser too
+    except Exception:  # it raises errors of many types
         return None
 
 

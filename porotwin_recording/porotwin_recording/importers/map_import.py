@@ -4,7 +4,7 @@
 - CSV: columns time, x, z and concentration, one line for each value, in any order.
 - NetCDF, zarr (version 2 or 3): dimensions time, z or y, x, in any order, with coordinates.
 - MATLAB: as npz, but (row, column, time).
-- TIFF: a stack of which ImageJ knows the interval.
+- TIFF: a stack with the interval of ImageJ.
 """
 
 import functools
@@ -32,9 +32,9 @@ from porotwin_recording.importers.foreign_units import (
     time_factor,
     unit_in,
 )
-from porotwin_recording.importers.foreign_words import NAMES as ALL_NAMES
-from porotwin_recording.importers.foreign_words import plain
 from porotwin_recording.importers.open_question import QuestionError, settled
+from porotwin_recording.importers.words_of_languages import NAMES as ALL_NAMES
+from porotwin_recording.importers.words_of_languages import plain
 from porotwin_recording.tables.cf_values import (
     LEAST_NOISE,
     Counts,
@@ -155,7 +155,7 @@ class _ReadMaps(NamedTuple):
             return f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, nothing above 0'
         heights = np.broadcast_to(self.maps.grid.z[:, None], values.shape)[values > 0.0]
         height = np.average(heights, weights=seen)
-        shares = f'half of what is above 0 up to {np.median(seen):.2g}, all up to {seen.max():.3g}'
+        shares = f'median above 0 {np.median(seen):.2g}, largest {seen.max():.3g}'
         return (
             f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, '
             f'{shares}, its middle at z {height:.3g} m'

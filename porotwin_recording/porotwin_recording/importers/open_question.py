@@ -1,7 +1,7 @@
 """Questions that an input leaves open: an answer is proposed only after it was tried on the input.
 
-A reader raises an `QuestionError` with the answers that it can think of. `settled` reads the input
-with each of them. It proposes those with which all of it can be read, and tells what they give.
+A reader raises a `QuestionError` with possible answers. `settled` reads the input with each. It
+proposes the answers that work for the whole input, and tells the result of each.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from porotwin_core.basis.errors import InputError
 
 
 class Read(Protocol):
-    """What a reading of an input gives."""
+    """The result of a reading."""
 
     @property
     def in_words(self) -> str:
@@ -33,7 +33,7 @@ class QuestionError(InputError):
     Args:
         fault: the thing and its value.
         answers: changes of the answers, by their names; options have the same names.
-        otherwise: what mends it if none of them does.
+        otherwise: another remedy.
     """
 
     def __init__(self, fault: str, answers: Sequence[Mapping[str, Any]], otherwise: str) -> None:
@@ -43,7 +43,7 @@ class QuestionError(InputError):
 
 
 def settled(read: Callable[[Answers], R], answers: Answers) -> R:
-    """Return what `read` gives with the `answers` of a person.
+    """Return the result of `read` for the `answers` of a person.
 
     Raises:
         InputError: a question is open; the line proposes the answers that work.
@@ -63,7 +63,7 @@ def settled(read: Callable[[Answers], R], answers: Answers) -> R:
 def _that_work(
     read: Callable[[Answers], R], answers: Answers, question: QuestionError, tried: frozenset[str]
 ) -> Iterator[tuple[Mapping[str, Any], R]]:
-    """Yield the changes of the answers with which all can be read, and what they give."""
+    """Yield the changes of the answers that work, and their results."""
     for change in question.answers:
         if tried & change.keys():
             continue

@@ -32,8 +32,8 @@ class ProtocolAnswers:
             wells, or one for each by name.
         camera_ahead_s: time by which the camera's clock is ahead of the pumps' [s].
         time_zero: date and time of second 0 of rates.csv, by the clock of the pumps.
-        date_numbers: what numbers in place of dates count.
-        clock: a 12-hour clock of the pumps, by the half of the day in which its log begins.
+        date_numbers: system of numbers in place of dates.
+        clock: a 12-hour clock of the pumps.
     """
 
     date_order: DateOrder | None = None

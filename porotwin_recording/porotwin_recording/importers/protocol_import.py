@@ -113,7 +113,7 @@ def import_protocols(
 
 
 class _ReadProtocols(NamedTuple):
-    """What a folder holds: rates and photographs from time zero on, and the assumptions made."""
+    """The content of a folder: rates and photographs from time zero on, and the assumptions made."""
 
     begin: datetime
     rates: RecordedData
@@ -145,7 +145,7 @@ class _ReadProtocols(NamedTuple):
 def _read(
     folder: Path, rig: Rig, answers: ProtocolAnswers, exposure: ReadExposure
 ) -> _ReadProtocols:
-    """Return what the folder holds with the `answers`.
+    """Return the content of the folder for the `answers`.
 
     Raises:
         InputError: as `import_protocols`.

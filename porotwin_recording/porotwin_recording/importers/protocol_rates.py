@@ -30,7 +30,6 @@ from porotwin_recording.importers.foreign_units import (
     share_factor,
     unit_in,
 )
-from porotwin_recording.importers.foreign_words import NAMES, plain
 from porotwin_recording.importers.open_question import QuestionError
 from porotwin_recording.importers.protocol_answers import (
     INJECTION_PROTOCOL,
@@ -39,6 +38,7 @@ from porotwin_recording.importers.protocol_answers import (
     dated_words,
     protocol_moments,
 )
+from porotwin_recording.importers.words_of_languages import NAMES, plain
 
 NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""

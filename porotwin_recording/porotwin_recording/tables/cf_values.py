@@ -1,7 +1,7 @@
 """Values as the attributes of a file mean them: packed numbers, and numbers for no value.
 
 The one reader of the conventions CF and NetCDF for maps, whoever opens the file and whichever
-library does. It counts what becomes NaN.
+library does. It counts the values that become NaN.
 
 Conventions: https://cfconventions.org (2.5.1, 8.1), and the NetCDF users' guide, appendix A.
 """
@@ -32,7 +32,7 @@ def unpacked(raw: NDArray[Any], attributes: Mapping[str, Any]) -> tuple[NDArray[
 
     Args:
         raw: the numbers as they are stored.
-        attributes: those of the variable: fill value, valid range, scale and offset.
+        attributes: fill value, valid range, scale and offset of the variable.
     """
     if raw.dtype.kind not in 'biuf':
         return raw, {}
@@ -85,7 +85,7 @@ def _ranges(
 ) -> list[tuple[float, float, bool, str]]:
     """Return each range of valid values, whether it is of unpacked values, and its words.
 
-    A range is of packed numbers, unless its type is that of the scale.
+    A range is of packed numbers, unless it is of floats.
     """
     found = []
     for name in _VALID:

@@ -223,7 +223,7 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
 
 
 def _values(variable: netCDF4.Variable, start: int, stop: int) -> tuple[NDArray[Any], Counts]:
-    """Return the values of a variable from `start` to `stop`, and what became NaN."""
+    """Return the values of a variable from `start` to `stop`, and the counts of new NaN."""
     variable.set_auto_maskandscale(False)
     return unpacked(np.asarray(variable[start:stop]), netcdf_attributes(variable))
 

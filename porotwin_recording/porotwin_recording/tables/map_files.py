@@ -1,4 +1,4 @@
-"""Files of maps: those of a folder, whatever their names are."""
+"""Files of maps in a folder, by their content."""
 
 from pathlib import Path
 

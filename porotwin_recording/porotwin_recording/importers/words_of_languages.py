@@ -105,7 +105,7 @@ UNITS = {
     **dict.fromkeys(('prozent', 'pourcent', 'procent', 'prosent', 'prosenttia', 'por_ciento',
                      'percento', 'percent', 'pct'), '%'),
 }  # fmt: skip
-"""Words in units, and what they mean."""
+"""Words in units, and their meanings."""
 
 _MONTHS = (
     'january janvier januar januari tammikuu enero gennaio',
