@@ -513,7 +513,7 @@ def test_tiff_stacks_have_the_times_of_imagej(tmp_path: Path, recording: Recordi
         ('microseconds since 2024-05-31', 'proleptic_gregorian', 1e6),
         ('hours since 2024-05-31', 'noleap', 1 / 3600),
         ('days since 2024-05-31', 'julian', 1 / 86400),
-        ('months since 2024-05-31', '360_day', 1 / (30 * 86400)),
+        ('months since 2024-05-30', '360_day', 1 / (30 * 86400)),
         ('months since 2024-05-31', 'standard', None),
     ],
 )
@@ -549,9 +549,7 @@ def test_a_file_of_maps_and_a_recording_read_the_same_values(tmp_path, recording
     with netCDF4.Dataset(path, 'a') as dataset:
         dataset['concentration'].valid_max = np.float32(0.5)
         dataset['concentration'][0, 0, 0] = -9999
-    opened = open_recording(tmp_path / 'origin')
+    opened = open_recording(tmp_path / 'origin').concentration
     path.rename(tmp_path / 'maps.nc')
-    np.testing.assert_array_equal(
-        imported(tmp_path / 'maps.nc')[0].concentration, opened.concentration
-    )
-    assert np.nanmax(opened.concentration) <= 0.5
+    np.testing.assert_array_equal(imported(tmp_path / 'maps.nc')[0].concentration, opened)
+    assert np.nanmax(opened) <= 0.5

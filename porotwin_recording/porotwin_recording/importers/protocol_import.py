@@ -113,7 +113,7 @@ def import_protocols(
 
 
 class _ReadProtocols(NamedTuple):
-    """The content of a folder: rates and photographs from time zero on, and the assumptions made."""
+    """The content of a folder: rates and photographs from time zero on, and all assumptions."""
 
     begin: datetime
     rates: RecordedData
