@@ -5,7 +5,8 @@ from datetime import UTC, datetime
 import pytest
 
 from porotwin_core.basis.errors import InputError
-from porotwin_recording.importers.foreign_time import moments, names_zone, on_twelve_hours
+from porotwin_recording.importers.foreign_time import moments, names_zone
+from porotwin_recording.importers.twelve_hours import on_twelve_hours
 
 
 def test_times_of_a_zone_follow_its_summer_time() -> None:

@@ -8,37 +8,24 @@ from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_recording.importers.date_numbers import (
+    DATE_NUMBERS,
+    FIRST_YEAR,
+    LAST_YEAR,
+    UNIX,
+    DateNumbers,
+    counted_from,
+)
 from porotwin_recording.importers.foreign_table import number_in
 from porotwin_recording.importers.open_question import QuestionError
 from porotwin_recording.importers.words_of_languages import ZONES, month_of, with_plain_signs
 
 DateOrder = Literal['day-first', 'month-first']
-DateNumbers = Literal['excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms']
-Clock = Literal['12h-am', '12h-pm']
-"""A 12-hour clock without am and pm; its log begins in the first or second half of a day."""
-
 MONTHS = 12
 HALF_DAY_H = 12
 CENTURY = 2000
 """Years of two digits belong to this century."""
-
-FIRST_YEAR, LAST_YEAR = 1900, 2200
-"""Years of experiments; other ones are slips."""
-
-DATE_NUMBERS: dict[DateNumbers, tuple[float, float]] = {
-    'excel-1900': (25569.0, DAY_S),
-    'excel-1904': (24107.0, DAY_S),
-    'matlab': (719529.0, DAY_S),
-    'unix-s': (0.0, 1.0),
-    'unix-ms': (0.0, 1e-3),
-}
-"""Numbers that programs count dates with: the number of 1970-01-01, and the unit [s]."""
-
-UNIX = ('unix-s', 'unix-ms')
-"""Those that count in UTC."""
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _TIME = (
     r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)'
@@ -167,9 +154,9 @@ def _counted(
     if numbers is None:
         latest, now = max(map(_number, words)), datetime.now(UTC)
         readings = {
-            name: _counted_from(name, _number(words[0]))
+            name: counted_from(name, _number(words[0]))
             for name in DATE_NUMBERS
-            if (last := _counted_from(name, latest)) and last.date() <= now.date()
+            if (last := counted_from(name, latest)) and last.date() <= now.date()
         }
         shown = [f'{name}: {time:%Y-%m-%d %H:%M:%S}' for name, time in readings.items() if time]
         raise QuestionError(
@@ -179,55 +166,13 @@ def _counted(
         )
     found = []
     for word, place in zip(words, places, strict=True):
-        time = _counted_from(numbers, _number(word))
+        time = counted_from(numbers, _number(word))
         if time is None:
             raise InputError(f"{place}: '{word}' is no date in {numbers}; correct it")
         local = zone and numbers not in UNIX
         found.append(_in_zone(time.replace(tzinfo=None), zone, place) if local else time)
     _check_years(found, words, places)
     return found, [f'numbers are dates of {numbers}']
-
-
-def _counted_from(numbers: DateNumbers, count: float) -> datetime | None:
-    """Return the time that a number counts; None if it is none.
-
-    Days are rounded to seconds, because their digits in tables end near there.
-    """
-    first, unit = DATE_NUMBERS[numbers]
-    seconds = (count - first) * unit
-    try:
-        time = _EPOCH + timedelta(seconds=round(seconds) if unit == DAY_S else seconds)
-    except (OverflowError, ValueError):
-        return None
-    return time if _EPOCH.year < time.year <= LAST_YEAR else None
-
-
-def on_twelve_hours(times: Sequence[datetime], clock: Clock, where: str) -> list[datetime]:
-    """Return the times of a 12-hour clock without am and pm, the earliest that never fall.
-
-    Args:
-        times: as written, in their order.
-        clock: tells the half of the day of the first.
-        where: file and column, for messages.
-
-    Raises:
-        InputError: an hour is above 12, or a time falls whichever half of the day it is of.
-    """
-    half = timedelta(hours=HALF_DAY_H)
-    found: list[datetime] = []
-    for time in times:
-        morning = time - half if time.hour == HALF_DAY_H else time
-        ways = [morning, morning + half]
-        if time.hour > HALF_DAY_H or time.hour == 0:
-            raise InputError(
-                f'{where}: hour {time.hour} is none of a 12-hour clock; leave --clock out'
-            )
-        ways = ways if found else [ways[clock == '12h-pm']]
-        later = [way for way in ways if not found or way >= found[-1]]
-        if not later:
-            raise InputError(f'{where}: {time} falls on a 12-hour clock too; correct it')
-        found.append(later[0])
-    return found
 
 
 def names_zone(words: Sequence[str]) -> bool:

@@ -35,14 +35,9 @@ from porotwin_recording.importers.foreign_units import (
 from porotwin_recording.importers.open_question import QuestionError, settled
 from porotwin_recording.importers.words_of_languages import NAMES as ALL_NAMES
 from porotwin_recording.importers.words_of_languages import plain
-from porotwin_recording.tables.cf_values import (
-    LEAST_NOISE,
-    Counts,
-    in_words,
-    unpacked,
-    without_codes,
-)
+from porotwin_recording.tables.cf_values import unpacked
 from porotwin_recording.tables.concentration import ConcentrationMaps
+from porotwin_recording.tables.no_value import LEAST_NOISE, Counts, in_words, without_codes
 from porotwin_recording.tables.recorded_data import RecordedData
 
 SUFFIXES = (*ARRAY_FILES, '.csv')

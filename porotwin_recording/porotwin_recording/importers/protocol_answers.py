@@ -5,14 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.date_numbers import DateNumbers
 from porotwin_recording.importers.foreign_table import Decimal, ForeignTable
-from porotwin_recording.importers.foreign_time import (
-    TIME_ALONE,
-    Clock,
-    DateNumbers,
-    DateOrder,
-    moments,
-)
+from porotwin_recording.importers.foreign_time import TIME_ALONE, DateOrder, moments
+from porotwin_recording.importers.twelve_hours import Clock
 
 IMAGING_PROTOCOL = 'imaging_protocol.csv'
 INJECTION_PROTOCOL = 'injection_protocol.csv'

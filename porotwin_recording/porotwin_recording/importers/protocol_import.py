@@ -23,6 +23,7 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
     write_folder,
 )
+from porotwin_recording.importers.date_numbers import UNIX
 from porotwin_recording.importers.dated_photographs import (
     ReadExposure,
     camera_files,
@@ -30,7 +31,7 @@ from porotwin_recording.importers.dated_photographs import (
 )
 from porotwin_recording.importers.foreign_arrays import ARRAY_FILES
 from porotwin_recording.importers.foreign_table import read_foreign_table
-from porotwin_recording.importers.foreign_time import UNIX, moments, names_zone
+from porotwin_recording.importers.foreign_time import moments, names_zone
 from porotwin_recording.importers.open_question import settled
 from porotwin_recording.importers.protocol_answers import (
     IMAGING_PROTOCOL,

@@ -6,7 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from porotwin_recording.importers.foreign_table import (
     number_in,
     read_foreign_table,
 )
-from porotwin_recording.importers.foreign_time import HALF_DAY_H, names_zone, on_twelve_hours
+from porotwin_recording.importers.foreign_time import names_zone
 from porotwin_recording.importers.foreign_units import (
     check_density,
     density_factor,
@@ -37,6 +37,10 @@ from porotwin_recording.importers.protocol_answers import (
     ProtocolAnswers,
     dated_words,
     protocol_moments,
+)
+from porotwin_recording.importers.twelve_hours import (
+    may_be_of_twelve_hours,
+    rates_on_twelve_hours,
 )
 from porotwin_recording.importers.words_of_languages import NAMES, plain
 
@@ -77,7 +81,7 @@ def pumped_rates(
     wells = _wells(table, rig, told)
     ends = _ends(table, starts, wells, answers, told)
     if answers.clock:
-        starts, ends = _on_twelve_hours(path, starts, ends, answers)
+        starts, ends = rates_on_twelve_hours(path, starts, ends, answers.clock)
         told.append(f'{path}: times of a 12-hour clock without am and pm')
     rates = _rates(table, rig, answers, told)
     as_commanded = commanded and table.find('concentration') is None
@@ -94,7 +98,7 @@ def pumped_rates(
             raise QuestionError(
                 f'{path}:{number}: ends at {end:%H:%M}, not after its start at {start:%H:%M}'
                 + ', as on a 12-hour clock without am and pm'
-                * (twelve := _may_be_twelve(starts, ends)),
+                * (twelve := may_be_of_twelve_hours(starts, ends)),
                 [{'clock': '12h-am'}, {'clock': '12h-pm'}] * twelve,
                 'correct one of both, or write am and pm',
             )
@@ -104,32 +108,6 @@ def pumped_rates(
     if path.name == MEASURED_PROTOCOL:
         told += _gaps(path, rows)
     return with_commanded_shares(rows, commanded) if commanded and as_commanded else rows
-
-
-def _may_be_twelve(starts: Sequence[datetime], ends: Sequence[datetime | None]) -> bool:
-    """Return whether all times may be of a 12-hour clock."""
-    return all(0 < time.hour <= HALF_DAY_H for time in (*starts, *filter(None, ends)))
-
-
-def _on_twelve_hours(
-    path: Path,
-    starts: Sequence[datetime],
-    ends: Sequence[datetime | None],
-    answers: ProtocolAnswers,
-) -> tuple[list[datetime], list[datetime | None]]:
-    """Return the times of a log on a 12-hour clock, in the order of its rows.
-
-    Raises:
-        InputError: they fall on such a clock too.
-    """
-    assert answers.clock is not None
-    begun = on_twelve_hours(starts, answers.clock, str(path))
-    half = timedelta(hours=HALF_DAY_H)
-    stopped: list[datetime | None] = []
-    for start, written in zip(begun, ends, strict=True):
-        ways = () if written is None else (written - half, written, written + half)
-        stopped.append(next((way for way in ways if way > start), written))
-    return begun, stopped
 
 
 def with_commanded_shares(rows: list[PumpedRate], commanded: list[PumpedRate]) -> list[PumpedRate]:

@@ -19,14 +19,12 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.property_file import check_variable
 from porotwin_recording.tables.cf_values import (
-    Counts,
     has_range,
-    in_words,
     netcdf_attributes,
     unpacked,
-    without_codes,
 )
 from porotwin_recording.tables.map_writer import MapWriter
+from porotwin_recording.tables.no_value import Counts, in_words, without_codes
 
 Maps = NDArray[np.float32]
 
