@@ -15,6 +15,7 @@ PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 ROSDEP_KEYS = {
     'aiohttp': 'python3-aiohttp',
     'ament_index_python': 'ament_index_python',
+    'cftime': 'python3-cftime',
     'cv2': 'python3-opencv',
     'jinja2': 'python3-jinja2',
     'matplotlib': 'python3-matplotlib',

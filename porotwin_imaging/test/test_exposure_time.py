@@ -18,9 +18,18 @@ def with_exif(**tags: str) -> bytes:
     image = Image.fromarray(np.full((20, 30, 3), 90, np.uint8))
     exif = Image.Exif()
     details = exif.get_ifd(0x8769)
-    codes = {'original': 0x9003, 'subsecond': 0x9291, 'offset': 0x9011}
+    codes = {
+        'original': 0x9003,
+        'subsecond': 0x9291,
+        'offset': 0x9011,
+        'offset_digitized': 0x9012,
+        'offset_changed': 0x9010,
+    }
     for name, value in tags.items():
-        details[codes[name]] = value
+        if name == 'changed':
+            exif[0x0132] = value
+        else:
+            details[codes[name]] = value
     file = io.BytesIO()
     image.save(file, 'JPEG', exif=exif)
     return file.getvalue()
@@ -36,6 +45,24 @@ def test_exif_with_subseconds_and_zone() -> None:
     assert exif_time(west) == pytest.approx(MOMENT)
     without_colon = with_exif(original='2021:09:03 08:35:06', offset='-0530')
     assert exif_time(without_colon) == pytest.approx(MOMENT)
+
+
+@pytest.mark.parametrize(
+    ('tags', 'zone'),
+    [
+        ({'offset_changed': '+02:00'}, '+02:00'),
+        ({'offset_digitized': '+02:00'}, '+02:00'),
+        ({'offset': '+02:00', 'offset_changed': '+05:00'}, '+02:00'),
+        ({'offset': '   :  ', 'offset_changed': '+02:00'}, '+02:00'),
+        ({'changed': '2021:09:03 16:05:06', 'offset_changed': '+02:00'}, '+02:00'),
+        ({'changed': '2021:09:05 09:00:00', 'offset_changed': '+09:00'}, ''),
+    ],
+    ids=['changed', 'digitized', 'own first', 'empty', 'unchanged', 'edited later'],
+)
+def test_other_tags_of_the_zone_count_unless_a_file_was_edited_later(tmp_path, tags, zone) -> None:
+    path = tmp_path / 'a.jpg'
+    path.write_bytes(with_exif(original='2021:09:03 16:05:06', **tags))
+    assert exif_words(path) == f'2021-09-03 16:05:06{zone}'
 
 
 def test_exif_without_zone_is_local_time() -> None:

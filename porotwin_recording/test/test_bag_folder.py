@@ -1,5 +1,8 @@
 """Tests of the files of a bag: several, missing, compressed, and of other formats."""
 
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -10,6 +13,8 @@ import yaml
 import zstandard
 from bag_examples import write_setpoints
 from recording_examples import STRING
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
@@ -145,24 +150,68 @@ def test_messages_compressed_by_ros2_bag_are_read(tmp_path: Path) -> None:
         next(messages)
 
 
+def test_a_sqlite_bag_is_converted_by_the_command_of_the_message(tmp_path: Path) -> None:
+    folder = tmp_path / 'my run'
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        connection = bag.add_connection('/words', 'std_msgs/msg/String', typestore=store)
+        word = store.types['std_msgs/msg/String']('word')
+        bag.write(connection, 7, store.serialize_cdr(word, 'std_msgs/msg/String'))
+    for path in (folder, next(folder.glob('*.db3'))):
+        with pytest.raises(InputError, match='is a sqlite3 bag; convert it with') as error:
+            open_recording(path)
+        command = shlex.split(str(error.value).split("'rosbags-convert")[1].removesuffix("'"))
+        subprocess.run([Path(sys.executable).parent / 'rosbags-convert', *command], check=True)
+        made = Path(command[command.index('--dst') + 1])
+        assert times(made) == [7]
+
+
 @pytest.mark.parametrize('name', ['run.bag', 'run.db3', 'run.db3.zstd', 'folder/run_0.db3'])
-def test_other_formats_are_named_with_the_remedy(tmp_path: Path, name: str) -> None:
+def test_no_command_is_proposed_that_cannot_open_the_bag(tmp_path: Path, name: str) -> None:
     file = tmp_path / name
     file.parent.mkdir(exist_ok=True)
     file.write_bytes(b'SQLite format 3\0')
     path = file.parent if name.startswith('folder') else file
-    with pytest.raises(InputError, match="bag; convert it with 'rosbags-convert --src"):
+    with pytest.raises(InputError, match='bag; rosbags-convert cannot open it'):
         open_recording(path)
 
 
-def test_an_unknown_compression_and_storage_are_named(tmp_path: Path) -> None:
+def test_the_files_tell_the_storage_where_a_reindex_names_none(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run')
+    change_metadata(
+        folder,
+        lambda found: found.update(
+            storage_identifier='', compression_format='', compression_mode='', files=[]
+        ),
+    )
+    bag = BagReader(folder)
+    assert bag.message_count == 30
+    assert bag.remarks == []
+
+
+def test_a_file_unpacked_by_hand_is_not_missing(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run')
+    names = [f'run/run_{number}.mcap.zstd' for number in range(3)]
+    change_metadata(folder, lambda found: found.update(relative_file_paths=names))
+    bag = BagReader(folder)
+    assert bag.message_count == 30
+    assert bag.remarks == []
+
+
+def test_packed_messages_are_read_though_the_metadata_are_lost(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / 'run') as bag:
+        bag.add_topic('/words', STRING)
+        for time in range(3):
+            bag.write('/words', zstandard.compress(b'\0\1\0\0word'), log_time=time)
+    (tmp_path / 'run' / METADATA).unlink()
+    assert [m.data for m in BagReader(tmp_path / 'run').messages()] == [b'\0\1\0\0word'] * 3
+
+
+def test_an_unknown_compression_is_named(tmp_path: Path) -> None:
     write_setpoints(tmp_path / 'run')
     change_metadata(
         tmp_path / 'run',
         lambda found: found.update(compression_mode='file', compression_format='lzma'),
     )
-    with pytest.raises(InputError, match='is compressed by lzma; convert it'):
-        BagReader(tmp_path / 'run')
-    change_metadata(tmp_path / 'run', lambda found: found.update(storage_identifier='sqlite3'))
-    with pytest.raises(InputError, match='is a sqlite3 bag; convert it with'):
+    with pytest.raises(InputError, match='is compressed by lzma; '):
         BagReader(tmp_path / 'run')

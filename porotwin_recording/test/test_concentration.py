@@ -156,4 +156,4 @@ def test_impossible_concentrations_are_read_as_unknown_and_told(
         found = read(path)[:]
     assert np.isnan(found[1, 2, 3])
     assert np.nanmax(np.abs(found)) < 10.0
-    assert 'or above 1e+06, are read as unknown; write NaN there' in caplog.text
+    assert '1 of 240 values are read as not known' in caplog.text

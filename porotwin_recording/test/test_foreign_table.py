@@ -39,15 +39,15 @@ def test_thousands_and_decimal_commas_are_read(
     ('words', 'decimal', 'fault'),
     [
         (('0,500', '0.235'), None, r"decimal commas, such as '0\.235' and '0,500'"),
-        (('1,500', '7'), None, 'give --decimal comma or --decimal point'),
+        (('1,500', '7'), None, r"is '1,500' 1\.500 or 1500\? write all numbers"),
         (('7', '0,500'), 'point', r"p\.csv:3: rate is '0,500', no number with a decimal point"),
-        (('1,50', '7'), 'point', r'write it with one, or give --decimal comma for 1\.5'),
+        (('1,50', '7'), 'point', 'no number with a decimal point; write it'),
         (('0.500', '7'), 'comma', "'0.500', no number with a decimal comma"),
         (('1 5', '7'), None, 'write a number'),
         (
             ('1.500', '7'),
             None,
-            r"is '1\.500' 1\.500 or 1500\? give --decimal point or --decimal comma",
+            r"is '1\.500' 1\.500 or 1500\? write all numbers",
         ),
     ],
 )

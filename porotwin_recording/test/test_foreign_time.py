@@ -1,9 +1,12 @@
 """Tests of dates and times of other programs: zones, and clocks that are set."""
 
+from datetime import UTC, datetime
+
 import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.importers.foreign_time import moments, names_zone
+from porotwin_recording.importers.twelve_hours import on_twelve_hours
 
 
 def test_times_of_a_zone_follow_its_summer_time() -> None:
@@ -61,10 +64,11 @@ def test_a_fraction_that_rounds_up_to_a_second_is_a_time() -> None:
         ('2024-05-31 13:00 AM', r'hour 13 is not in the morning\); correct it'),
         ('2016-12-31 23:59:60', r'\); write 00:00:00 of the next day'),
         ('2024-05-31 24:00:00', r'\); write 00:00:00 of the next day'),
-        ('45443.604166', 'if these are days of Excel, write 2024-05-31 14:30:00'),
-        ('45443,604166', 'if these are days of Excel, write 2024-05-31 14:30:00'),
-        ('1717165800', 'if these are seconds since 1970, write 2024-05-31 14:30:00'),
-        ('2024-05-31 14:30:00 CEST', r'or with its zone 2024-05-31 14:30:00\+02:00'),
+        ('45443.604166', r'counts from a date \(excel-1900: 2024-05-31 14:30:00\)'),
+        ('45443,604166', r'counts from a date \(excel-1900: 2024-05-31 14:30:00\)'),
+        ('1717165800', r'counts from a date \(unix-s: 2024-05-31 14:30:00\)'),
+        ('7', r'counts from a date \(none is known\); write dates'),
+        ('2024-05-31 14:30:00 XYZT', r'or with its zone 2024-05-31 14:30:00\+02:00'),
         ('1e999', 'is no date; write 2024-05-31'),
     ],
 )
@@ -88,3 +92,58 @@ def test_a_year_of_two_digits_between_hyphens_is_refused() -> None:
         moments(['24-05-30 23:40:00', '24-05-31 00:20:00'], 'p.csv: when')
     (time,), _ = moments(['30.05.24 23:40:00'], 'p.csv: when')
     assert f'{time:%Y-%m-%d}' == '2024-05-30'
+
+
+@pytest.mark.parametrize(
+    'word',
+    [
+        '31. Mai 2024 14:30 Uhr',
+        '31 mai 2024 à 14h30',
+        '31 maj 2024 kl. 14.30',
+        '31.5.2024 klo 14.30',
+        '31 de mayo de 2024 14:30',
+        'May 31, 2024 2:30 PM',
+        '31-May-2024 14:30:00',
+        'Fr. 31.05.2024 14:30',
+        'vendredi 31/05/2024 14:30',
+        '31/05/2024 2:30 p. m.',
+        '2024\u201105\u201131\u00a014:30',
+        '31/05/2024 14:30\u200b',
+    ],
+)
+def test_dates_in_other_languages_are_read(word: str) -> None:
+    (time,), _ = moments([word], 'p.csv: when', order='day-first')
+    assert f'{time:%Y-%m-%d %H:%M}' == '2024-05-31 14:30'
+
+
+def test_names_of_zones_are_read_that_one_zone_alone_has() -> None:
+    (time,), _ = moments(['2024-05-31 14:30:00 MESZ'], 'p.csv: when')
+    assert f'{time:%H:%M}' == '12:30'
+
+
+@pytest.mark.parametrize(
+    ('numbers', 'word'),
+    [
+        ('excel-1900', '45443.604225'),
+        ('excel-1904', '43981.604225'),
+        ('matlab', '739403,604225'),
+        ('unix-s', '1717165805'),
+        ('unix-ms', '1717165805000'),
+    ],
+)
+def test_numbers_are_dates_of_the_program_that_a_person_names(numbers, word: str) -> None:
+    (time,), _ = moments([word], 'p.csv: when', numbers=numbers)
+    assert f'{time:%Y-%m-%d %H:%M:%S}' == '2024-05-31 14:30:05'
+    if not numbers.startswith('unix'):  # the clock of the machine is a local one
+        (time,), _ = moments([word], 'p.csv: when', numbers=numbers, zone='Europe/Oslo')
+        assert f'{time:%H:%M:%S}' == '12:30:05'
+
+
+def test_times_of_a_12_hour_clock_rise_through_noon_and_midnight() -> None:
+    written = [datetime(2024, 5, 31, hour, tzinfo=UTC) for hour in (11, 12, 1, 11)]
+    found = on_twelve_hours(written, '12h-am', 'p.csv')
+    assert [time.hour for time in found] == [11, 12, 13, 23]
+    with pytest.raises(InputError, match='hour 14 is none of a 12-hour clock'):
+        on_twelve_hours([datetime(2024, 5, 31, 14, tzinfo=UTC)], '12h-am', 'p.csv')
+    with pytest.raises(InputError, match='falls on a 12-hour clock too'):
+        on_twelve_hours(written[::-1], '12h-pm', 'p.csv')

@@ -1,6 +1,8 @@
 """Tests of imported maps: npz, CSV, NetCDF and zarr."""
 
+import base64
 import io
+import struct
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +10,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import scipy.io
+import tifffile
+import zarr
 from recording_examples import bench_experiment, bench_rig
 
 from porotwin_core.basis.errors import InputError
@@ -169,7 +174,10 @@ def test_maps_of_another_rig_and_broken_files_are_refused(
     (tmp_path / 'broken.npz').write_bytes(b'PK')
     (tmp_path / 'new.zarr').mkdir()
     (tmp_path / 'new.zarr' / 'zarr.json').touch()
-    for name, reason in (('broken.npz', 'not readable as npz'), ('new.zarr', 'zarr_format=2')):
+    for name, reason in (
+        ('broken.npz', 'not readable as npz'),
+        ('new.zarr', 'not readable as zarr'),
+    ):
         with pytest.raises(InputError, match=reason):
             imported(tmp_path / name)
 
@@ -440,3 +448,108 @@ def test_a_file_that_claims_more_than_memory_is_refused_by_its_header(tmp_path: 
         assert (tmp_path / name).stat().st_size < 200_000
         with pytest.raises(InputError, match='claims'):
             import_maps(tmp_path / name, tmp_path / 'made', bench_rig(), PLAIN)
+
+
+def bench_maps(recording: Recording) -> dict[str, np.ndarray]:
+    """Return the arrays of a recording as other programs would write them."""
+    maps, grid = np.nan_to_num(recording.concentration), recording.grid
+    return {'concentration': maps, 'time_s': recording.times, 'x': grid.x, 'z': grid.z}
+
+
+@pytest.mark.parametrize('version', [2, 3])
+def test_zarr_of_both_versions_is_read_with_its_fill_value(tmp_path, recording, version) -> None:
+    arrays = bench_maps(recording)
+    arrays['concentration'][1, 2, 3] = -7.0
+    group = zarr.open_group(tmp_path / 'maps.zarr', mode='w', zarr_format=version)
+    for name, dimensions in (
+        ('concentration', ['time_s', 'z', 'x']),
+        *((name, [name]) for name in ('time_s', 'x', 'z')),
+    ):
+        values, known = arrays[name], {} if version == 3 else {'_ARRAY_DIMENSIONS': dimensions}
+        array = group.create_array(
+            name,
+            shape=values.shape,
+            dtype=values.dtype,
+            dimension_names=dimensions if version == 3 else None,
+            attributes={**known, 'units': {'time_s': 's'}.get(name, '1' if len(name) > 1 else 'm')},
+        )
+        if name == 'concentration':
+            fill = base64.b64encode(struct.pack('<d', -7.0)).decode()  # as xarray does
+            array.attrs['_FillValue'] = fill if version == 3 else -7.0
+        array[...] = values
+    found, told = imported(tmp_path / 'maps.zarr')
+    assert np.isnan(found.concentration[1, 2, 3])
+    assert np.isnan(found.concentration).sum() == 1
+    assert any('-7 (_FillValue) (1)' in line for line in told)
+
+
+def test_matlab_files_are_read_row_column_time(tmp_path: Path, recording: Recording) -> None:
+    arrays = bench_maps(recording)
+    wide, high = np.meshgrid(arrays['x'], arrays['z'])
+    turned = np.moveaxis(arrays['concentration'], 0, -1)
+    known = {'C': turned, 't_min': arrays['time_s'] / 60, 'X': wide, 'Z': high}
+    scipy.io.savemat(tmp_path / 'maps.mat', known)
+    found, _ = imported(tmp_path / 'maps.mat')
+    np.testing.assert_allclose(found.concentration, arrays['concentration'])
+    np.testing.assert_allclose(found.times, recording.times)
+
+
+def test_tiff_stacks_have_the_times_of_imagej(tmp_path: Path, recording: Recording) -> None:
+    maps = bench_maps(recording)['concentration'].astype(np.float32)
+    about = {'axes': 'TYX', 'finterval': 0.5, 'tunit': 'min'}
+    tifffile.imwrite(tmp_path / 'maps.tif', maps[:, ::-1], imagej=True, metadata=about)
+    found, _ = imported(tmp_path / 'maps.tif', MapAnswers(first_row='top'))
+    np.testing.assert_array_equal(found.concentration, maps)
+    np.testing.assert_allclose(found.times, 30.0 * np.arange(len(maps)))
+    tifffile.imwrite(tmp_path / 'other.tif', maps)
+    with pytest.raises(InputError, match=r'holds no times; set the frame interval in ImageJ'):
+        imported(tmp_path / 'other.tif')
+
+
+@pytest.mark.parametrize(
+    ('unit', 'calendar', 'factor'),
+    [
+        ('milliseconds since 2024-05-31 14:30:00', 'standard', 1e3),
+        ('microseconds since 2024-05-31', 'proleptic_gregorian', 1e6),
+        ('hours since 2024-05-31', 'noleap', 1 / 3600),
+        ('days since 2024-05-31', 'julian', 1 / 86400),
+        ('months since 2024-05-30', '360_day', 1 / (30 * 86400)),
+        ('months since 2024-05-31', 'standard', None),
+    ],
+)
+def test_times_of_cf_are_read(tmp_path, recording, unit, calendar, factor) -> None:
+    arrays = bench_maps(recording)
+    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as dataset:
+        for name, key in (('time', 'time_s'), ('z', 'z'), ('x', 'x')):
+            dataset.createDimension(name, len(arrays[key]))
+            scale = (factor or 1.0) if name == 'time' else 1.0
+            dataset.createVariable(name, 'f8', (name,))[:] = arrays[key] * scale
+        dataset['time'].setncatts({'units': unit, 'calendar': calendar})
+        dataset.createVariable('dye', 'f4', ('time', 'z', 'x'))[:] = arrays['concentration']
+    if factor is None:
+        with pytest.raises(InputError, match="'months' is no unit of time with one length"):
+            imported(tmp_path / 'maps.nc')
+    else:
+        np.testing.assert_allclose(imported(tmp_path / 'maps.nc')[0].times, recording.times)
+
+
+def test_a_number_that_stands_far_above_all_others_is_asked_for(tmp_path, recording) -> None:
+    arrays = bench_maps(recording)
+    arrays['concentration'][0, :2, :2] = 999
+    np.savez(tmp_path / 'maps.npz', **arrays)
+    with pytest.raises(InputError, match=r'--stock 999 \(.*, or --no-value 999 \('):
+        imported(tmp_path / 'maps.npz')
+    found, told = imported(tmp_path / 'maps.npz', MapAnswers(no_value=999.0))
+    assert np.isnan(found.concentration).sum() == 4
+    assert any('999 (--no-value) (4)' in line for line in told)
+
+
+def test_a_file_of_maps_and_a_recording_read_the_same_values(tmp_path, recording) -> None:
+    path = tmp_path / 'origin' / 'concentration.nc'
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['concentration'].valid_max = np.float32(0.5)
+        dataset['concentration'][0, 0, 0] = -9999
+    opened = open_recording(tmp_path / 'origin').concentration
+    path.rename(tmp_path / 'maps.nc')
+    np.testing.assert_array_equal(imported(tmp_path / 'maps.nc')[0].concentration, opened)
+    assert np.nanmax(opened) <= 0.5

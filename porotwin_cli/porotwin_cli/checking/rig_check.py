@@ -34,7 +34,8 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_imaging.baseline.corner_check import KEY, odd_corners
 from porotwin_imaging.geometry.corners_and_lens import Geometry
-from porotwin_imaging.photograph.photo_file import JPEG_START, PNG_START, is_complete
+from porotwin_imaging.photograph.jpeg_file import JPEG_START
+from porotwin_imaging.photograph.photo_file import PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
 from porotwin_recording.experiment.experiment_folder import FILES, folder_data
 from porotwin_recording.mcap.bag_folder import is_bag

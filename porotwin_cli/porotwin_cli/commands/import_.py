@@ -16,12 +16,14 @@ from porotwin_core.basis.errors import InputError
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
 
-MAP_OPTIONS = ('--rig', '--decimal', '--time-unit', '--first-row', '--stock')
+MAP_OPTIONS = ('--rig', '--decimal', '--time-unit', '--first-row', '--stock', '--no-value')
 """Options for a file of maps."""
 
 PROTOCOL_OPTIONS = (
     '--rig',
     '--date-order',
+    '--date-numbers',
+    '--clock',
     '--time-zone',
     '--decimal',
     '--rate-unit',
@@ -47,6 +49,16 @@ def command(
     date_order: Annotated[
         Literal['day-first', 'month-first'] | None,
         typer.Option(help='Order of day and month in dates such as 3/4/2024.'),
+    ] = None,
+    date_numbers: Annotated[
+        Literal['excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms'] | None,
+        typer.Option(help='What numbers in place of dates count.'),
+    ] = None,
+    clock: Annotated[
+        Literal['12h-am', '12h-pm'] | None,
+        typer.Option(
+            help='12-hour clock without am and pm: the half of the day in which the log begins.'
+        ),
     ] = None,
     time_zone: Annotated[
         str, typer.Option(help='Time zone for times without one, such as Europe/Oslo.')
@@ -79,15 +91,19 @@ def command(
     stock: Annotated[
         float | None, typer.Option(help='Value of tracer stock in maps, such as 100 for percent.')
     ] = None,
+    no_value: Annotated[
+        float | None, typer.Option(help='Number that stands for no value in maps, such as 999.')
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
-    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv or .nc or
-    a folder .zarr. Photographs that no imaging_protocol.csv lists have the times that the camera
-    wrote into them (EXIF), or into their names. They may lie beside a rates.csv, whose second 0
-    --time-zero dates. The command asks for missing facts, one line each.
+    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv, .nc,
+    .mat or .tif, or a folder .zarr. Photographs that no imaging_protocol.csv lists have the times
+    that the camera wrote into them (EXIF), or into their names. They may lie beside a rates.csv,
+    whose second 0 --time-zero dates. The command asks for missing facts, and proposes the answers
+    with which it can read all.
 
     Example: ./porotwin import experiment experiment_bag
 
@@ -104,6 +120,8 @@ def command(
     given = {
         '--rig': rig,
         '--date-order': date_order,
+        '--date-numbers': date_numbers,
+        '--clock': clock,
         '--time-zone': time_zone,
         '--decimal': decimal,
         '--rate-unit': rate_unit,
@@ -113,6 +131,7 @@ def command(
         '--time-unit': time_unit,
         '--first-row': first_row,
         '--stock': stock,
+        '--no-value': no_value,
     }
     if not source.exists():
         raise InputError(f'{source}: no such file or folder')
@@ -135,7 +154,7 @@ def command(
     refuse_existing(target)
     with one_writer(target), _absent_after_error(target):
         if has_maps:
-            maps = MapAnswers(time_unit, first_row, stock, decimal)
+            maps = MapAnswers(time_unit, first_row, stock, decimal, no_value)
             told = import_maps(source, target, _rig(source.parent, rig), maps)
         else:
             answers = ProtocolAnswers(
@@ -146,6 +165,8 @@ def command(
                 concentration_in(concentration),
                 camera_ahead,
                 time_zero,
+                date_numbers,
+                clock,
             )
             told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
         for line in told:

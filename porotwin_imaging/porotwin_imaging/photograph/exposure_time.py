@@ -1,7 +1,9 @@
 """The exposure time that a camera wrote into a photograph.
 
-It is EXIF `DateTimeOriginal` with `SubSecTimeOriginal` and, in newer
-cameras, `OffsetTimeOriginal`. Without an offset the time is local time of this machine.
+It is EXIF `DateTimeOriginal` with `SubSecTimeOriginal` and, in newer cameras,
+`OffsetTimeOriginal`. Some cameras write `OffsetTimeDigitized` or `OffsetTime` instead. `OffsetTime`
+belongs to `DateTime`, the last change of the file. It counts unless a program has changed the file
+later. Without an offset the time is local time of this machine.
 """
 
 import io
@@ -17,7 +19,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_regular
 
 _EXIF_DIRECTORY = 0x8769
-_ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG = 0x9003, 0x9291, 0x9011
+_ORIGINAL_TAG, _SUBSECOND_TAG = 0x9003, 0x9291
+_OFFSET_TAGS = (0x9011, 0x9012)
+"""`OffsetTimeOriginal` and `OffsetTimeDigitized`."""
+_CHANGE_TAG, _CHANGE_OFFSET_TAG = 0x0132, 0x9010
+"""`DateTime` and its `OffsetTime`."""
 _OFFSET = re.compile(r'([+-]\d\d):?(\d\d)')
 """Hours with their sign, and minutes; some programs leave the colon out."""
 HEADER_BYTES = 1 << 18
@@ -76,12 +82,21 @@ def _written(file: BinaryIO) -> _Written | None:
             warnings.simplefilter('ignore')  # of a large or damaged file; decoding judges it
             image = Image.open(file)
         with image:
-            tags = image.getexif().get_ifd(_EXIF_DIRECTORY)
+            exif = image.getexif()
+            tags = exif.get_ifd(_EXIF_DIRECTORY)
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return None
-    original, digits, offset = (
-        str(tags.get(tag, '')).strip('\0 ') for tag in (_ORIGINAL_TAG, _SUBSECOND_TAG, _OFFSET_TAG)
+    original, digits, changed, *offsets = (
+        str(tag or '').strip('\0 ')
+        for tag in (
+            *(tags.get(name) for name in (_ORIGINAL_TAG, _SUBSECOND_TAG)),
+            exif.get(_CHANGE_TAG),
+            *(tags.get(name) for name in (*_OFFSET_TAGS, _CHANGE_OFFSET_TAG)),
+        )
     )
+    if changed not in ('', original):
+        offsets.pop()
+    offset = next(filter(_OFFSET.fullmatch, offsets), next(filter(None, offsets), ''))
     try:
         moment = datetime.strptime(original, '%Y:%m:%d %H:%M:%S')
     except ValueError:

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 from PIL.ImageFile import ImageFile
-from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 from PIL.TiffImagePlugin import TiffImageFile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
+from porotwin_imaging.photograph.jpeg_file import JPEG_START, jpeg_fault, jpeg_pixels, jpeg_size
 
 
 @dataclass(frozen=True)
@@ -40,27 +40,15 @@ class DecodingSettings:
 DECODING = DecodingSettings()
 
 
-JPEG_START = b'\xff\xd8'
-JPEG_END = b'\xff\xd9'
 PNG_START = b'\x89PNG\r\n\x1a\n'
 PNG_END = b'IEND\xaeB`\x82'
 TIFF_STARTS = (b'II*\x00', b'MM\x00*')
-DECODING_FLAGS = {
-    1: cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
-    2: cv2.IMREAD_REDUCED_COLOR_2 | cv2.IMREAD_IGNORE_ORIENTATION,
-    4: cv2.IMREAD_REDUCED_COLOR_4 | cv2.IMREAD_IGNORE_ORIENTATION,
-    8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
-}
-"""OpenCV's flags for each reduction."""
+_DECODING_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _READERS: dict[bytes, type[ImageFile]] = {
-    JPEG_START: JpegImageFile,
     PNG_START: PngImageFile,
     **dict.fromkeys(TIFF_STARTS, TiffImageFile),
 }
 """Pillow's readers of headers; `Image.open` would judge the size before it is known here."""
-_SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
-_MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
-"""Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
 _EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
 _PLAIN_TAGS = {ORIENTATION_TAG: UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
 """Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
@@ -86,8 +74,6 @@ _SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
 """Raw files of cameras are TIFFs that begin with a preview."""
 _BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
 """Usual bits of a level, and where a TIFF and a PNG tell theirs."""
-_TRAILING_BYTES = 64
-"""Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
 MOST_PIXELS = 175_000_000
 """Larger photographs are refused before they are decoded: a damaged or malicious header may claim
 any size. The largest cameras have 150 megapixels."""
@@ -116,19 +102,22 @@ class DecodedPhoto:
 
 
 def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
-    """Return decoded pixels, or None if OpenCV cannot decode the file."""
+    """Return decoded pixels, or None if OpenCV cannot decode the file.
+
+    Raises:
+        InputError: a JPEG is damaged.
+    """
+    if data.startswith(JPEG_START):
+        return jpeg_pixels(data, reduction)
     if data.startswith(TIFF_STARTS):
         data = _with_plain_tags(data)
-    flags = DECODING_FLAGS[reduction if data.startswith(JPEG_START) else 1]
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _DECODING_FLAGS)
     except cv2.error:  # a damaged header may claim a size that OpenCV refuses
         return None
     if pixels is None:
         return None
-    if not data.startswith(JPEG_START):
-        pixels = _reduced(np.asarray(pixels), reduction)
-    return np.asarray(pixels, np.uint8)
+    return np.asarray(_reduced(np.asarray(pixels), reduction), np.uint8)
 
 
 def _reduced(pixels: NDArray[Any], reduction: int) -> NDArray[Any]:
@@ -197,8 +186,7 @@ def is_photograph(data: bytes) -> bool:
 def is_complete(data: bytes) -> bool:
     """Return whether the file `data` ends as its format requires."""
     if data.startswith(JPEG_START):
-        tail = data[-_TRAILING_BYTES:].rstrip(b'\x00')
-        return tail.endswith(JPEG_END) or _jpeg_has_its_end(data)
+        return not jpeg_fault(data)
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
@@ -207,32 +195,10 @@ def is_complete(data: bytes) -> bool:
     return False
 
 
-def _jpeg_has_its_end(data: bytes) -> bool:
-    """Return whether the first picture in a JPEG has its end marker; cameras append other data.
-
-    The segments are walked by their lengths, because a preview in a segment has an end marker too.
-    """
-    position = len(JPEG_START)
-    while position + 1 < len(data):
-        if data[position] != 0xFF:
-            return False
-        marker = data[position + 1]
-        if marker == _END_MARKER:
-            return True
-        if marker == 0xFF:
-            position += 1
-            continue
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
-        if marker == _SCAN_MARKER:
-            found = _MARKER_IN_SCAN.search(data, position)
-            if found is None:
-                return False
-            position = found.start()
-    return False
-
-
 def _header_size(data: bytes) -> tuple[int, int] | None:
     """Return (width, height) from the header of a file; None if broken, or a camera's raw file."""
+    if data.startswith(JPEG_START):
+        return jpeg_size(data)
     kind = next((kind for start, kind in _READERS.items() if data.startswith(start)), None)
     if kind is None:
         return None
@@ -292,9 +258,10 @@ def decode(data: bytes, reduction: int = 1) -> DecodedPhoto:
     """
     width, height = photo_size(data)
     if not is_complete(data):
-        raise InputError(
-            f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
-        )
+        fault = (
+            data.startswith(JPEG_START) and jpeg_fault(data)
+        ) or 'is truncated: its end is missing'
+        raise InputError(f'photograph of {len(data)} bytes {fault}; send it again')
     mode = _mode(data)
     if mode == 'LAB':
         raise InputError('photograph is a TIFF with Lab colours; save it with RGB colours')

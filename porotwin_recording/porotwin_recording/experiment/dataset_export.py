@@ -1,17 +1,15 @@
 """Writes a recording for notebooks: one NetCDF file or one zarr folder with CF attributes.
 
-`xarray.open_dataset` and `xarray.open_zarr` open them. The NetCDF library writes both, so that
-zarr is no dependency of ours. It writes zarr of version 2, which every zarr reads. It cannot go on
-with a zarr folder, so the maps of one are written here: a compressed file each.
+`xarray.open_dataset` and `xarray.open_zarr` open them. Each is written by its library: zarr as
+version 2 with joined metadata, which every zarr reads.
 
-Conventions: https://cfconventions.org; the folder: https://zarr-specs.readthedocs.io (v2).
+Conventions: https://cfconventions.org
 """
 
 import contextlib
-import json
 import shutil
-import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -24,14 +22,11 @@ from porotwin_core.basis.errors import InputError, write_error
 from porotwin_core.basis.units import to_ml_h
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import Recording
-from porotwin_recording.tables.map_files import zarr_address
 from porotwin_recording.tables.one_writer import one_writer
 
 Format = Literal['zarr', 'netcdf']
 
 CONVENTIONS = 'CF-1.11'
-ZARR_METADATA = ('.zgroup', '.zattrs', '.zarray')
-CONSOLIDATED = '.zmetadata'
 
 _FIELDS = {
     'concentration': ('tracer concentration, 1 = stock, NaN = not seen', '1'),
@@ -92,7 +87,7 @@ def _export(
                 if progress is not None:
                     progress(begun.done, len(recording.times))
         if kind == 'zarr':
-            _complete_zarr(begun.path)
+            _consolidate(begun.path)
         begun.path.rename(target)
         begun.remove()
     except (OSError, RuntimeError) as error:
@@ -101,28 +96,29 @@ def _export(
         raise told from None
 
 
-class _NetcdfMaps:
-    """The maps of a NetCDF file that is not complete."""
+class _WrittenMaps:
+    """The maps of an export that is not complete, in a NetCDF file or a zarr folder."""
 
-    def __init__(self, path: Path) -> None:
-        self._dataset = netCDF4.Dataset(path, 'a')
+    def __init__(self, path: Path, kind: Format) -> None:
+        self._dataset = None if kind == 'zarr' else netCDF4.Dataset(path, 'a')
+        self._variables = _zarr_group(path, 'r+') if kind == 'zarr' else self._dataset.variables
 
     def write(self, first: int, maps: Maps) -> None:
         """Write the `maps` from number `first` on, as far as the disk."""
         for name, values in maps.items():
-            self._dataset.variables[name][first : first + len(values)] = values
-        self._dataset.sync()
+            self._variables[name][first : first + len(values)] = values
+        if self._dataset is not None:
+            self._dataset.sync()
 
     def holds(self, first: int, maps: Maps) -> bool:
-        """Return whether the `maps` from number `first` on are in the file.
+        """Return whether the `maps` from number `first` on are there.
 
         Raises:
-            RuntimeError, IndexError: the file is torn.
+            RuntimeError, OSError, LookupError, ValueError: the file is torn.
         """
-        variables = self._dataset.variables
         return all(
             np.array_equal(
-                np.ma.filled(variables[name][first : first + len(values)], np.nan),
+                np.ma.filled(self._variables[name][first : first + len(values)], np.nan),
                 values,
                 equal_nan=True,
             )
@@ -130,50 +126,22 @@ class _NetcdfMaps:
         )
 
     def close(self) -> None:
-        """Close the file."""
-        self._dataset.close()
+        """Close the file; a zarr folder has none open."""
+        if self._dataset is not None:
+            self._dataset.close()
 
 
-class _ZarrMaps:
-    """The maps of a zarr folder: every map is a file, as the definition of its variable says."""
+def _zarr_group(path: Path, mode: Literal['r+', 'w']) -> Any:
+    import zarr  # half a second
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def write(self, first: int, maps: Maps) -> None:
-        """Write the `maps` from number `first` on."""
-        for name, values in maps.items():
-            for number, one in enumerate(values, start=first):
-                self._file(name, number).write_bytes(_packed(one))
-
-    def holds(self, first: int, maps: Maps) -> bool:
-        """Return whether the `maps` from number `first` on are in their files.
-
-        Raises:
-            OSError: a file is missing.
-        """
-        return all(
-            self._file(name, number).read_bytes() == _packed(one)
-            for name, values in maps.items()
-            for number, one in enumerate(values, start=first)
-        )
-
-    def _file(self, name: str, number: int) -> Path:
-        return self._path / name / f'{number}.0.0'
-
-    def close(self) -> None:
-        """Every file is closed."""
+    return zarr.open_group(path, mode=mode, zarr_format=2, use_consolidated=False)
 
 
-def _packed(values: NDArray[np.float32]) -> bytes:
-    """Return a map as the bytes of its file."""
-    return zlib.compress(np.ascontiguousarray(values, '<f4').tobytes(), ZLIB_LEVEL)
+def _consolidate(path: Path) -> None:
+    """Join all metadata: a reader over a network opens one file instead of dozens."""
+    import zarr
 
-
-_MAPS: dict[Format, type[_NetcdfMaps] | type[_ZarrMaps]] = {
-    'netcdf': _NetcdfMaps,
-    'zarr': _ZarrMaps,
-}
+    zarr.consolidate_metadata(path, zarr_format=2)
 
 
 class _Begun:
@@ -192,18 +160,19 @@ class _Begun:
         self._recording, self._kind = recording, kind
         self._source = f'{recording.source.resolve()} {kind} {content_mark(recording)} {PROGRAM}'
 
-    def maps(self) -> _NetcdfMaps | _ZarrMaps:
+    def maps(self) -> _WrittenMaps:
         """Return the maps of an interrupted export of the same recording, or of a new one."""
         if (found := self._interrupted()) is not None:
             return found
         self.remove()
-        is_zarr = self._kind == 'zarr'
-        address = zarr_address(self.path, 'zarr,xarray,file') if is_zarr else str(self.path)
-        with contextlib.closing(netCDF4.Dataset(address, 'w')) as dataset:
-            _define(dataset, self._recording, self._kind)
-        return _MAPS[self._kind](self.path)
+        variables, about = _variables(self._recording), _about(self._recording)
+        if self._kind == 'zarr':
+            _define_zarr(self.path, variables, about)
+        else:
+            _define_netcdf(self.path, variables, about)
+        return _WrittenMaps(self.path, self._kind)
 
-    def _interrupted(self) -> _NetcdfMaps | _ZarrMaps | None:
+    def _interrupted(self) -> _WrittenMaps | None:
         """Return the maps of an interrupted export; None if there are none to go on with.
 
         A kill while the disk was written may have torn them, so the last ones are compared.
@@ -212,7 +181,7 @@ class _Begun:
             count, source = self._mark.read_text(encoding='utf-8').split(' ', 1)
             if source != self._source or not self.path.exists():
                 return None
-            done, found = int(count), _MAPS[self._kind](self.path)
+            done, found = int(count), _WrittenMaps(self.path, self._kind)
             first = max(0, done - MAPS_AT_ONCE)
             if found.holds(first, _maps_between(self._recording, first, done)):
                 self.done = done
@@ -230,7 +199,7 @@ class _Begun:
         new.replace(self._mark)  # a kill may come at any moment
 
     def remove(self) -> None:
-        """Remove what is left of the export."""
+        """Remove the rest of the export."""
         if self.path.is_dir():
             shutil.rmtree(self.path)
         self.path.unlink(missing_ok=True)
@@ -252,98 +221,126 @@ def _maps_between(recording: Recording, first: int, last: int) -> Maps:
     return {name: each[first:last] for name, each in series.items() if each is not None}
 
 
-def _define(dataset: netCDF4.Dataset, recording: Recording, kind: Format) -> None:
-    """Define all variables, and write all but the maps."""
-    rig, grid, maps = recording.rig, recording.grid, recording.maps
-    assert maps is not None
-    sizes = {'time': len(recording.times), 'z': grid.nz, 'x': grid.nx, 'well': len(rig.wells)}
-    for name, size in sizes.items():
-        dataset.createDimension(name, size)
-    dataset.setncatts(
-        {
-            'Conventions': CONVENTIONS,
-            'title': f'tracer experiment on the rig {rig.name}',
-            'source': recording.source.name,
-            'history': f'written by {PROGRAM}',
-            'rig': rig.name,
-            'viscosity_pa_s': rig.viscosity_pa_s,
-            'density_kg_m3': rig.density_kg_m3,
-            'calibration': maps.origin.calibration or 'not known',
-        }
-    )
-    _write(dataset, 'time', ('time',), recording.times, 's', 'time since the experiment began')
-    _write(dataset, 'z', ('z',), grid.z, 'm', 'height of the cell centres', axis='Z', positive='up')
-    _write(dataset, 'x', ('x',), grid.x, 'm', 'cell centres from the left', axis='X')
-    places = {
-        axis: np.array([getattr(well, axis) for well in rig.wells.values()])
-        for axis in ('x_m', 'z_m')
+@dataclass(frozen=True)
+class _Variable:
+    """A variable of the dataset; without values it is a map for every time."""
+
+    dimensions: tuple[str, ...]
+    attributes: dict[str, str]
+    values: NDArray[Any] | None = None
+
+
+def _about(recording: Recording) -> dict[str, Any]:
+    """Return the attributes of the whole dataset."""
+    rig, maps = recording.rig, recording.present_maps
+    return {
+        'Conventions': CONVENTIONS,
+        'title': f'tracer experiment on the rig {rig.name}',
+        'source': recording.source.name,
+        'history': f'written by {PROGRAM}',
+        'rig': rig.name,
+        'viscosity_pa_s': rig.viscosity_pa_s,
+        'density_kg_m3': rig.density_kg_m3,
+        'calibration': maps.origin.calibration or 'not known',
     }
-    names = dataset.createVariable('well_name', str, ('well',))
-    names.setncatts({'long_name': 'names of the wells'})
-    names[:] = np.array(list(rig.wells), dtype=object)
-    _write(dataset, 'well_x', ('well',), places['x_m'], 'm', 'distance of the wells from the left')
-    _write(dataset, 'well_z', ('well',), places['z_m'], 'm', 'height of the wells')
-    _write_rates(dataset, recording)
+
+
+def _variables(recording: Recording) -> dict[str, _Variable]:
+    """Return all variables; the maps have no values yet."""
+    rig, grid, maps = recording.rig, recording.grid, recording.present_maps
+
+    def of(values: Any, dimension: str, unit: str, meaning: str, **more: str) -> _Variable:
+        attributes = {'units': unit, 'long_name': meaning, **more}
+        return _Variable((dimension,), attributes, np.asarray(values))
+
+    wells = list(rig.wells.values())
+    now = 'time since the experiment began'
+    found = {
+        'time': of(recording.times, 'time', 's', now, standard_name='time', axis='T'),
+        'z': of(grid.z, 'z', 'm', 'height of the cell centres', axis='Z', positive='up'),
+        'x': of(grid.x, 'x', 'm', 'cell centres from the left', axis='X'),
+        'well_name': _Variable(
+            ('well',), {'long_name': 'names of the wells'}, np.array(list(rig.wells), dtype=object)
+        ),
+        'well_x': of([w.x_m for w in wells], 'well', 'm', 'distance of the wells from the left'),
+        'well_z': of([w.z_m for w in wells], 'well', 'm', 'height of the wells'),
+        **_rates(recording),
+    }
     present = {'concentration': maps, 'deviation': maps.deviation, 'systematic': maps.systematic}
     for name, (meaning, unit) in _FIELDS.items():
         if present[name] is not None:
-            variable = dataset.createVariable(
-                name,
-                'f4',
-                ('time', 'z', 'x'),
-                chunksizes=(1, grid.nz, grid.nx),
-                fill_value=np.float32(np.nan),
-                zlib=True,
-                complevel=ZLIB_LEVEL,
-                shuffle=kind == 'netcdf',  # the library describes it wrongly in zarr
-            )
-            variable.setncatts({'units': unit, 'long_name': meaning})
+            found[name] = _Variable(('time', 'z', 'x'), {'units': unit, 'long_name': meaning})
+    return found
 
 
-def _write_rates(dataset: netCDF4.Dataset, recording: Recording) -> None:
-    """Write the rates of all wells at the times of the maps, if the recording has them."""
-    wells = list(recording.rig.wells)
+def _rates(recording: Recording) -> dict[str, _Variable]:
+    """Return the rates of all wells at the times of the maps, if the recording has them."""
+    wells, found = list(recording.rig.wells), {}
     for name, schedule in (('commanded', recording.commanded), ('measured', recording.measured)):
         if schedule is None:
             continue
         at_times = [schedule.at(float(time)) for time in recording.times]
         rates = [[to_ml_h(at[w].rate) if w in at else 0.0 for w in wells] for at in at_times]
         shares = [[at[w].concentration if w in at else 0.0 for w in wells] for at in at_times]
-        rate = f'{name} rate of the pump, positive injects'
-        _write(dataset, f'{name}_rate', ('time', 'well'), np.array(rates), 'ml h-1', rate)
-        share = f'{name} concentration of the injected fluid, 1 = stock'
-        _write(dataset, f'{name}_concentration', ('time', 'well'), np.array(shares), '1', share)
+        for quantity, values, unit, meaning in (
+            ('rate', rates, 'ml h-1', 'rate of the pump, positive injects'),
+            ('concentration', shares, '1', 'concentration of the injected fluid, 1 = stock'),
+        ):
+            attributes = {'units': unit, 'long_name': f'{name} {meaning}'}
+            found[f'{name}_{quantity}'] = _Variable(('time', 'well'), attributes, np.array(values))
+    return found
 
 
-def _write(
-    dataset: netCDF4.Dataset,
-    name: str,
-    dimensions: tuple[str, ...],
-    values: NDArray[Any],
-    unit: str,
-    meaning: str,
-    **more: str,
-) -> None:
-    variable = dataset.createVariable(name, 'f8', dimensions)
-    standard = {'standard_name': 'time', 'axis': 'T'} if name == 'time' else {}
-    variable.setncatts({'units': unit, 'long_name': meaning, **standard, **more})
-    variable[:] = values
-
-
-def _complete_zarr(folder: Path) -> None:
-    """Make units texts again, which the library writes as numbers, and join all metadata.
-
-    With the joined metadata a reader over a network opens one file instead of dozens.
-    """
-    for path in folder.rglob('.zattrs'):
-        found = json.loads(path.read_text(encoding='utf-8'))
-        if 'units' in found:
-            found['units'] = str(found['units'])
-            path.write_text(json.dumps(found), encoding='utf-8')
-    metadata = {
-        str(path.relative_to(folder)): json.loads(path.read_text(encoding='utf-8'))
-        for path in sorted(folder.rglob('.z*'))
-        if path.name in ZARR_METADATA
+def _sizes(variables: dict[str, _Variable]) -> dict[str, int]:
+    """Return the length of every dimension."""
+    return {
+        name: len(values)
+        for name, of in (('time', 'time'), ('z', 'z'), ('x', 'x'), ('well', 'well_name'))
+        if (values := variables[of].values) is not None
     }
-    joined = {'zarr_consolidated_format': 1, 'metadata': metadata}
-    (folder / CONSOLIDATED).write_text(json.dumps(joined), encoding='utf-8')
+
+
+def _define_netcdf(path: Path, variables: dict[str, _Variable], about: dict[str, Any]) -> None:
+    """Define all variables in a new NetCDF file, and write all but the maps."""
+    sizes = _sizes(variables)
+    with contextlib.closing(netCDF4.Dataset(path, 'w')) as dataset:
+        dataset.setncatts(about)
+        for name, size in sizes.items():
+            dataset.createDimension(name, size)
+        for name, each in variables.items():
+            if each.values is not None:
+                kind = str if each.values.dtype == object else 'f8'
+                variable = dataset.createVariable(name, kind, each.dimensions)
+                variable[:] = each.values
+            else:
+                variable = dataset.createVariable(
+                    name,
+                    'f4',
+                    each.dimensions,
+                    chunksizes=(1, sizes['z'], sizes['x']),
+                    fill_value=np.float32(np.nan),
+                    zlib=True,
+                    complevel=ZLIB_LEVEL,
+                )
+            variable.setncatts(each.attributes)
+
+
+def _define_zarr(path: Path, variables: dict[str, _Variable], about: dict[str, Any]) -> None:
+    """Define all arrays in a new zarr folder, and write all but the maps, one chunk each."""
+    sizes = _sizes(variables)
+    group = _zarr_group(path, 'w')
+    group.attrs.update(about)
+    for name, each in variables.items():
+        attributes = {**each.attributes, '_ARRAY_DIMENSIONS': list(each.dimensions)}
+        shape = tuple(sizes[dimension] for dimension in each.dimensions)
+        is_text = each.values is not None and each.values.dtype == object
+        array = group.create_array(
+            name,
+            shape=shape,
+            chunks=(1, *shape[1:]) if each.values is None else shape,
+            dtype=str if is_text else np.float32 if each.values is None else np.float64,
+            fill_value='' if is_text else np.nan,
+            attributes=attributes,
+        )
+        if each.values is not None:
+            array[...] = each.values.astype(str) if is_text else each.values

@@ -193,8 +193,9 @@ def _zoned(files: Sequence[Path], words: Sequence[str]) -> bool:
     without = [path for path, word in zip(files, words, strict=True) if not names_zone([word])]
     if without and len(without) < len(files):
         raise InputError(
-            f'{without[0]}: its EXIF time has no zone, and other photographs have one: are they of '
-            f'two cameras? {LISTED}'
+            f'{without[0]}: its EXIF time has no zone (OffsetTimeOriginal, or OffsetTime of an '
+            f'unchanged file), as {len(without)} of {len(files)} photographs: are they of two '
+            f'cameras? {LISTED}'
         )
     return not without
 

@@ -1,4 +1,8 @@
-"""CSV tables of other programs: separators, decimal commas and encodings as Excel writes them."""
+"""CSV tables of other programs: separators, decimal commas and encodings as Excel writes them.
+
+The heads may stand below comments and above a line of units, in any language of
+`words_of_languages.py`.
+"""
 
 import codecs
 import csv
@@ -12,11 +16,22 @@ from typing import Literal
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_recording.importers.foreign_units import is_unit
+from porotwin_recording.importers.open_question import QuestionError
+from porotwin_recording.importers.words_of_languages import (
+    NAMES,
+    plain,
+    quantities,
+    with_plain_signs,
+)
 
 Decimal = Literal['point', 'comma']
 
-SEPARATORS = ';\t,'
+SEPARATORS = ';\t,|'
 """Separators of columns, the surest first: a comma may be a decimal comma."""
+
+_COMMENT = ('#', '%', '//')
+"""Begin of a comment; numpy and MATLAB write one before their titles too."""
 
 WRITE_NUMBER = 'write a number, its unit in the title'
 """Remedy for a word that is no number."""
@@ -62,13 +77,13 @@ class ForeignTable:
         """All titles, as the file spells them."""
         return ', '.join(map(self.spelt, self.columns))
 
-    def find(self, *names: str) -> str | None:
-        """Return the title of the first column that is one of `names`, without its unit.
+    def find(self, *wanted: str) -> str | None:
+        """Return the title of the first column of one of the `wanted` quantities.
 
         Raises:
             InputError: several columns have that name and differ in their units.
         """
-        for name in names:
+        for name in (name for quantity in wanted for name in NAMES[quantity]):
             found = [title for title in self.columns if bare_title(title) == name]
             if found:
                 return self.only(found)
@@ -88,16 +103,16 @@ class ForeignTable:
             )
         return titles[0]
 
-    def needed(self, *names: str) -> str:
+    def needed(self, *wanted: str) -> str:
         """Return the title as `find`.
 
         Raises:
             InputError: there is no such column, or there are several.
         """
-        found = self.find(*names)
+        found = self.find(*wanted)
         if found is None:
             raise InputError(
-                f"{self.path}: has no column '{names[0]}'; rename the one that holds it. Its "
+                f"{self.path}: has no column '{wanted[0]}'; rename the one that holds it. Its "
                 f'columns are {self.titles}'
             )
         return found
@@ -131,16 +146,17 @@ class ForeignTable:
         other: Decimal = 'point' if self.decimal == 'comma' else 'comma'
         otherwise = number_in(word, other)
         if math.isfinite(otherwise):
-            raise InputError(
-                f"{where} is '{word}', no number with a decimal {self.decimal}; "
-                f'write it with one, or give --decimal {other} for {otherwise:g}'
+            raise QuestionError(
+                f"{where} is '{word}', no number with a decimal {self.decimal}",
+                [{'decimal': other}],
+                f'write it with a decimal {self.decimal}',
             )
         raise InputError(f"{where} is '{word}'; {remedy or WRITE_NUMBER}")
 
 
 def bare_title(title: str) -> str:
     """Return a title without its unit: `rate [ml/min]` is `rate`."""
-    return re.split(r'[\[(]', title)[0].strip().replace(' ', '_')
+    return plain(re.split(r'[\[(]', title)[0]).strip('_:.')
 
 
 def number_in(word: str, decimal: Decimal) -> float:
@@ -148,7 +164,7 @@ def number_in(word: str, decimal: Decimal) -> float:
 
     Thousands may be separated, as in 1,500. In 0,500 and 1,50 nothing separates thousands.
     """
-    whole, mark, rest = word.strip().partition(',' if decimal == 'comma' else '.')
+    whole, mark, rest = with_plain_signs(word).strip().partition(',' if decimal == 'comma' else '.')
     if _SEPARATORS.search(whole):
         if not _WHOLE.fullmatch(whole):
             return math.nan
@@ -170,31 +186,91 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
     Raises:
         InputError: the file is missing or no table, or its numbers can be read in two ways.
     """
-    text = _text(path)
-    first, _, rest = text.partition('\n')
-    hinted = first.strip().lower().startswith('sep=')  # a hint for Excel
-    if hinted:
-        text, first = rest, rest.split('\n', 1)[0]
-    separator = next((mark for mark in SEPARATORS if mark in first), ',')
-    reader = csv.reader(text.splitlines(), delimiter=separator)
-    try:
-        found = [(reader.line_num + hinted, line) for line in reader if any(line)]
-    except csv.Error as error:
-        raise InputError(f'{path}: not readable as CSV: {error}') from None
-    numbers, lines = [number for number, _ in found], [line for _, line in found]
-    if len(lines) < 2:
+    rows = _rows(path, _text(path))
+    head, separator = rows.head, rows.separator
+    if not rows.below:
         raise InputError(f'{path}: has no rows below its titles')
-    spelt = [' '.join(title.split()) for title in lines[0]]
+    spelt = [' '.join(title.split()) for title in head]
+    below = list(rows.below)
+    if _is_of_units(below[0][1]) and len(below) > 1:
+        spelt = [
+            f'{title} [{unit.strip("[]() ")}]' if unit.strip('-[]() ') else title
+            for title, unit in zip(spelt, below.pop(0)[1], strict=False)
+        ]
     titles = [title.lower() for title in spelt]
-    for number, line in found[1:]:
+    for number, line in below:
         if len(line) != len(titles):
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
     _check_repeated(path, spelt)
-    words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
+    words = [[line[at].strip() for _, line in below] for at in range(len(titles))]
     chosen = decimal or _decimal(path, (word for column in words for word in column), separator)
     spelling = dict(zip(titles, spelt, strict=True))
     columns = dict(zip(titles, words, strict=True))
-    return ForeignTable(path, columns, chosen, spelling, tuple(numbers[1:]))
+    return ForeignTable(path, columns, chosen, spelling, tuple(number for number, _ in below))
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The head of a table, the numbered rows below it, and the separator."""
+
+    head: list[str]
+    below: list[tuple[int, list[str]]]
+    separator: str
+
+
+def _rows(path: Path, text: str) -> _Rows:
+    """Return the rows of a table, by the separator and the line that name most columns.
+
+    Lines above the head are comments, and so are those that begin as one.
+    """
+    lines = text.splitlines()
+    hinted = lines[:1] and lines[0].strip().lower().startswith('sep=')  # a hint for Excel
+    lines = ['', *lines[1:]] if hinted else lines
+    first = next((line for line in lines if line.strip()), '')
+    marks = [mark for mark in SEPARATORS if mark in first] or [',']
+    found = [_below_head(path, lines, mark) for mark in dict.fromkeys([*marks, *SEPARATORS])]
+    return max(found, key=lambda rows: _named(rows.head))
+
+
+def _below_head(path: Path, lines: Sequence[str], separator: str) -> _Rows:
+    reader = csv.reader(lines, delimiter=separator)
+    try:
+        rows = [(reader.line_num, line) for line in reader if any(map(str.strip, line))]
+    except csv.Error as error:
+        raise InputError(f'{path}: not readable as CSV: {error}') from None
+    if not rows:
+        return _Rows([], [], separator)
+    named = [_named(line) for _, line in rows]
+    at = named.index(max(named)) if max(named) else 0
+    while not max(named) and at < len(rows) - 1 and _is_comment(rows[at][1]):
+        at += 1
+    head = rows[at][1]
+    head = [head[0].strip().lstrip('#%/ '), *head[1:]] if _is_comment(head) else head
+    below = [(number, line) for number, line in rows[at + 1 :] if not _is_comment(line)]
+    if head and not head[-1].strip() and all(not line[-1].strip() for _, line in below):
+        head = head[:-1]  # a separator ends every line
+    return _Rows(head, [(number, _of_length(line, len(head))) for number, line in below], separator)
+
+
+def _of_length(line: list[str], length: int) -> list[str]:
+    """Return a line without empty words beyond `length`."""
+    return line if any(word.strip() for word in line[length:]) else line[:length]
+
+
+def _is_comment(line: Sequence[str]) -> bool:
+    return line[0].strip().startswith(_COMMENT)
+
+
+def _named(line: Sequence[str]) -> int:
+    """Return how many words of a line are heads of columns."""
+    bare = (bare_title(word.strip().lstrip('#%/ ')) for word in line)
+    return sum(any(quantities(word)) for word in bare)
+
+
+def _is_of_units(line: Sequence[str]) -> bool:
+    """Return whether a line below the titles holds their units."""
+    words = [word.strip('-[]() ') for word in line]
+    return any(words) and all(not word or is_unit(word) for word in words)
 
 
 def _check_repeated(path: Path, titles: Sequence[str]) -> None:
@@ -218,10 +294,13 @@ def _text(path: Path) -> str:
         raise InputError(f'{path}: cannot be read ({error.strerror})') from None
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # Excel's "Unicode text"
         with suppress(UnicodeDecodeError):
-            return data.decode('utf-16')
+            return with_plain_signs(data.decode('utf-16'))
+    if b'\0' in data[: len('ab')]:  # the same without its mark
+        with suppress(UnicodeDecodeError):
+            return with_plain_signs(data.decode('utf-16-be' if data[0] == 0 else 'utf-16-le'))
     for encoding in ('utf-8-sig', 'cp1252'):  # Excel writes the second unless asked otherwise
         try:
-            return data.decode(encoding)
+            return with_plain_signs(data.decode(encoding))
         except UnicodeDecodeError:
             continue
     raise InputError(f'{path}: not a text in UTF-8; save it as CSV UTF-8')
@@ -247,15 +326,20 @@ def _decimal(path: Path, words: Iterable[str], separator: str) -> Decimal:
         else:
             marks.setdefault(last, word)
     if len(marks) > 1:
-        raise InputError(
+        raise QuestionError(
             f'{path}: some numbers have decimal points and some decimal commas, such as '
-            f"'{marks['.']}' and '{marks[',']}'; write them alike, or give --decimal"
+            f"'{marks['.']}' and '{marks[',']}'",
+            [{'decimal': 'point'}, {'decimal': 'comma'}],
+            'write them alike',
         )
     if doubtful and not marks:
         small, large = doubtful.replace(',', '.'), re.sub('[.,]', '', doubtful)
-        answers = ('comma', 'point') if ',' in doubtful else ('point', 'comma')
-        raise InputError(
-            f"{path}: is '{doubtful}' {small} or {large}? give --decimal {answers[0]} or "
-            f'--decimal {answers[1]}'
+        answers: tuple[Decimal, Decimal] = (
+            ('comma', 'point') if ',' in doubtful else ('point', 'comma')
+        )
+        raise QuestionError(
+            f"{path}: is '{doubtful}' {small} or {large}?",
+            [{'decimal': answer} for answer in answers],
+            'write all numbers without separators of thousands',
         )
     return 'comma' if ',' in marks else 'point'

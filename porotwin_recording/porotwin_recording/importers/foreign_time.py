@@ -1,5 +1,6 @@
 """Dates and times of other programs: order of day and month, am and pm, time zones."""
 
+import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -7,33 +8,73 @@ from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_recording.importers.date_numbers import (
+    DATE_NUMBERS,
+    FIRST_YEAR,
+    LAST_YEAR,
+    UNIX,
+    DateNumbers,
+    counted_from,
+)
 from porotwin_recording.importers.foreign_table import number_in
+from porotwin_recording.importers.open_question import QuestionError
+from porotwin_recording.importers.words_of_languages import ZONES, month_of, with_plain_signs
 
 DateOrder = Literal['day-first', 'month-first']
-
 MONTHS = 12
 HALF_DAY_H = 12
 CENTURY = 2000
 """Years of two digits belong to this century."""
 
-FIRST_YEAR, LAST_YEAR = 1900, 2200
-"""Years of experiments; other ones are slips."""
-
-_EXCEL_DAYS = (20_000.0, 80_000.0)
-"""Numbers that Excel shows as dates from 1954 to 2119: days since the end of 1899."""
-
-_EPOCH_SECONDS = (5e8, 5e9)
-"""Numbers that count seconds since 1970, from 1985 to 2128."""
-
-_TIME = r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?'
-_ZONE = r'\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?'
+_TIME = (
+    r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)'
+    r'\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?)?'
+)
+_ZONE = rf'\s*(?P<zone>[+-]\d{{2}}:?\d{{2}}|{"|".join(ZONES)})?'
 _ISO = re.compile(
     rf'(?P<year>\d{{4}})[-/.](?P<month>\d{{1,2}})[-/.](?P<day>\d{{1,2}}){_TIME}{_ZONE}'
 )
 _OTHER = re.compile(
     rf'(?P<one>\d{{1,2}})(?P<mark>[-/.])(?P<two>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}}){_TIME}{_ZONE}'
 )
+_NAMED_DAY = re.compile(r'(\d{1,2})\.?[-\s/]+(?:de\s+)?([^\W\d_]{3,})\.?[-\s/,]+(?:de\s+)?(\d{4})')
+_NAMED_MONTH = re.compile(r'([^\W\d_]{3,})\.?\s+(\d{1,2})(?:st|nd|rd|th)?,?\s+(\d{4})')
+_AROUND = re.compile(
+    r'^(?:le\s+)?[^\W\d_]{2,}[.,]*\s+(?=\d)|\b(?:uhr|kl\.?|klo|kello|um|h)(?=\s|$)|\sà(?=\s)',
+    re.IGNORECASE,
+)
+"""Names of days before a date, and words around a time of day."""
+_OTHER_CLOCK = re.compile(
+    r'(?<=\s)(\d{1,2})(?:[.hH]|\s?h\s?)(\d{2})(?:[.m](\d{2}))?\s?s?(?=\s*[AaPp+-]|\s*$)'
+)
+"""Times such as 14.30 and 14h30."""
+TIME_ALONE = re.compile(
+    r'\d{1,2}[:.hH]\d{2}(?:[:.m]\d{2})?(?:[.,]\d+)?\s*(?:[AaPp]\.?\s?[Mm]\.?|Uhr|h|s)?'
+)
+"""A time of day whose date stands in another column."""
+
+
+def plain_date(word: str) -> str:
+    """Return a date with time as digits, whatever words name its month, day and hours."""
+    text = with_plain_signs(word).strip()
+    for pattern, order in ((_NAMED_DAY, (3, 2, 1)), (_NAMED_MONTH, (3, 1, 2))):
+        found = pattern.search(text)
+        month = month_of(found[order[1]]) if found else None
+        if found and month:
+            date = f'{found[order[0]]}-{month:02d}-{int(found[order[2]]):02d}'
+            text = f'{date}{text[found.end() :]}'
+            break
+    text = ' '.join(_AROUND.sub(' ', text).split())
+    head, space, rest = text.partition(' ')
+    if ':' not in rest:
+        rest = _OTHER_CLOCK.sub(r' \1:\2:\3', f' {rest}').strip().replace(': ', ' ').rstrip(':')
+    return f'{head}{space}{rest}'
+
+
+def _matched(word: str) -> re.Match[str] | None:
+    text = plain_date(word)
+    return _ISO.fullmatch(text) or _OTHER.fullmatch(text)
 
 
 def moments(
@@ -43,6 +84,7 @@ def moments(
     order: DateOrder | None = None,
     zone: str = '',
     places: Sequence[str] = (),
+    numbers: DateNumbers | None = None,
 ) -> tuple[list[datetime], list[str]]:
     """Return the times in `words`, and the assumptions that were made, one line each.
 
@@ -56,16 +98,22 @@ def moments(
         order: order of day and month in dates such as 3/4/2024; None: as the dates show.
         zone: time zone, such as Europe/Oslo; empty: none.
         places: the place of each word, for messages; empty: its row in a table with a header.
+        numbers: system of numbers in place of dates; None: not known.
 
     Raises:
         InputError: a word is no time, lacks the time of day that others have, is none in its zone,
             is more than a year from most others, or can be read in two ways.
     """
-    matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
     places = places or [f'{where}:{row}' for row in range(2, len(words) + 2)]
+    if words and all(math.isfinite(_number(word)) for word in words):
+        return _counted(words, places, zone, numbers)
+    matches = [_matched(word) for word in words]
     for word, match, place in zip(words, matches, places, strict=True):
         if match is None:
-            raise InputError(f"{place}: '{word}' is no date; {_remedy(word)}")
+            raise InputError(
+                f"{place}: '{word}' is no date; write 2024-05-31 14:30:00, or with its zone "
+                '2024-05-31 14:30:00+02:00'
+            )
     found = [match for match in matches if match is not None]
     _check_clock_times(found, places)
     told: list[str] = []
@@ -90,22 +138,46 @@ def moments(
     return times, told
 
 
-def _remedy(word: str) -> str:
-    """Return what to write instead of a word that is no date."""
-    number = number_in(word, 'comma' if ',' in word else 'point')
-    for unit, length, (low, high), start in (
-        ('days of Excel', DAY_S, _EXCEL_DAYS, datetime(1899, 12, 30, tzinfo=UTC)),
-        ('seconds since 1970', 1.0, _EPOCH_SECONDS, datetime(1970, 1, 1, tzinfo=UTC)),
-    ):
-        if low <= number <= high:
-            meant = start + timedelta(seconds=round(number * length))
-            return f'if these are {unit}, write {meant:%Y-%m-%d %H:%M:%S}'
-    return 'write 2024-05-31 14:30:00, or with its zone 2024-05-31 14:30:00+02:00'
+def _number(word: str) -> float:
+    return number_in(word, 'comma' if ',' in word else 'point')
+
+
+def _counted(
+    words: Sequence[str], places: Sequence[str], zone: str, numbers: DateNumbers | None
+) -> tuple[list[datetime], list[str]]:
+    """Return the times that numbers count; local ones if a spreadsheet or MATLAB wrote them.
+
+    Raises:
+        QuestionError: their system is not known.
+        InputError: they count no dates of an experiment.
+    """
+    if numbers is None:
+        latest, now = max(map(_number, words)), datetime.now(UTC)
+        readings = {
+            name: counted_from(name, _number(words[0]))
+            for name in DATE_NUMBERS
+            if (last := counted_from(name, latest)) and last.date() <= now.date()
+        }
+        shown = [f'{name}: {time:%Y-%m-%d %H:%M:%S}' for name, time in readings.items() if time]
+        raise QuestionError(
+            f"{places[0]}: '{words[0]}' counts from a date ({', '.join(shown) or 'none is known'})",
+            [{'date_numbers': name} for name, time in readings.items() if time],
+            'write dates, such as 2024-05-31 14:30:00',
+        )
+    found = []
+    for word, place in zip(words, places, strict=True):
+        time = counted_from(numbers, _number(word))
+        if time is None:
+            raise InputError(f"{place}: '{word}' is no date in {numbers}; correct it")
+        local = zone and numbers not in UNIX
+        found.append(_in_zone(time.replace(tzinfo=None), zone, place) if local else time)
+    _check_years(found, words, places)
+    return found, [f'numbers are dates of {numbers}']
 
 
 def names_zone(words: Sequence[str]) -> bool:
     """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
-    matches = (_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words)
+    matches = map(_matched, words)
     return any(match is not None and match['zone'] is not None for match in matches)
 
 
@@ -162,9 +234,10 @@ def _is_day_first(
         told.append(f'{where}: dates with points, taken with the day first')
         return True
     one, two, mark = dates[0]
-    raise InputError(
-        f"{where}: is '{one}{mark}{two}' day and month, or month and day? give --date-order "
-        'day-first or month-first'
+    raise QuestionError(
+        f"{where}: is '{one}{mark}{two}' day and month, or month and day?",
+        [{'date_order': 'day-first'}, {'date_order': 'month-first'}],
+        'write dates such as 2024-05-31',
     )
 
 
@@ -183,7 +256,7 @@ def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> dat
         moment = datetime(year, int(month), int(day), hour, minute, whole)
         moment += timedelta(microseconds=round(1e6 * (second - whole)))
         if parts['zone']:
-            written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
+            written = ZONES.get(parts['zone'], parts['zone'])
             return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
     except ValueError as error:
         beyond = parts['time'] in ('24:00', '24:00:00', '23:59:60')  # the last: a leap second

@@ -1,71 +1,37 @@
-"""Units of rates, times and lengths as other programs write them.
+"""Units of rates, times and lengths as other programs write them: ml/h, mL h-1, ml·h⁻¹, ml pro Std.
 
-The library pint was tried. It does not know `m3` and `g/cm3`, takes `ph` for a picohour, and its
-start takes 1 s; the tables below are as long as its corrections would be.
+The library pint knows the units, and cftime the times of CF. Words and signs of other languages are
+made plain first.
 """
 
 import re
+import unicodedata
+from functools import cache
+from typing import TYPE_CHECKING
+
+import cftime
 
 from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.words_of_languages import NAMES, UNITS, plain, with_plain_signs
 
-VOLUMES = {
-    'm3': 1.0,
-    'm^3': 1.0,
-    'l': 1e-3,
-    'dm3': 1e-3,
-    'ml': 1e-6,
-    'cm3': 1e-6,
-    'cm^3': 1e-6,
-    'cc': 1e-6,
-    'ul': 1e-9,
-    'µl': 1e-9,
-    'μl': 1e-9,
-    'mm3': 1e-9,
-    'nl': 1e-12,
-}
-"""Volumes [m^3] by name, in small letters."""
-
-MASSES = {'kg': 1.0, 'g': 1e-3, 'mg': 1e-6}
-"""Masses [kg] by name."""
-
-TIMES = {
-    'ms': 1e-3,
-    's': 1.0,
-    'sec': 1.0,
-    'second': 1.0,
-    'seconds': 1.0,
-    'min': 60.0,
-    'minute': 60.0,
-    'minutes': 60.0,
-    'h': 3600.0,
-    'hr': 3600.0,
-    'hour': 3600.0,
-    'hours': 3600.0,
-    'd': 86400.0,
-    'day': 86400.0,
-    'days': 86400.0,
-}
-"""Times [s] by name."""
-
-DENSITIES = {
-    'kg/m3': 1.0,
-    'kg/m^3': 1.0,
-    'g/l': 1.0,
-    'g/cm3': 1e3,
-    'g/cm^3': 1e3,
-    'g/ml': 1e3,
-    'kg/l': 1e3,
-}
-"""Densities [kg/m^3] by name."""
+if TYPE_CHECKING:
+    import pint
 
 DENSITY_RANGE = (500.0, 3000.0)
 """Densities of liquids [kg/m^3]."""
 
-SHARES = {'': 1.0, '1': 1.0, '-': 1.0, '%': 1e-2, 'percent': 1e-2}
+SHARES = {'': 1.0, '1': 1.0, '-': 1.0, '%': 1e-2}
 """Shares of the tracer stock [-] by name."""
 
-LENGTHS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
-"""Lengths [m] by name."""
+_PLAIN_UNIT = re.compile(r'[a-z\d*/%.()-]{1,40}')
+"""Texts for the library; it computes powers, so others are kept from it."""
+
+_NAMED = re.compile(
+    '(?:'
+    + '|'.join(sorted({name for names in NAMES.values() for name in names}, key=len)[::-1])
+    + ')_'
+)
+"""A name of a quantity in front of its unit, as in flow_rate_ml_min."""
 
 
 def unit_in(title: str) -> str:
@@ -75,9 +41,50 @@ def unit_in(title: str) -> str:
     """
     bracket = re.search(r'[\[(]([^\])]*)[\])]', title)
     if bracket:
-        return bracket[1].strip().lower()
-    _, _, rest = title.lower().partition('_')
-    return rest.replace('_per_', '/').replace('_', '/') if rest else ''
+        return with_plain_signs(bracket[1]).strip().lower()
+    word = plain(title).replace(',', '')
+    named = _NAMED.match(word)
+    _, _, rest = ('', '', word[named.end() :]) if named else word.partition('_')
+    rest = re.sub('^(in|en|i)_', '', rest).replace('_per_', '/')
+    return rest.replace('_', '/') if '/' not in rest else rest.replace('_', '')
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit in the signs of a keyboard and in English: ml·h⁻¹ and ml pro Std are ml/h."""
+    text = with_plain_signs(unit).lower().replace('µ', 'u').replace('μ', 'u')
+    text = with_plain_signs(unicodedata.normalize('NFKC', text))  # powers above the line
+    text = re.sub(r'\s*[·⋅•×∙*]\s*|(?<=[a-z\d])\.(?=[a-z])', ' ', text)
+    words = (UNITS.get(plain(word), word) for word in re.findall(r'[^\W\d_]+|[^\w\s]|\d+|\s', text))
+    text = re.sub(r'\s*/\s*', '/', ''.join(words).replace('**', '^')).strip(' .')
+    text = re.sub(r'(?<=[a-z])\^?\(?(-?\d+)\)?', r'**\1', text)
+    text = re.sub(r'\s+', '*', text)
+    return re.sub(r'^([a-z]+(?:\*\*3)?)\*([a-z]+)\*\*-1$', r'\1/\2', text)
+
+
+@cache
+def _registry() -> 'pint.UnitRegistry':
+    import pint  # half a second
+
+    return pint.UnitRegistry()
+
+
+def _size_in(unit: str, wanted: str) -> float | None:
+    """Return the size of one `unit` in the `wanted` one; None if it is none of its kind."""
+    text = plain_unit(unit)
+    if not _PLAIN_UNIT.fullmatch(text) or re.search(r'\d\d', text):
+        return None
+    try:
+        return float(_registry().Quantity(1.0, _registry().parse_units(text)).to(wanted).magnitude)
+    except Exception:  # it raises errors of many types
+        return None
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a word is a unit of a rate, time, length, density or share."""
+    word = plain(text)
+    return UNITS.get(word, word) in SHARES or any(
+        _size_in(text, wanted) is not None for wanted in ('m^3/s', 'kg/s', 's', 'm', 'kg/m^3')
+    )
 
 
 def rate_factor(unit: str, where: str, *, density_kg_m3: float) -> float:
@@ -91,27 +98,40 @@ def rate_factor(unit: str, where: str, *, density_kg_m3: float) -> float:
     Raises:
         InputError: it is no unit of a rate.
     """
-    text = unit.lower().replace(' ', '').replace('s-1', '/s').replace('per', '/')
-    amount, _, time = text.partition('/')
-    size = VOLUMES.get(amount)
-    if size is None and amount in MASSES:
-        size = MASSES[amount] / density_kg_m3
-    if size is None or time not in TIMES:
+    size = _size_in(unit, 'm^3/s')
+    mass = _size_in(unit, 'kg/s') if size is None else None
+    if size is None and mass is None:
         said = f"'{unit}' is no unit of a rate" if unit else 'has no unit'
-        raise InputError(f'{where}: {said}; give --rate-unit, such as ml/min, ml/h, ul/s or m3/s')
-    return size / TIMES[time]
+        raise InputError(
+            f'{where}: {said}; give its unit with --rate-unit, a volume or mass per time'
+        )
+    return size if mass is None else mass / density_kg_m3  # type: ignore[return-value]
 
 
 def time_factor(unit: str, where: str) -> float:
-    """Return the time [s] of one `unit`.
+    """Return the time [s] of one `unit`, as the conventions of CF name it.
 
     Raises:
-        InputError: it is no unit of time.
+        InputError: it is no unit of time, or one of different lengths, such as a month.
     """
-    if unit.lower() not in TIMES:
-        said = f"'{unit}' is no unit of time" if unit else 'has no unit'
-        raise InputError(f'{where}: {said}; give --time-unit s, min or h')
-    return TIMES[unit.lower()]
+    try:
+        epoch, after = cftime.num2date([0.0, 1.0], f'{plain_unit(unit)} since 2000-01-01')
+    except (ValueError, TypeError, OverflowError):
+        said = f"'{unit}' is no unit of time with one length" if unit else 'has no unit'
+        raise InputError(f'{where}: {said}') from None
+    return float((after - epoch).total_seconds())
+
+
+def length_factor(unit: str, where: str) -> float:
+    """Return the length [m] of one `unit`; without a unit metres.
+
+    Raises:
+        InputError: it is no unit of a length.
+    """
+    size = _size_in(unit or 'm', 'm')
+    if size is None:
+        raise InputError(f"{where} is in '{unit}'; write m, cm or mm")
+    return size
 
 
 def density_factor(unit: str, where: str) -> float:
@@ -120,9 +140,10 @@ def density_factor(unit: str, where: str) -> float:
     Raises:
         InputError: it is no unit of a density.
     """
-    if unit and unit.lower().replace(' ', '') not in DENSITIES:
+    size = _size_in(unit or 'kg/m3', 'kg/m^3')
+    if size is None:
         raise InputError(f"{where}: '{unit}' is no unit of a density; write kg/m3 or g/cm3")
-    return DENSITIES.get(unit.lower().replace(' ', ''), 1.0)
+    return size
 
 
 def check_density(density: float, where: str) -> float:
@@ -146,8 +167,10 @@ def share_factor(unit: str, where: str) -> float:
     Raises:
         InputError: it is no unit of a share.
     """
-    if unit.lower() not in SHARES:
+    word = plain(unit).strip('[]()')
+    share = SHARES.get(UNITS.get(word, word))
+    if share is None:
         raise InputError(
             f"{where}: '{unit}' is no share of the tracer stock; write shares from 0 to 1, or %"
         )
-    return SHARES[unit.lower()]
+    return share

@@ -1,54 +1,53 @@
-"""Maps of other programs as an experiment folder: npz, CSV, NetCDF and zarr.
+"""Maps of other programs as an experiment folder: npz, CSV, NetCDF, zarr, MATLAB and TIFF stacks.
 
 - npz: an array of three dimensions (time, row, column) and one of times; `x` and `z` if known.
 - CSV: columns time, x, z and concentration, one line for each value, in any order.
-- NetCDF, zarr (version 2): dimensions time, z or y, x, in any order, with coordinates.
+- NetCDF, zarr (version 2 or 3): dimensions time, z or y, x, in any order, with coordinates.
+- MATLAB: as npz, but (row, column, time).
+- TIFF: a stack with the interval of ImageJ.
 """
 
-import contextlib
+import functools
 import re
-import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-import netCDF4
+import cftime
 import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.regular_file import regular
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
-from porotwin_core.rig.property_file import check_variable
 from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_recording.importers.foreign_arrays import ARRAY_FILES, NamedArray, named_arrays
 from porotwin_recording.importers.foreign_table import Decimal, read_foreign_table
-from porotwin_recording.importers.foreign_units import LENGTHS, time_factor, unit_in
+from porotwin_recording.importers.foreign_units import (
+    length_factor,
+    plain_unit,
+    share_factor,
+    time_factor,
+    unit_in,
+)
+from porotwin_recording.importers.open_question import QuestionError, settled
+from porotwin_recording.importers.words_of_languages import NAMES as ALL_NAMES
+from porotwin_recording.importers.words_of_languages import plain
+from porotwin_recording.tables.cf_values import unpacked
 from porotwin_recording.tables.concentration import ConcentrationMaps
-from porotwin_recording.tables.map_files import zarr_address
+from porotwin_recording.tables.no_value import LEAST_NOISE, Counts, in_words, without_codes
 from porotwin_recording.tables.recorded_data import RecordedData
-
-ARRAY_FILES = ('.npz', '.nc', '.zarr')
-"""Endings of files that hold maps and nothing else."""
 
 SUFFIXES = (*ARRAY_FILES, '.csv')
 FirstRow = Literal['top', 'bottom']
 
-NAMES = {
-    'concentration': ('concentration', 'maps', 'c', 'tracer', 'data', 'images'),
-    'time': ('time', 'times', 't'),
-    'x': ('x',),
-    'z': ('z', 'y', 'height'),
-}
+NAMES = {quantity: ALL_NAMES[quantity] for quantity in ('concentration', 'time', 'x', 'z')}
 """Names of quantities, the surest first."""
 
 MOST_STOCK = 1.3
 """Largest concentration of noisy maps [-]; larger values are in another unit."""
-
-LEAST_NOISE = 0.3
-"""Concentration below 0 [-] that noise does not reach."""
 
 FAR_FROM_SQUARE, NEARLY_SQUARE = 1.3, 1.1
 """Longer over shorter side of a cell: maps are taken as transposed if they have cells beyond the
@@ -65,9 +64,10 @@ no begin of an experiment."""
 REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
 
-PERCENT = 100.0
+NO_NUMBERS = ('nan', 'na', 'n/a', '#n/a', '#nv', 'null', 'none', '-', '--', 'inf', '1.#qnan')
+"""Words for no value in tables, in small letters."""
 
-PERCENTS = ('%', 'percent')
+PERCENT = 100.0
 
 AMOUNTS = re.compile(r'(kg|g|mg|ug|µg|mol|mmol|ppm|ppb)\b')
 """Begin of units of dye per volume, such as mg/l."""
@@ -82,19 +82,22 @@ class MapAnswers:
         first_row: whether the first row of a map is at the top or the bottom.
         stock: value of the tracer stock, such as 100 for percent.
         decimal: decimal point or comma of a CSV file.
+        no_value: number that stands for no value.
     """
 
     time_unit: str = ''
     first_row: FirstRow | None = None
     stock: float | None = None
     decimal: Decimal | None = None
+    no_value: float | None = None
 
 
 @dataclass(frozen=True)
 class _Arrays:
     """Arrays of a file: values (time, row, column), times, coordinates, and units by name.
 
-    `downward`: z counts from the top of the rig down.
+    `calendar`: of the times. `downward`: z counts from the top of the rig down. `gaps`: numbers of
+    values that the file calls missing.
     """
 
     values: NDArray[Any]
@@ -102,7 +105,9 @@ class _Arrays:
     x: NDArray[Any] | None
     z: NDArray[Any] | None
     units: dict[str, str]
+    calendar: str = 'standard'
     downward: bool = False
+    gaps: Mapping[str, int] = field(default_factory=dict)
 
 
 def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
@@ -117,15 +122,56 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
     Raises:
         InputError: one line with the file, the fault and the remedy.
     """
-    readers = {'.npz': _npz, '.nc': _netcdf, '.zarr': _netcdf}
-    told: list[str] = []
     suffix = path.suffix.lower()
-    if suffix == '.csv':
-        arrays = _csv(path, answers.decimal)
-    elif suffix in readers:
-        arrays = readers[suffix](path)
-    else:
+    if suffix not in SUFFIXES:
         raise InputError(f'{path}: no file of maps; give one that ends in {", ".join(SUFFIXES)}')
+
+    @functools.cache
+    def arrays(decimal: Decimal | None) -> _Arrays:
+        return _csv(path, decimal) if suffix == '.csv' else _read_arrays(path)
+
+    read = settled(lambda tried: _read(path, arrays(tried.decimal), rig, tried), answers)
+    write_folder(target, RecordedData(rig, maps=read.maps))
+    return read.told
+
+
+class _ReadMaps(NamedTuple):
+    """The maps of a file, and the assumptions made."""
+
+    maps: ConcentrationMaps
+    told: list[str]
+
+    @property
+    def in_words(self) -> str:
+        """The times of the maps and their largest value."""
+        times, values = self.maps.times, self.maps[:]
+        seen = values[values > 0.0]
+        if not seen.size:
+            return f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, nothing above 0'
+        heights = np.broadcast_to(self.maps.grid.z[:, None], values.shape)[values > 0.0]
+        height = np.average(heights, weights=seen)
+        shares = f'median above 0 {np.median(seen):.2g}, largest {seen.max():.3g}'
+        return (
+            f'{len(times)} maps from {times[0]:.6g} to {times[-1]:.6g} s, '
+            f'{shares}, its middle at z {height:.3g} m'
+        )
+
+    @property
+    def is_apart(self) -> bool:
+        """Maps alone meet themselves."""
+        return False
+
+
+def _read(path: Path, arrays: _Arrays, rig: Rig, answers: MapAnswers) -> _ReadMaps:
+    """Return the maps that the arrays hold with the `answers`.
+
+    Raises:
+        InputError: as `import_maps`.
+        QuestionError: other answers may mend it.
+    """
+    if answers.stock is not None and not 0.0 < answers.stock < np.inf:
+        raise InputError(f'--stock {answers.stock:g}: give a finite number above 0, such as 100')
+    told: list[str] = []
     if arrays.values.ndim != 3 or len(arrays.times) != len(arrays.values):
         raise InputError(
             f'{path}: its maps have the shape {arrays.values.shape}, and it has '
@@ -137,13 +183,43 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
     _check_coordinates(path, arrays)
     _check_cells(path, arrays, rig)
     values = _upward(path, _rightward(path, arrays, told), answers, told)
+    values, gaps = _without_gaps(path, values, arrays, answers)
+    if gaps:
+        told.append(f'{path}: {in_words(gaps, values.size)}')
     values = _shares(path, values, arrays.units.get('concentration', ''), answers, told)
     _check_extent(path, arrays, rig)
     grid = rig.grid(values.shape[2], values.shape[1])
     maps = ConcentrationMaps(times, grid, lambda first, last: values[first:last])
-    write_folder(target, RecordedData(rig, maps=maps))
     told.append(f'{path}: {len(times)} maps of {grid} cells, which cover the whole rig')
-    return told
+    return _ReadMaps(maps, told)
+
+
+def _without_gaps(
+    path: Path, values: NDArray[Any], arrays: _Arrays, answers: MapAnswers
+) -> tuple[NDArray[Any], Counts]:
+    """Return the values with NaN for every number that means none, and their counts.
+
+    Raises:
+        InputError: values are no real numbers, or infinite.
+    """
+    if values.dtype.kind not in REAL_KINDS:
+        raise InputError(f'{path}: its maps are of the type {values.dtype}; write real numbers')
+    gaps = dict(arrays.gaps)
+    if answers.no_value is not None:
+        found = values == values.dtype.type(answers.no_value)
+        if not found.any():
+            raise InputError(
+                f'--no-value {answers.no_value:g}: {path} does not hold it; correct it'
+            )
+        gaps[f'{answers.no_value:g} (--no-value)'] = int(found.sum())
+        values = np.where(found, np.nan, values)
+    infinite = int(np.isinf(values).sum())
+    if infinite:
+        raise InputError(
+            f'{path}: {infinite} values of its maps are infinite; write NaN where there is no value'
+        )
+    values, codes = without_codes(values, answers.stock or 1.0)
+    return values, {**gaps, **codes}
 
 
 def _seconds(
@@ -151,16 +227,19 @@ def _seconds(
 ) -> NDArray[np.float64]:
     """Return the times [s] from the first one on, or from zero if they begin later."""
     times = arrays.times
-    if times.ndim != 1 or times.dtype.kind not in f'{REAL_KINDS}M':
+    if times.ndim != 1 or times.dtype.kind not in f'{REAL_KINDS}Mm':
         raise InputError(f'{path}: its times are no row of numbers; write numbers or datetime64')
     if times.dtype.kind == 'M':
         shown = np.datetime_as_string(times, unit='s').tolist()
         seconds = _dated_seconds(times)
         _check_rise(path, seconds, shown)
         told.append(f'{path}: time zero is {shown[0]}, its first map')
+    elif times.dtype.kind == 'm':
+        seconds = times / np.timedelta64(1, 's')
+        _check_rise(path, seconds, [str(time) for time in times])
     else:
-        unit, _, epoch = (answers.time_unit or arrays.units.get('time', '')).partition(' since ')
-        seconds = np.asarray(times, dtype=float) * time_factor(unit, f'{path}: time')
+        unit, epoch = _unit_of_times(path, arrays, answers)
+        seconds = _counted_seconds(path, times, unit, epoch, arrays.calendar)
         shown = [f'{time:.10g}' for time in times]
         _check_rise(path, seconds, shown)
         told.append(f'{path}: times in {unit}')
@@ -168,6 +247,53 @@ def _seconds(
             seconds = _told_epoch(path, seconds, f'{shown[0]} {unit}', epoch, told)
     _check_duration(path, seconds)
     return seconds
+
+
+def _unit_of_times(path: Path, arrays: _Arrays, answers: MapAnswers) -> tuple[str, str]:
+    """Return the unit of the times, and the date since which they count, '' for none.
+
+    Raises:
+        QuestionError: the file has no unit.
+        InputError: a person gives another unit than the file.
+    """
+    unit, _, epoch = arrays.units.get('time', '').partition(' since ')
+    given = answers.time_unit
+    if not unit and not given:
+        raise QuestionError(
+            f'{path}: time has no unit',
+            [{'time_unit': each} for each in ('ms', 's', 'min', 'h', 'd')],
+            'write the unit of the times into the file',
+        )
+    if unit and given and plain_unit(unit) != plain_unit(given):
+        where = f'{path}: time'
+        if time_factor(given, '--time-unit') != time_factor(unit, where):
+            raise InputError(
+                f"{where} is in '{unit}' by the file, and --time-unit says {given}; leave "
+                '--time-unit out, or correct the file'
+            )
+    return unit or given, epoch
+
+
+def _counted_seconds(
+    path: Path, times: NDArray[Any], unit: str, epoch: str, calendar: str
+) -> NDArray[np.float64]:
+    """Return times that count a unit, in seconds; a month has a length in some calendars only.
+
+    Raises:
+        InputError: the unit is none of time, or has no one length.
+    """
+    try:
+        return np.asarray(times, dtype=float) * time_factor(unit, f'{path}: time')
+    except InputError as error:
+        words = f'{unit} since {epoch or "2000-01-01"}'
+        try:
+            dates = cftime.num2date(np.asarray(times, dtype=float), words, calendar)
+            begin = cftime.num2date(0.0, words, calendar)
+        except (ValueError, TypeError, OverflowError):
+            raise InputError(
+                f'{error}; write the times in days or shorter units, as CF does'
+            ) from None
+        return np.array([(date - begin).total_seconds() for date in dates])
 
 
 def _told_epoch(
@@ -332,30 +458,13 @@ def _upward(path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]) -
             told.append(f'{path}: {why}')
         return arrays.values if shown == 'bottom' else arrays.values[:, ::-1]
     if answers.first_row is None:
-        raise InputError(
-            f'{path}: nothing says whether the first row of a map is at the top, as in a picture; '
-            'give --first-row top or --first-row bottom'
+        raise QuestionError(
+            f'{path}: nothing says whether the first row of a map is at the top, as in a picture',
+            [{'first_row': 'top'}, {'first_row': 'bottom'}],
+            'write z of the rows',
         )
     told.append(f'{path}: the first row of a map is at the {answers.first_row}')
     return arrays.values if answers.first_row == 'bottom' else arrays.values[:, ::-1]
-
-
-def _refuse_other_unit(path: Path, unit: str, largest: float) -> None:
-    """Check that the file does not state another `unit` than a share of the tracer stock.
-
-    Raises:
-        InputError: it does; the line asks for the value of the stock.
-    """
-    if unit in PERCENTS and largest <= MOST_STOCK:
-        raise InputError(
-            f"{path}: concentrations are in '{unit}', but reach only {largest:.3g}; give "
-            '--stock 100 if they are in percent of the tracer stock, and --stock 1 if not'
-        )
-    if AMOUNTS.match(unit):
-        raise InputError(
-            f"{path}: concentrations are in '{unit}'; give --stock, the value of the tracer stock "
-            'in this unit'
-        )
 
 
 def _shares(
@@ -364,21 +473,12 @@ def _shares(
     """Return the maps, whose file states `unit`, as shares of the tracer stock.
 
     Raises:
-        InputError: the values are in another unit, and nothing says which value is the stock.
+        InputError: no value is above 0.
+        QuestionError: the values are in another unit, and nothing says which value is the stock.
     """
-    if answers.stock is not None and not 0.0 < answers.stock < np.inf:
-        raise InputError(f'--stock {answers.stock:g}: give a finite number above 0, such as 100')
-    if values.dtype.kind not in REAL_KINDS:
-        raise InputError(f'{path}: its maps are of the type {values.dtype}; write real numbers')
-    floats = np.asarray(values, dtype=np.float32)
-    if np.isnan(floats).all():
+    if np.isnan(values).all():
         raise InputError(f'{path}: all values of its maps are missing')
-    infinite = int(np.isinf(floats).sum())
-    if infinite:
-        raise InputError(
-            f'{path}: {infinite} values of its maps are infinite, or too large for 32 bits; '
-            'write NaN where there is no value'
-        )
+    floats = np.asarray(values, dtype=np.float32)
     least, largest = float(np.nanmin(floats)), float(np.nanmax(floats))
     if largest <= 0.0 and least < 0.0:
         raise InputError(
@@ -388,17 +488,49 @@ def _shares(
     if least < -LEAST_NOISE * (answers.stock or 1.0):
         told.append(f'{path}: concentrations go down to {least:.3g}, although 0 is water')
     if answers.stock is None:
-        _refuse_other_unit(path, unit, largest)
-    if answers.stock is None and largest > MOST_STOCK:
-        percent = 'for percent ' if largest <= MOST_STOCK * PERCENT else ''
-        raise InputError(
-            f'{path}: concentrations reach {largest:.3g}; give --stock, the value of the tracer '
-            f'stock, {percent}such as --stock {PERCENT if percent else largest:g}'
-        )
-    if answers.stock is None:
+        _ask_for_stock(path, values, unit, largest)
         return floats
     told.append(f'{path}: {answers.stock:g} is tracer stock')
     return floats / np.float32(answers.stock)
+
+
+def _ask_for_stock(path: Path, values: NDArray[Any], unit: str, largest: float) -> None:
+    """Check that the values are shares of the tracer stock, as far as unit and size show.
+
+    Raises:
+        QuestionError: they are not.
+    """
+    if _is_percent(unit) and largest <= MOST_STOCK:
+        raise QuestionError(
+            f"{path}: concentrations are in '{unit}', but reach only {largest:.3g}",
+            [{'stock': PERCENT}, {'stock': 1.0}],
+            'correct the unit',
+        )
+    if AMOUNTS.match(unit):
+        raise QuestionError(
+            f"{path}: concentrations are in '{unit}' and reach {largest:.3g}",
+            [],
+            'give --stock, the value of the tracer stock in this unit',
+        )
+    if largest <= MOST_STOCK:
+        return
+    exact = float(np.nanmax(values))
+    rest = values[values < exact]
+    ways = [{'stock': PERCENT if largest <= MOST_STOCK * PERCENT else exact}]
+    if (values == exact).sum() > 1 and rest.size and rest.max() <= MOST_STOCK:
+        ways.append({'no_value': exact})  # a number that stands alone, far above all others
+    raise QuestionError(
+        f'{path}: concentrations reach {exact:.6g}, and 1 is tracer stock',
+        ways,
+        'give --stock, the value of the tracer stock',
+    )
+
+
+def _is_percent(unit: str) -> bool:
+    try:
+        return share_factor(unit, '') < 1.0
+    except InputError:
+        return False
 
 
 def _check_extent(path: Path, arrays: _Arrays, rig: Rig) -> None:
@@ -410,9 +542,7 @@ def _check_extent(path: Path, arrays: _Arrays, rig: Rig) -> None:
     for name, values, size in (('x', arrays.x, rig.width_m), ('z', arrays.z, rig.height_m)):
         if values is None or len(values) < 2:
             continue
-        factor = LENGTHS.get(arrays.units.get(name, '') or 'm')
-        if factor is None:
-            raise InputError(f"{path}: {name} is in '{arrays.units[name]}'; write m, cm or mm")
+        factor = length_factor(arrays.units.get(name, ''), f'{path}: {name}')
         centres = np.sort(np.asarray(values, dtype=float)) * factor
         step = size / len(centres)
         expected = step * (np.arange(len(centres)) + 0.5)
@@ -425,71 +555,112 @@ def _check_extent(path: Path, arrays: _Arrays, rig: Rig) -> None:
             )
 
 
-def _chosen(path: Path, names: list[str], quantity: str) -> str | None:
-    """Return the name of a quantity among `names`; units at its end do not count."""
+def _chosen(path: Path, found: Mapping[str, NamedArray], quantity: str) -> str | None:
+    """Return the name of the array of a quantity: by its name, attributes, or as the only one.
+
+    Units at the end of a name do not count.
+
+    Raises:
+        InputError: several arrays have equally sure names, or a needed one is missing.
+    """
     for wanted in NAMES[quantity]:
-        for name in names:
-            if name.lower() == wanted:
+        for name in found:
+            if plain(name) == wanted:
                 return name
-        found = [name for name in names if re.split(r'[_\s\[(]', name.lower())[0] == wanted]
-        if len(found) > 1:
+        begun = [name for name in found if re.split(r'[_\s\[(]', plain(name))[0] == wanted]
+        if len(begun) > 1:
             raise InputError(
-                f'{path}: which {quantity} is meant, {found[0]} or {found[1]}? name it {wanted}'
+                f'{path}: which {quantity} is meant, {begun[0]} or {begun[1]}? name it {wanted}'
             )
-        if found:
-            return found[0]
+        if begun:
+            return begun[0]
+    others = [name for name, array in found.items() if _is_of(array, quantity)]
+    if len(others) == 1:
+        return others[0]
     if quantity in ('concentration', 'time'):
-        raise InputError(f'{path}: has no {quantity}; it holds {", ".join(names)}')
+        raise InputError(f'{path}: has no {quantity}; it holds {", ".join(found) or "no array"}')
     return None
 
 
-def _npz(path: Path) -> _Arrays:
-    try:
-        with np.load(regular(path), allow_pickle=False) as archive:
-            for member in archive.zip.infolist():
-                for sizes in ((member.file_size,), _npy_sizes(archive.zip, member)):
-                    check_declared(f'{path}: {member.filename}', sizes)
-            found = {name: archive[name] for name in archive.files}
-    except InputError:
-        raise
-    except (OSError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
-        reason = 'it is damaged' if isinstance(error, OSError | zipfile.BadZipFile) else 'no npz'
-        raise InputError(
-            f'{path}: not readable as npz ({reason}); copy the file again, or write its arrays of '
-            'numbers with numpy.savez'
-        ) from None
-    names = {quantity: _chosen(path, list(found), quantity) for quantity in NAMES}
-    return _Arrays(
-        found[str(names['concentration'])],
-        np.atleast_1d(found[str(names['time'])]),
-        None if names['x'] is None else found[names['x']],
-        None if names['z'] is None else found[names['z']],
-        {quantity: unit_in(name) for quantity, name in names.items() if name},
+def _is_of(array: NamedArray, quantity: str) -> bool:
+    """Return whether an array is of a quantity by its attributes and its shape."""
+    if quantity == 'concentration':
+        return len(array.shape) == 3
+    axis = str(array.attributes.get('axis', '')).upper()
+    units = str(array.attributes.get('units', ''))
+    return len(array.shape) == 1 and (
+        (axis in {'time': 'T', 'x': 'X', 'z': 'YZ'}[quantity] * bool(axis) and bool(axis))
+        or (quantity == 'time' and ' since ' in units)
     )
 
 
-def _npy_sizes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:
-    """Return the sizes whose product is the size of an array in a npz file [bytes]."""
-    with archive.open(member) as stream:
-        major, _ = np.lib.format.read_magic(stream)
-        read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
-        shape, _, kind = read[min(major, 2)](stream)
-        return (*shape, kind.itemsize)
+def _read_arrays(path: Path) -> _Arrays:
+    """Return the arrays of a file, unpacked, with the time first and the row second."""
+    with named_arrays(path) as found:
+        names = {quantity: _chosen(path, found, quantity) for quantity in NAMES}
+        known = {quantity: found[name] for quantity, name in names.items() if name}
+        units = {
+            quantity: plain_spaces(each.attributes.get('units')) or unit_in(str(names[quantity]))
+            for quantity, each in known.items()
+        }
+        maps = known['concentration']
+        values, gaps = unpacked(maps.read(), maps.attributes)
+        if maps.dimensions:
+            values = np.transpose(values, _order(path, str(names['concentration']), maps, names))
+        axes = {
+            quantity: unpacked(np.atleast_1d(each.read()), each.attributes)[0]
+            for quantity, each in known.items()
+            if quantity != 'concentration'
+        }
+        z = known.get('z')
+        return _Arrays(
+            values,
+            axes['time'],
+            axes.get('x'),
+            axes.get('z'),
+            units,
+            calendar=str(known['time'].attributes.get('calendar', 'standard')),
+            downward=z is not None
+            and str(z.attributes.get('positive', '')).strip().lower() == 'down',
+            gaps=gaps,
+        )
+
+
+def plain_spaces(unit: object) -> str:
+    """Return the unit of an attribute in small letters; '' for none."""
+    return ' '.join(str('' if unit is None else unit).lower().split())
+
+
+def _order(path: Path, name: str, maps: NamedArray, names: Mapping[str, str | None]) -> list[int]:
+    """Return the order of axes that puts time first, then z, then x."""
+    dimensions = [each.strip() for each in maps.dimensions]
+    if len(dimensions) != 3:
+        raise InputError(f'{path}: {name} has {len(dimensions)} dimensions; needs time, z, x')
+    order = []
+    for quantity in ('time', 'z', 'x'):
+        wanted = (names[quantity], *NAMES[quantity])
+        at = next((dimensions.index(each) for each in wanted if each in dimensions), None)
+        if at is None:
+            raise InputError(
+                f'{path}: its dimensions are {", ".join(dimensions)}; needs {quantity}'
+            )
+        order.append(at)
+    return order
 
 
 def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     """Return the maps of a long table; a value that is empty or not there is missing (NaN)."""
     table = read_foreign_table(path, decimal)
-    titles = {quantity: table.needed(*NAMES[quantity]) for quantity in NAMES}
+    titles = {quantity: table.needed(quantity) for quantity in NAMES}
     title = titles['concentration']
-    words = ['' if word.lower() == 'nan' else word for word in table.columns[title]]
+    words = ['' if plain(word) in NO_NUMBERS else word for word in table.columns[title]]
     seen = [bool(word) for word in words]
     table = replace(table, columns={**table.columns, title: words})
     needed = {quantity: seen if quantity == 'concentration' else () for quantity in NAMES}
     columns = {q: np.array(table.numbers(titles[q], needed[q])) for q in NAMES}
     axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
     check_declared(path, (*(len(axes[name][0]) for name in axes), np.float32().itemsize))
-    values = np.full([len(axes[name][0]) for name in axes], np.nan, dtype=np.float32)
+    values = np.full([len(axes[name][0]) for name in axes], np.nan)
     places = tuple(axes[name][1] for name in axes)
     _refuse_repeated(path, axes, places)
     values[places] = np.where(seen, columns['concentration'], np.nan)
@@ -513,54 +684,3 @@ def _refuse_repeated(
             f'{path}: has {counts.max()} values at time {time:g}, x {x:g}, z {z:g}; remove all '
             'but one'
         )
-
-
-def _netcdf(path: Path) -> _Arrays:
-    """Return the maps of a NetCDF file or a zarr folder, which the same library reads."""
-    if (path / 'zarr.json').is_file():
-        raise InputError(f'{path}: is zarr of version 3; write it with zarr_format=2, or as NetCDF')
-    address = zarr_address(path, 'zarr,file') if path.is_dir() else ''
-    try:
-        with contextlib.closing(netCDF4.Dataset(address or regular(path))) as dataset:
-            dataset.set_auto_mask(not path.is_dir())  # zarr fills with 0, which is no gap
-            names = {q: _chosen(path, list(dataset.variables), q) for q in NAMES}
-            maps = dataset.variables[str(names['concentration'])]
-            dimensions = _dimensions(path, maps)
-            order = [_axis(path, dimensions, quantity) for quantity in ('time', 'z', 'x')]
-            found = {q: dataset.variables[name] for q, name in names.items() if name}
-            for each in found.values():
-                check_variable(path, each)
-            units = {q: str(getattr(each, 'units', '')).lower() for q, each in found.items()}
-            return _Arrays(
-                np.transpose(_without_gaps(maps[:]), order),
-                np.asarray(found['time'][:]),
-                np.asarray(found['x'][:]) if 'x' in found else None,
-                np.asarray(found['z'][:]) if 'z' in found else None,
-                units,
-                downward=str(getattr(found.get('z'), 'positive', '')).strip().lower() == 'down',
-            )
-    except (OSError, RuntimeError) as error:
-        raise InputError(f'{path}: cannot be read ({error}); write NetCDF or zarr v2') from None
-
-
-def _without_gaps(values: NDArray[Any]) -> NDArray[Any]:
-    """Return `values` with NaN for what is masked."""
-    if not np.ma.is_masked(values):
-        return np.asarray(values)
-    return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
-
-
-def _dimensions(path: Path, variable: Any) -> list[str]:
-    """Return the names of a variable's dimensions; in zarr an attribute of xarray holds them."""
-    named = getattr(variable, '_ARRAY_DIMENSIONS', None)
-    names = list(variable.dimensions) if named is None else list(np.atleast_1d(named))
-    if len(names) != 3:
-        raise InputError(f'{path}: {variable.name} has {len(names)} dimensions; needs time, z, x')
-    return [str(name).strip() for name in names]
-
-
-def _axis(path: Path, dimensions: list[str], quantity: str) -> int:
-    for wanted in NAMES[quantity]:
-        if wanted in dimensions:
-            return dimensions.index(wanted)
-    raise InputError(f'{path}: its dimensions are {", ".join(dimensions)}; needs {quantity}')

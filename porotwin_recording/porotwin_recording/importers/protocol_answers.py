@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.date_numbers import DateNumbers
 from porotwin_recording.importers.foreign_table import Decimal, ForeignTable
-from porotwin_recording.importers.foreign_time import DateOrder, moments
+from porotwin_recording.importers.foreign_time import TIME_ALONE, DateOrder, moments
+from porotwin_recording.importers.twelve_hours import Clock
 
 IMAGING_PROTOCOL = 'imaging_protocol.csv'
 INJECTION_PROTOCOL = 'injection_protocol.csv'
@@ -26,6 +28,8 @@ class ProtocolAnswers:
             wells, or one for each by name.
         camera_ahead_s: time by which the camera's clock is ahead of the pumps' [s].
         time_zero: date and time of second 0 of rates.csv, by the clock of the pumps.
+        date_numbers: system of numbers in place of dates.
+        clock: a 12-hour clock of the pumps.
     """
 
     date_order: DateOrder | None = None
@@ -35,6 +39,8 @@ class ProtocolAnswers:
     concentration: float | Mapping[str, float] | None = None
     camera_ahead_s: float = 0.0
     time_zero: str = ''
+    date_numbers: DateNumbers | None = None
+    clock: Clock | None = None
 
 
 def concentration_in(text: str) -> float | dict[str, float] | None:
@@ -66,14 +72,25 @@ def _share(text: str, whole: str) -> float:
     return share
 
 
+def dated_words(table: ForeignTable, title: str) -> list[str]:
+    """Return the words of a column of times, with the dates of another column if they have none."""
+    words = table.columns[title]
+    date = table.find('date')
+    if date in (None, title) or not all(map(TIME_ALONE.fullmatch, words)):
+        return words
+    days = table.columns[str(date)]
+    return [f'{day} {word}' for day, word in zip(days, words, strict=True)]
+
+
 def protocol_moments(
     table: ForeignTable, title: str, answers: ProtocolAnswers, told: list[str]
 ) -> list[datetime]:
     """Return the times in the column `title`; tell the assumptions about them."""
     where = f'{table.path}: {table.spelt(title)}'
     found, remarks = moments(
-        table.columns[title],
+        dated_words(table, title),
         where,
+        numbers=answers.date_numbers,
         order=answers.date_order,
         zone=answers.time_zone,
         places=[f'{where}:{line}' for line in table.lines],

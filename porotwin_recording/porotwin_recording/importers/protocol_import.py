@@ -7,6 +7,7 @@ Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the inj
 `measured_protocol.csv`, has the columns of the injection.
 """
 
+import functools
 import os
 from collections.abc import Sequence
 from datetime import datetime, timedelta
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, to_ml_h
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import (
     COMMANDED_FILE,
@@ -22,14 +23,16 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
     write_folder,
 )
+from porotwin_recording.importers.date_numbers import UNIX
 from porotwin_recording.importers.dated_photographs import (
     ReadExposure,
     camera_files,
     dated_photographs,
 )
+from porotwin_recording.importers.foreign_arrays import ARRAY_FILES
 from porotwin_recording.importers.foreign_table import read_foreign_table
 from porotwin_recording.importers.foreign_time import moments, names_zone
-from porotwin_recording.importers.map_import import ARRAY_FILES
+from porotwin_recording.importers.open_question import settled
 from porotwin_recording.importers.protocol_answers import (
     IMAGING_PROTOCOL,
     INJECTION_PROTOCOL,
@@ -48,7 +51,7 @@ from porotwin_recording.importers.protocol_rates import (
     schedule_of,
     since,
 )
-from porotwin_recording.tables.photos import IMAGING_FILE
+from porotwin_recording.tables.photos import IMAGING_FILE, Photo
 from porotwin_recording.tables.rates import read_rates
 from porotwin_recording.tables.recorded_data import RecordedData
 
@@ -91,6 +94,64 @@ def import_protocols(
     Raises:
         InputError: one line with the file, the fault and the remedy.
     """
+    cached = functools.cache(exposure)
+    read = settled(lambda tried: _read(folder, rig, tried, cached), answers)
+    write_folder(target, read.rates)
+    place_photographs(target, read.photos)
+    for file in target.iterdir():  # a recording has the date of its oldest file
+        if file.is_file():
+            os.utime(file, (read.begin.timestamp(), read.begin.timestamp()))
+    return [
+        *read.told,
+        *(
+            f'{name}: not read, only protocols and photographs are; ./porotwin import '
+            f'{folder / name} TARGET reads maps'
+            for name in sorted(
+                path.name for path in folder.iterdir() if path.suffix.lower() in ARRAY_FILES
+            )
+        ),
+    ]
+
+
+class _ReadProtocols(NamedTuple):
+    """The content of a folder: rates and photographs from time zero on, and all assumptions."""
+
+    begin: datetime
+    rates: RecordedData
+    photos: list[Photo]
+    told: list[str]
+
+    @property
+    def in_words(self) -> str:
+        """The times of rates and photographs."""
+        times = [photo.time for photo in self.photos]
+        seen = f', photographs from {min(times):.0f} to {max(times):.0f} s' if times else ''
+        known = self.rates.known_rates
+        zero = f'time zero {self.begin:%Y-%m-%d %H:%M:%S}'
+        if known is None:
+            return f'{zero}{seen}'
+        largest = to_ml_h(max(abs(row.rate.rate) for row in known.rows))
+        span = f'{known.rows[0].time:.0f} to {known.rows[-1].time:.0f} s'
+        return f'{zero}, rates from {span} up to {largest:.6g} ml/h{seen}'
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether photographs and rates have no time in common."""
+        known, times = self.rates.known_rates, [photo.time for photo in self.photos]
+        return bool(times and known) and (
+            max(times) < known.rows[0].time or min(times) > known.rows[-1].time
+        )
+
+
+def _read(
+    folder: Path, rig: Rig, answers: ProtocolAnswers, exposure: ReadExposure
+) -> _ReadProtocols:
+    """Return the content of the folder for the `answers`.
+
+    Raises:
+        InputError: as `import_protocols`.
+        QuestionError: other answers may mend it.
+    """
     told: list[str] = []
     there = [name for name in PROTOCOLS if (folder / name).is_file()]
     _check_answers(folder, there, answers)
@@ -113,21 +174,9 @@ def import_protocols(
     begin = logged.begin or zero or min(moment for moment, _ in photographs)
     rates = logged.rates or _own_rates(folder, rig)
     photos = with_roles(photographs, begin, told, first_rate=_first_rate(rates, begin))
-    write_folder(target, rates)
-    place_photographs(target, photos)
-    for file in target.iterdir():  # a recording has the date of its oldest file
-        if file.is_file():
-            os.utime(file, (begin.timestamp(), begin.timestamp()))
     in_utc = bool(answers.time_zone) or all(zoned.values())
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + ' UTC' * in_utc)
-    told += [
-        f'{name}: not read, only protocols and photographs are; ./porotwin import {folder / name} '
-        'TARGET reads maps'
-        for name in sorted(
-            path.name for path in folder.iterdir() if path.suffix.lower() in ARRAY_FILES
-        )
-    ]
-    return told
+    return _ReadProtocols(begin, rates, photos, told)
 
 
 def _check_answers(folder: Path, there: Sequence[str], answers: ProtocolAnswers) -> None:
@@ -245,7 +294,8 @@ def _zones(paths: list[Path], answers: ProtocolAnswers) -> dict[str, bool]:
     """Return whether the times of each protocol name their zone."""
     tables = [read_foreign_table(path, answers.decimal) for path in paths]
     return {
-        str(table.path): any(names_zone(words) for words in table.columns.values())
+        str(table.path): answers.date_numbers in UNIX
+        or any(names_zone(words) for words in table.columns.values())
         for table in tables
     }
 

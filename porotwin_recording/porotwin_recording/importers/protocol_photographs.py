@@ -16,6 +16,7 @@ from porotwin_recording.importers.foreign_time import names_zone
 from porotwin_recording.importers.protocol_answers import (
     IMAGING_PROTOCOL,
     ProtocolAnswers,
+    dated_words,
     protocol_moments,
 )
 from porotwin_recording.tables.csv_table import number_text, write_table
@@ -41,11 +42,11 @@ def protocol_photographs(
 ) -> list[tuple[datetime, Path]]:
     """Return times and files of the photographs, the oldest first."""
     table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
-    column = table.needed('datetime', 'time', 'date')
+    column = table.needed('datetime', 'start', 'time', 'date')
     times = protocol_moments(table, column, answers, told)
     files = sorted(path for path in visible_files(folder) if path.suffix.lower() in IMAGES)
-    title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
-    by_name = title == table.find('path', 'file', 'filename')
+    title = table.find('path') or table.needed('image_id')
+    by_name = title == table.find('path')
     found, missing = [], []
     for moment, word in zip(times, table.columns[title], strict=True):
         file = _named(files, word, table) if by_name else _numbered(files, word, table)
@@ -96,7 +97,7 @@ def _check_order(
     Raises:
         InputError: a clock was set back, as far as ids, names or rows show.
     """
-    words, names = table.columns[column], table.columns[title]
+    words, names = dated_words(table, column), table.columns[title]
     if names_zone(words):
         return
     ids = table.find('image_id') if by_name else title

@@ -16,7 +16,12 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, quoted
 from porotwin_core.rig import Rig
-from porotwin_recording.importers.foreign_table import ForeignTable, number_in, read_foreign_table
+from porotwin_recording.importers.foreign_table import (
+    ForeignTable,
+    bare_title,
+    number_in,
+    read_foreign_table,
+)
 from porotwin_recording.importers.foreign_time import names_zone
 from porotwin_recording.importers.foreign_units import (
     check_density,
@@ -25,12 +30,19 @@ from porotwin_recording.importers.foreign_units import (
     share_factor,
     unit_in,
 )
+from porotwin_recording.importers.open_question import QuestionError
 from porotwin_recording.importers.protocol_answers import (
     INJECTION_PROTOCOL,
     MEASURED_PROTOCOL,
     ProtocolAnswers,
+    dated_words,
     protocol_moments,
 )
+from porotwin_recording.importers.twelve_hours import (
+    may_be_of_twelve_hours,
+    rates_on_twelve_hours,
+)
+from porotwin_recording.importers.words_of_languages import NAMES, plain
 
 NEAR_M = 0.02
 """Longest distance from a location to the well that is meant [m]: a hand's measurement."""
@@ -39,10 +51,8 @@ NEAR_M = 0.02
 NO_SHARE = 'write a number, or a negative rate if this well takes water out'
 """Remedy for an injection without a concentration."""
 
-START = ('start', 'begin', 'start_time', 'datetime', 'date_time', 'timestamp', 'time')
-END = ('end', 'stop', 'end_time', 'stop_time')
-PLACE_X = ('location_x', 'x')
-"""Titles of columns, the surest first."""
+START = ('start', 'datetime', 'time', 'date')
+"""Quantities of the column of starts, the surest first."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,9 @@ def pumped_rates(
     starts = protocol_moments(table, table.needed(*START), answers, told)
     wells = _wells(table, rig, told)
     ends = _ends(table, starts, wells, answers, told)
+    if answers.clock:
+        starts, ends = rates_on_twelve_hours(path, starts, ends, answers.clock)
+        told.append(f'{path}: times of a 12-hour clock without am and pm')
     rates = _rates(table, rig, answers, told)
     as_commanded = commanded and table.find('concentration') is None
     if as_commanded:
@@ -82,7 +95,13 @@ def pumped_rates(
         table.lines, starts, ends, wells, rates, shares, strict=True
     ):
         if end is not None and end <= start:
-            raise InputError(f'{path}:{number}: does not end after its start; correct one of both')
+            raise QuestionError(
+                f'{path}:{number}: ends at {end:%H:%M}, not after its start at {start:%H:%M}'
+                + ', as on a 12-hour clock without am and pm'
+                * (twelve := may_be_of_twelve_hours(starts, ends)),
+                [{'clock': '12h-am'}, {'clock': '12h-pm'}] * twelve,
+                'correct one of both, or write am and pm',
+            )
         rows.append(PumpedRate(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
     rows.sort(key=lambda row: row.start)
     _check_overlap(path, rows)
@@ -158,10 +177,10 @@ def _ends(
     told: list[str],
 ) -> Sequence[datetime | None]:
     """Return when each rate ends: at the next row of its well if no column says it."""
-    title = table.find(*END)
+    title = table.find('end')
     if title is not None:
         start = table.needed(*START)
-        zoned = [names_zone(table.columns[each]) for each in (start, title)]
+        zoned = [names_zone(dated_words(table, each)) for each in (start, title)]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
                 f'{table.path}: only one of {table.spelt(start)} and {table.spelt(title)} names a '
@@ -209,7 +228,7 @@ def _successors(rows: list[PumpedRate]) -> Iterator[tuple[str, PumpedRate, Pumpe
 
 def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
     """Return the well of every injection, by its name or by its place."""
-    named = table.find('well', 'location', 'pump', 'port')
+    named = table.find('well')
     if named is not None and not any('(' in word for word in table.columns[named]):
         for line, word in zip(table.lines, table.columns[named], strict=True):
             if word not in rig.wells:
@@ -228,12 +247,12 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
         if not np.isfinite(places).all():
             raise InputError(f'{table.path}: {named} needs two numbers, such as (0.24, 0.23)')
     else:
-        if table.find(*PLACE_X) is None:
+        if table.find('x') is None:
             raise InputError(
                 f'{table.path}: has no column of wells; rename one to well (names of rig.yaml), or '
                 f'two to location_x and location_y [m]. Its columns are {table.titles}'
             )
-        x, z = table.needed(*PLACE_X), table.needed('location_y', 'location_z', 'y', 'z')
+        x, z = table.needed('x'), table.needed('z')
         places = list(zip(table.numbers(x), table.numbers(z), strict=True))
     return [_nearest(place, table, rig, told) for place in places]
 
@@ -258,7 +277,9 @@ def _nearest(place: tuple[float, float], table: ForeignTable, rig: Rig, told: li
 
 def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[str]) -> list[float]:
     """Return the rates [m^3/s]."""
-    titles = [title for title in table.columns if title.startswith(('rate', 'flow'))]
+    titles = [title for title in table.columns if bare_title(title) in NAMES['rate']] or [
+        title for title in table.columns if plain(title).startswith(NAMES['rate'])
+    ]
     if not titles:
         raise InputError(f'{table.path}: has no column of rates; name one rate [ml/min]')
     title = table.only(titles)
@@ -276,7 +297,7 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
 
 def _densities(table: ForeignTable, rig: Rig) -> list[float]:
     """Return the density [kg/m^3] of the fluid in every row; the rig tells it without a column."""
-    title = table.find('density', 'density_kg/m3', 'density_kg_m3')
+    title = table.find('density')
     if title is None:
         return [rig.density_kg_m3] * table.length
     factor = density_factor(unit_in(title), f'{table.path}: {title}')

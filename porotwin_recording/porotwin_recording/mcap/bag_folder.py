@@ -1,5 +1,6 @@
 """The files of a bag: named by metadata.yaml, present in the folder, or not readable here."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,12 +68,12 @@ def bag_folder(path: Path) -> BagFolder:
         raise InputError(f'{path}: no such bag')
     if not path.is_dir():
         if path.name.endswith(_OTHERS):
-            raise InputError(_other_format(path, path.suffix.lstrip('.')))
+            raise InputError(_other_format(path, path))
         return BagFolder([path])
     found = mcap_files(path)
     if not (path / METADATA).is_file():
         if others := _others(path):
-            raise InputError(_other_format(path, others[0].suffix.lstrip('.')))
+            raise InputError(_other_format(path, others[0]))
         if found:
             return BagFolder(found)
         if bags := bags_in(path):
@@ -107,21 +108,21 @@ def _together(path: Path, bags: list[Path]) -> BagFolder:
 
 def _described(path: Path, information: dict[str, Any], found: list[Path]) -> BagFolder:
     """Return the files in the folder `path`, compared with its metadata."""
-    storage = information.get('storage_identifier')
-    if storage != 'mcap':
-        raise InputError(_other_format(path, str(storage)))
+    others = _others(path)
+    if not found and others:  # a reindex leaves no name of the format, so the files tell it
+        raise InputError(_other_format(path, others[0]))
     mode = str(information.get('compression_mode') or 'none').lower()
     method = str(information.get('compression_format') or 'none').lower()
-    if mode != 'none' and method != 'zstd':
+    if mode != 'none' and method not in ('none', 'zstd'):
         raise InputError(f'{path}: is compressed by {method}; {_conversion(path)}')
     named = [path / Path(str(name)).name for name in information['relative_file_paths']]
     remarks = [
         f"{path}: {METADATA} names '{file.name}', which is not there{_count_in(information, file)}"
         for file in named
-        if not file.is_file()
+        if not file.is_file() and not _is_twin(file, found)
     ]
-    there = [file for file in named if file.is_file()]
-    more = [file for file in found if file not in there and not _is_twin(file, there)]
+    there = [file for file in found if file in named or _is_twin(file, named)]
+    more = [file for file in found if file not in there]
     if more:
         names = ', '.join(file.name for file in more)
         remarks.append(f'{path}: {names} joined, although {METADATA} does not name it')
@@ -168,11 +169,33 @@ def _others(folder: Path) -> list[Path]:
 
 
 def _conversion(path: Path) -> str:
-    return f"convert it with 'rosbags-convert --src {path} --dst NEW --dst-storage mcap'"
+    """Return the command that converts a bag, if the library behind it can open the bag."""
+    source = path if path.is_dir() or path.suffix == '.bag' else path.parent
+    new = path.with_name(f'{path.name.split(".")[0]}_mcap')
+    try:
+        _open_with_rosbags(source)
+    except Exception as error:  # it raises errors of many types
+        reason = ' '.join(str(error).split()) or type(error).__name__
+        return (
+            f'rosbags-convert cannot open it ({reason}); record it again as MCAP, or make its '
+            f"{METADATA} anew with 'ros2 bag reindex {shlex.quote(str(source))}'"
+        )
+    paths = f'--src {shlex.quote(str(source))} --dst {shlex.quote(str(new))}'
+    return f"convert it with 'rosbags-convert {paths} --dst-storage mcap'"
 
 
-def _other_format(path: Path, storage: str) -> str:
-    return f'{path}: is a {storage} bag; {_conversion(path)}'
+def _open_with_rosbags(source: Path) -> None:
+    from rosbags import rosbag1, rosbag2
+
+    reader = rosbag1.Reader(source) if source.suffix == '.bag' else rosbag2.Reader(source)
+    reader.open()
+    reader.close()
+
+
+def _other_format(path: Path, file: Path) -> str:
+    """Return the message about a bag whose `file` is in a format that is not read."""
+    kind = 'ROS 1' if file.suffix == '.bag' else 'sqlite3'
+    return f'{path}: is a {kind} bag; {_conversion(path)}'
 
 
 def _count_in(information: dict[str, Any], file: Path) -> str:
@@ -223,6 +246,11 @@ def unpacked(path: Path, target: Path) -> Path:
     if not done:
         raise InputError(f'{path}: cannot be unpacked by zstd ({fault})')
     return target
+
+
+def is_packed(data: bytes) -> bool:
+    """Return whether a message begins as zstd data do; no message in CDR does."""
+    return data.startswith(zstandard.FRAME_HEADER)
 
 
 def plain_data(path: Path, data: bytes) -> bytes:

@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
-from porotwin_recording.mcap.bag_folder import COMPRESSED, bag_folder, plain_data, unpacked
+from porotwin_recording.mcap.bag_folder import (
+    COMPRESSED,
+    bag_folder,
+    is_packed,
+    plain_data,
+    unpacked,
+)
 from porotwin_recording.mcap.bag_records import BagMessage
 from porotwin_recording.mcap.mcap_reader import NO_HEADS, McapFile, merged_topics, open_mcap
 from porotwin_recording.mcap.serialization import Deserializer
@@ -46,9 +52,9 @@ class BagReader:
         folder = bag_folder(self.path)
         for line in folder.remarks:
             self.remark(line)
-        self._compressed = folder.messages_compressed
         self._files = self._opened(folder.files)
         files = self._files.values()
+        self._compressed = folder.messages_compressed or self._begins_packed()
         self.topics = merged_topics(topic for file in files for topic in file.topics.values())
         filled = [file.statistics for file in files if file.statistics.message_count]
         self.start_time = min((part.message_start_time for part in filled), default=0)
@@ -77,6 +83,11 @@ class BagReader:
             return open_mcap(path, self.remark)
         plain = unpacked(path, Path(self._unpacked.name, f'{number}.mcap'))
         return open_mcap(plain, lambda text: self.remark(text.replace(str(plain), str(path))))
+
+    def _begins_packed(self) -> bool:
+        """Return whether messages are compressed: a reindex leaves no word about it."""
+        first = next((next(f.messages(None, None, None), None) for f in self._files.values()), None)
+        return first is not None and is_packed(first.data)
 
     def remark(self, text: str) -> None:
         """Add the line `text` to `remarks` and to the log."""

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
-from typing import Final, Self, overload
+from typing import Any, Final, Self, overload
 
 import netCDF4
 import numpy as np
@@ -18,7 +18,13 @@ from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.property_file import check_variable
+from porotwin_recording.tables.cf_values import (
+    has_range,
+    netcdf_attributes,
+    unpacked,
+)
 from porotwin_recording.tables.map_writer import MapWriter
+from porotwin_recording.tables.no_value import Counts, in_words, without_codes
 
 Maps = NDArray[np.float32]
 
@@ -33,10 +39,6 @@ PACKED_STEP = 0.004
 
 PACKED_NAN = 255
 """Code of NaN in packed maps."""
-
-LEAST_CONCENTRATION, LARGEST_CONCENTRATION = -1.0, 1e6
-"""Concentrations [-] beyond these are no measured values in any unit, but codes for none, such as
--1, -9999 or 1e20. Noise goes down to -0.3."""
 
 DEVIATIONS = {
     'deviation': 'standard deviation of the concentration',
@@ -180,6 +182,7 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     """
     with _damage_named(path), _dataset(path) as dataset:
         _check_maps(dataset, path, 'concentration')
+        _tell_range(path, dataset.variables['concentration'])
         deviations = [name for name in DEVIATIONS if name in dataset.variables]
         for name in deviations:
             _check_maps(dataset, path, name)
@@ -210,25 +213,39 @@ def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
 
     def read(start: int, stop: int) -> Maps:
         with _damage_named(path), _dataset(path) as opened:
-            values = opened.variables[name][start:stop]
-            maps = np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
+            values, _ = _values(opened.variables[name], start, stop)
+        maps = values.astype(np.float32)
         return without_impossible(maps, path) if name == 'concentration' else maps
 
     return read
 
 
+def _values(variable: netCDF4.Variable, start: int, stop: int) -> tuple[NDArray[Any], Counts]:
+    """Return the values of a variable from `start` to `stop`, and the counts of new NaN."""
+    variable.set_auto_maskandscale(False)
+    return unpacked(np.asarray(variable[start:stop]), netcdf_attributes(variable))
+
+
+def _tell_range(path: Path, variable: netCDF4.Variable) -> None:
+    """Log how many values the file itself calls invalid; few files do, and these are read once."""
+    if not has_range(netcdf_attributes(variable)):
+        return
+    total: Counts = {}
+    for start in range(0, len(variable), _MAPS_AT_ONCE):
+        for why, count in _values(variable, start, start + _MAPS_AT_ONCE)[1].items():
+            total[why] = total.get(why, 0) + count
+    if total:
+        LOG.warning('%s: %s', path, in_words(total, variable.size))
+
+
 def without_impossible(maps: Maps, path: Path) -> Maps:
     """Return the `maps` of the recording `path` with NaN in place of impossible concentrations."""
-    impossible = (maps > LARGEST_CONCENTRATION) | (maps <= LEAST_CONCENTRATION)
-    if not impossible.any():
-        return maps
-    LOG.warning(
-        '%s: concentrations of %g or less, or above %g, are read as unknown; write NaN there',
-        path,
-        LEAST_CONCENTRATION,
-        LARGEST_CONCENTRATION,
-    )
-    return np.where(impossible, np.float32(np.nan), maps)
+    values, counts = without_codes(maps, stock=1.0)
+    if counts:
+        LOG.warning(
+            '%s: in %d maps, %s; write NaN there', path, len(maps), in_words(counts, maps.size)
+        )
+    return np.asarray(values, dtype=np.float32)
 
 
 def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:
@@ -302,8 +319,7 @@ def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.f
     if unit.split(' since ')[0].lower() not in _COORDINATE_UNITS[needed]:
         raise InputError(f"{path}: the units of {name} are '{unit}'; write {name} in {needed}")
     check_variable(path, variable)
-    values = variable[:]
-    filled: NDArray[np.float64] = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+    filled = np.asarray(_values(variable, 0, variable.size)[0], dtype=np.float64)
     if filled.size == 0:
         raise InputError(f'{path}: {name} is empty; there is no map in it')
     if not np.isfinite(filled).all():

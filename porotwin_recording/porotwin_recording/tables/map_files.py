@@ -1,10 +1,9 @@
-"""Files of maps: those of a folder, whatever their names are, and the address of a zarr folder."""
+"""Files of maps in a folder, by their content."""
 
 from pathlib import Path
 
 import netCDF4
 
-from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import regular
 
 _DAMAGE = (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeError)
@@ -14,21 +13,6 @@ _DAMAGE = (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeE
 def files_with_maps(folder: Path) -> list[str]:
     """Return the names of the readable NetCDF files in `folder` that hold tracer maps, sorted."""
     return [path.name for path in sorted(folder.glob('*.nc')) if _holds_maps(path)]
-
-
-def zarr_address(folder: Path, mode: str) -> str:
-    """Return the address of a zarr `folder` for the NetCDF library, to be opened in `mode`.
-
-    Raises:
-        InputError: the library takes a sign in the path for the end of it.
-    """
-    place = str(folder.resolve())
-    if signs := {'#', '?'} & {*place}:
-        raise InputError(
-            f"{folder.parent}: the path of a zarr folder must not contain '{min(signs)}'; name "
-            'another place, or take NetCDF'
-        )
-    return f'file://{place}#mode={mode}'
 
 
 def _holds_maps(path: Path) -> bool:

@@ -147,7 +147,7 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
     size = physics.mobile_water.size
     storage = (physics.storage * (1.0 - physics.immobile_fraction)).ravel()
     tensor = _per_cell_size(dispersion_tensor(physics, flux), physics)
-    *named, total = named_pairs(tensor, physics.mobile_water)
+    stride, ahead, behind, volume, total = named_pairs(tensor, physics.mobile_water)
     rate = total / storage
     level = np.empty(physics.grid.shape, np.int8)
     order, count_at_least = assign_levels(rate, duration, EXCHANGE_LIMIT, level.ravel())
@@ -161,11 +161,11 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
         level = np.zeros_like(level)
         order = np.arange(size, dtype=np.int32)
         levels = TimeStepLevels(duration, level, order, np.array([size]))
-    pairs = sort_pairs(*named, level.ravel())
-    if not implicit:
-        return Exchanges(levels, *pairs)
-    lines = Lines(steps, *make_lines(*pairs, storage, duration / steps))
-    return Exchanges(levels, *pairs, lines=lines)
+    start, other, weight = sort_pairs(stride, ahead, behind, volume, level.ravel())
+    lines = None
+    if implicit:
+        lines = Lines(steps, *make_lines(start, other, weight, storage, duration / steps))
+    return Exchanges(levels, start, other, weight, lines=lines)
 
 
 def _neighbour_exchanges(physics: Physics, duration: float) -> Exchanges | None:
