@@ -176,6 +176,7 @@ def compare_with_baseline(
             chart_light,
             baseline.calibration.signal.tracer_colour,
             partial(log_ratio_below, cells=cells, baseline=baseline),
+            sand_alone=baseline.chart.none_named,
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > ALIGNMENT.suspicious_residual_px

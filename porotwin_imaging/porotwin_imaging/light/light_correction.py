@@ -19,11 +19,12 @@ from porotwin_imaging.light.foreign_signal import FOREIGN_SIGNAL, without_foreig
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
+    light_of_most_sand,
     lit_as_baseline,
     refuse_unknown_light,
     spilled_light,
 )
-from porotwin_imaging.light.light_drift import LightDrift, light_drift
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
 from porotwin_imaging.numerics.cell_sums import BlockSums
@@ -56,7 +57,7 @@ class CorrectedLight:
         comparable: visible cells whose change tracer can make, shape (nz, nx).
         drift: all changes of light that were removed.
         remarks: one line on each correction.
-        left_out: one line on each fault that could not be corrected.
+        left_out: one line on each fault that could not be corrected, or not surely.
     """
 
     log_ratio: Array
@@ -75,6 +76,8 @@ def corrected_light(
     chart_light: ChartLight | None,
     colour: TracerColour | None,
     below_veil: BelowVeil | None = None,
+    *,
+    sand_alone: bool = False,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -86,6 +89,8 @@ def corrected_light(
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
+        sand_alone: whether most of the sand may tell another exposure, because the rig names
+            neither a chart nor other places that tell it.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
@@ -94,9 +99,13 @@ def corrected_light(
     blocks, seen = _blocks(log_ratio, visible)
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
+    search_range = LIGHT.search_range + (0.0 if chart_light is None else chart_light.scatter)
+    by_sand: list[str] = []
+    if sand_alone and chart_light is None:
+        checker_gain, by_sand = light_of_most_sand(blocks, seen)
     tone = None if chart_light is None else tone_of_chart(chart_light)
     tone = tone or tone_change(blocks, before, after, seen, checker_gain)
-    remarks = exposure_remarks(checker_gain)
+    remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
         tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
         remarks += not_hazy
@@ -108,7 +117,9 @@ def corrected_light(
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
-    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain)
+    drift = light_drift(
+        log_ratio, np.where(visible, share, 0.0), checker_gain, search_range=search_range
+    )
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     remarks += drift_remarks(drift, visible)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
@@ -131,7 +142,7 @@ def corrected_light(
         comparable=visible & ~left_out,
         drift=drift,
         remarks=remarks,
-        left_out=[*bright, *foreign],
+        left_out=[*by_sand, *bright, *foreign],
     )
 
 
