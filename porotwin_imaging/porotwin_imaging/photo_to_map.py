@@ -132,7 +132,8 @@ def concentration_map(data: bytes, baseline: Baseline, look: Look = accept_all) 
         )
         wrong_light = light_error(seen, baseline.calibration)
         deviation = map_deviation(sharp, wrong_light, baseline.calibration, baseline.grid)
-    uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
+    scale = 'relative scale' if baseline.calibration.is_relative else 'uncalibrated: default scaling'
+    uncalibrated = [] if baseline.calibrated else [scale]
     return ConcentrationMap(
         values=sharp.values.astype(np.float32),
         deviation=deviation.total.astype(np.float32),
@@ -164,7 +165,7 @@ def compare_with_baseline(
         ratio = sums.log_ratio
         variance = log_ratio_variance(sums, baseline.chart.matrix, sampling.samples_across)
         unclipped, clipped_remarks = unclipped_cells(sums, cells.share)
-        visible, hidden_remarks = visible_cells(sums)
+        visible, hidden_remarks = visible_cells(sums, print_or_scan=alignment.print_or_scan)
         visible &= unclipped
     with watch.stage('light'):
         chart_light, chart_remarks = light_at_chart(pixels, alignment.homography, baseline.chart)

@@ -92,12 +92,14 @@ class Alignment:
         shift: largest displacement of a corner of the rig [px].
         residual: root mean square distance of the inliers from the homography [px].
         inliers: share of the reference features that are inliers [-].
+        print_or_scan: whether the picture is one of another size, registered by its scene.
     """
 
     homography: Array
     shift: float
     residual: float
     inliers: float
+    print_or_scan: bool = False
 
 
 @dataclass(frozen=True)
@@ -224,7 +226,7 @@ def _registered(picture: NDArray[np.uint8], reference: ReferenceFeatures) -> Ali
         homography, residual = rough, float(np.sqrt(np.mean(apart**2)))
         share = float(inlier.mean())
     shift = np.linalg.norm((_moved(reference.corners, homography) - reference.corners)[:, 0], axis=1)
-    return Alignment(homography, float(shift.max()), residual, share)
+    return Alignment(homography, float(shift.max()), residual, share, print_or_scan=True)
 
 
 def _refuse_turned(
@@ -266,6 +268,11 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
 
     `reduction` converts decoded pixels to pixels of the file.
     """
+    if alignment.print_or_scan:
+        return [
+            f'print or scan of another size: registered to {alignment.residual * reduction:.1f} px; '
+            'what covers the sand in it is not found'
+        ]
     remarks = []
     if alignment.shift * reduction > ALIGNMENT.reported_shift_px:
         remarks.append(f'camera has moved by {alignment.shift * reduction:.1f} px: corrected')
@@ -305,6 +312,7 @@ def _in_decoded_pixels(found: Alignment, reduction: int) -> Alignment:
         k * found.shift,
         k * found.residual,
         found.inliers,
+        found.print_or_scan,
     )
 
 

@@ -42,18 +42,20 @@ _COLOUR_PERCENTILE = 99.5
 def lit_as_baseline(
     residual: Array,
     visible: Mask,
+    scatter: float = 0.0,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) that are not brighter than the baseline, and remarks.
 
     Args:
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
+        scatter: by how much places of the same light differ between the two photographs [log].
 
     Raises:
         InputError: too much of the sand is brighter.
     """
     smooth = cv2.transform(window_mean(residual, visible), _GREY)
-    brighter = visible & (smooth > LIGHT.most_brighter)
+    brighter = visible & (smooth > LIGHT.most_brighter + scatter)
     share = float(brighter.sum() / max(1, visible.sum()))
     if share > LIGHT.most_brighter_share:
         raise InputError(

@@ -99,12 +99,13 @@ def corrected_light(
     blocks, seen = _blocks(log_ratio, visible)
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
-    search_range = LIGHT.search_range + (0.0 if chart_light is None else chart_light.scatter)
+    scatter = 0.0 if chart_light is None else chart_light.scatter
     by_sand: list[str] = []
     if sand_alone and chart_light is None:
         checker_gain, by_sand = light_of_most_sand(blocks, seen)
     tone = None if chart_light is None else tone_of_chart(chart_light)
-    tone = tone or tone_change(blocks, before, after, seen, checker_gain)
+    if tone is None and scatter <= LIGHT.tolerance:  # otherwise sand cannot tell a tone
+        tone = tone_change(blocks, before, after, seen, checker_gain)
     remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
         tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
@@ -118,7 +119,7 @@ def corrected_light(
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
     drift = light_drift(
-        log_ratio, np.where(visible, share, 0.0), checker_gain, search_range=search_range
+        log_ratio, np.where(visible, share, 0.0), checker_gain, scatter=scatter
     )
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     remarks += drift_remarks(drift, visible)
@@ -130,10 +131,10 @@ def corrected_light(
         drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
         variance = variance + _resized(local.variance, visible.shape)
         remarks += local.remarks
-    comparable, bright = lit_as_baseline(residual, seen)
+    comparable, bright = lit_as_baseline(residual, seen, scatter)
     if (found := seen & ~comparable).any():
         variance = variance + _resized(spilled_light(residual, found, after) ** 2, visible.shape)
-    comparable, foreign = without_foreign_signal(residual, comparable, colour)
+    comparable, foreign = without_foreign_signal(residual, comparable, colour, scatter)
     _refuse_much_left_out(seen, comparable)
     left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
     return CorrectedLight(

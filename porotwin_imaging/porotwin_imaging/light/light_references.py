@@ -3,11 +3,12 @@
 They take the place of a colour chart. Points are spread evenly over the places, and each takes the
 mean light of its surroundings, because prints and scans have a grain. The points of a photograph
 are compared with those of the baseline like the patches of a chart: medians tell the light, so that
-a covered part has little influence.
+a covered part has little influence. How far the points differ from each other tells how well two
+photographs can be compared at all: the limits of what light can be widen by this scatter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -55,9 +56,9 @@ class LightReferences:
         if light is None:
             return None
         apart = np.log(np.maximum(found, _LEAST_LIGHT) / np.maximum(self.light[seen], _LEAST_LIGHT))
-        scatter = float(np.median(np.abs(apart - light.log_gain)))
-        return replace(
-            light, scatter=SPREAD_PER_DEVIATION * scatter, told_by='the places that never change'
+        scatter = SPREAD_PER_DEVIATION * float(np.median(np.abs(apart - light.log_gain)))
+        return ChartLight(
+            light.log_gain, 0.0, None, light.log_gain, scatter, 'the places that never change'
         )
 
 
