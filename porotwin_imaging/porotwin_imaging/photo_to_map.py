@@ -132,7 +132,9 @@ def concentration_map(data: bytes, baseline: Baseline, look: Look = accept_all) 
         )
         wrong_light = light_error(seen, baseline.calibration)
         deviation = map_deviation(sharp, wrong_light, baseline.calibration, baseline.grid)
-    scale = 'relative scale' if baseline.calibration.is_relative else 'uncalibrated: default scaling'
+    scale = (
+        'relative scale' if baseline.calibration.is_relative else 'uncalibrated: default scaling'
+    )
     uncalibrated = [] if baseline.calibrated else [scale]
     return ConcentrationMap(
         values=sharp.values.astype(np.float32),

@@ -133,12 +133,13 @@ def command(
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     parts = MapParts(output, rig, map_grid, source=source, origin=origin)
     made = write_maps(parts, rig, photos.states, baseline, pool)
+    scale = 'calibrated' if calibration else 'relative scale' if relative else 'uncalibrated'
     with maps_are_kept(output):
         if learnt and used:  # not before, because a call that goes on would find it
             with writing(learnt), whole_folder(learnt) as unfinished:
                 save_calibration(used, unfinished / 'calibration.yaml')
             say(_learnt_words(learnt, corrected))
-        _draw(picture, output, rig, calibrated=calibration is not None)
+        _draw(picture, output, rig, scale)
     names = [str(entry['photo']) for entry in made.entries]
     imaged = replace(recording, maps=open_maps(output, rig))
     odd = remarks_about(imaged.known(names), OF_MAPS)
@@ -243,14 +244,13 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
     return cost.memory_bytes
 
 
-def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
-    """Draw some of the maps in the file `output` into `picture`."""
+def _draw(picture: Path, output: Path, rig: 'Rig', scale: str) -> None:
+    """Draw some of the maps in the file `output`, of a `scale` in words, into `picture`."""
     from porotwin_cli.pictures.rig_drawing import chosen_maps, sheet_of_maps
     from porotwin_recording.tables.concentration import open_maps
 
     maps = open_maps(output, rig)
     shown = chosen_maps(len(maps.times))
-    scale = 'calibrated' if calibrated else 'uncalibrated'
     times = [float(maps.times[index]) for index in shown]
     pictured = [maps[index] for index in shown]
     sheet_of_maps(picture, rig, times, pictured, f'{output.name}, {scale}', command='image')

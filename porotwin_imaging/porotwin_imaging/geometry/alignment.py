@@ -187,7 +187,9 @@ def align(
 
 def _scene(picture: NDArray[np.uint8]) -> tuple[Array, Array] | None:
     """Return points (n, 2) and descriptors (n, 128) of a picture; None if it has too few."""
-    points, words = cv2.SIFT.create().detectAndCompute(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), None)
+    points, words = cv2.SIFT.create().detectAndCompute(
+        cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), None
+    )
     if words is None or len(points) < _FEWEST_MATCHES:
         return None
     return np.array([point.pt for point in points], np.float32), words
@@ -225,7 +227,9 @@ def _registered(picture: NDArray[np.uint8], reference: ReferenceFeatures) -> Ali
         apart = np.linalg.norm((_moved(source, rough) - target)[inlier, 0], axis=1)
         homography, residual = rough, float(np.sqrt(np.mean(apart**2)))
         share = float(inlier.mean())
-    shift = np.linalg.norm((_moved(reference.corners, homography) - reference.corners)[:, 0], axis=1)
+    shift = np.linalg.norm(
+        (_moved(reference.corners, homography) - reference.corners)[:, 0], axis=1
+    )
     return Alignment(homography, float(shift.max()), residual, share, print_or_scan=True)
 
 

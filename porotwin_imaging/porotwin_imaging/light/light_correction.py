@@ -104,7 +104,8 @@ def corrected_light(
     if sand_alone and chart_light is None:
         checker_gain, by_sand = light_of_most_sand(blocks, seen)
     tone = None if chart_light is None else tone_of_chart(chart_light)
-    if tone is None and scatter <= LIGHT.tolerance:  # otherwise sand cannot tell a tone
+    even = scatter <= LIGHT.tolerance  # otherwise neither a tone nor a hue can be told
+    if tone is None and even:
         tone = tone_change(blocks, before, after, seen, checker_gain)
     remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
@@ -118,13 +119,11 @@ def corrected_light(
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
-    drift = light_drift(
-        log_ratio, np.where(visible, share, 0.0), checker_gain, scatter=scatter
-    )
+    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, scatter=scatter)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     remarks += drift_remarks(drift, visible)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
-    colour = colour or colour_in(residual, seen)
+    colour = colour or (colour_in(residual, seen) if even else None)
     local = local_light(residual, seen, colour)
     if local is not None:
         residual = residual - local.log_gain[..., None]

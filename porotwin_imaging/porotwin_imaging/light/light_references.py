@@ -78,9 +78,7 @@ def light_references(
     return LightReferences(points, _light_at(pixels, points))
 
 
-def inside_references(
-    shape: Sequence[int], camera: Camera, reduction: int
-) -> NDArray[np.bool_]:
+def inside_references(shape: Sequence[int], camera: Camera, reduction: int) -> NDArray[np.bool_]:
     """Return where the decoded baseline of `shape` (rows, columns, ...) never changes."""
     inside = np.zeros(tuple(shape[:2]), np.uint8)
     for place in camera.references_px:
