@@ -274,8 +274,8 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
     """
     if alignment.print_or_scan:
         return [
-            f'print or scan of another size: registered to {alignment.residual * reduction:.1f} px; '
-            'what covers the sand in it is not found'
+            'print or scan of another size: registered to '
+            f'{alignment.residual * reduction:.1f} px; what covers the sand in it is not found'
         ]
     remarks = []
     if alignment.shift * reduction > ALIGNMENT.reported_shift_px:
