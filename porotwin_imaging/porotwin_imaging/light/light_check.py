@@ -5,7 +5,7 @@ drift of light was removed show a reflection, a flash or another exposure. A plu
 paler than it is, or vanish, so these cells have no value.
 
 A photograph with another exposure needs the colour chart, or places that never change. A rig that
-names neither is compared on most of its sand.
+names neither is compared on most of its sand, if what lies beside the sand agrees.
 """
 
 from typing import Any
@@ -130,25 +130,29 @@ def exposure_remarks(light: ChartLight) -> list[str]:
     return [f'{factor:.2g} times the light of the baseline: corrected by {light.told_by}']
 
 
-def light_of_most_sand(log_ratio: Array, visible: Mask) -> tuple[Array | None, list[str]]:
+def light_of_most_sand(
+    log_ratio: Array, visible: Mask, beside: ChartLight
+) -> tuple[Array | None, list[str]]:
     """Return the log gain (3,) of most of the sand if it is another exposure, and a remark.
 
-    Tracer does not change most of the sand alike, or the rest is brighter than the baseline and
-    the photograph is refused.
+    Tracer could darken most of the sand alike. So what lies beside the sand must agree.
 
     Args:
         log_ratio: log ratio to the baseline, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
+        beside: light beside the sand.
     """
     if not visible.any() or light_drift(log_ratio, visible, None).background > 0.0:
         return None, []
     gain = np.median(log_ratio[visible], axis=0)
-    if light_drift(log_ratio, visible, gain).background == 0.0:
+    apart = abs(float((gain - beside.log_gain).mean()))
+    if apart > LIGHT.search_range or light_drift(log_ratio, visible, gain).background == 0.0:
         return None, []
     factor = float(np.exp(gain.mean()))
     return gain, [
-        f'{factor:.2g} times the light of the baseline on most of the sand: corrected by sand that '
-        'seems to hold no tracer; name places that never change in camera.references_px'
+        f'{factor:.2g} times the light of the baseline on most of the sand, and about so much '
+        'beside it: corrected by sand that seems to hold no tracer; name places that never change '
+        'in camera.references_px'
     ]
 
 

@@ -77,7 +77,7 @@ def corrected_light(
     colour: TracerColour | None,
     below_veil: BelowVeil | None = None,
     *,
-    sand_alone: bool = False,
+    beside: ChartLight | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -89,8 +89,8 @@ def corrected_light(
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
-        sand_alone: whether most of the sand may tell another exposure, because the rig names
-            neither a chart nor other places that tell it.
+        beside: light beside the sand of a rig that names neither a chart nor other places; it may
+            confirm that most of the sand tells another exposure.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
@@ -101,8 +101,8 @@ def corrected_light(
     checker_gain = None if chart_light is None else chart_light.straight_gain
     scatter = 0.0 if chart_light is None else chart_light.scatter
     by_sand: list[str] = []
-    if sand_alone and chart_light is None:
-        checker_gain, by_sand = light_of_most_sand(blocks, seen)
+    if beside is not None and chart_light is None:
+        checker_gain, by_sand = light_of_most_sand(blocks, seen, beside)
     tone = None if chart_light is None else tone_of_chart(chart_light)
     even = scatter <= LIGHT.tolerance  # otherwise neither a tone nor a hue can be told
     if tone is None and even:
