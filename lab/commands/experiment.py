@@ -13,11 +13,12 @@ from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S, MINUTE_S
 
 
 class PaperSection(StrEnum):
-    """The experiments of the paper by name."""
+    """The experiments of the paper by name, and one of strangers."""
 
     DIFFUSIVE = 'diffusive'
     COMPLEX = 'complex'
     CONTROL = 'control'
+    SEEPAGE = 'seepage'
 
 
 CONTROL_MINUTES = 80.0
@@ -28,7 +29,8 @@ def command(
     name: Annotated[
         PaperSection,
         typer.Argument(
-            help='diffusive (section 3.1), complex (section 3.2) or control (section 4).'
+            help='diffusive (section 3.1), complex (section 3.2), control (section 4), or seepage: '
+            'the sand tank of 1904.'
         ),
     ],
     output: Annotated[
@@ -59,6 +61,10 @@ def command(
             max=1000,
         ),
     ] = 0.0,
+    photographs: Annotated[
+        Path | None,
+        typer.Option(help='seepage: folder of the photographs. Default: ../shared/data.'),
+    ] = None,
     seed: Annotated[int, seed_option('Seed of the training.')] = 7,
     as_json: Json = False,
 ) -> None:
@@ -66,7 +72,8 @@ def command(
 
     diffusive: the model smears the plume and COSTA corrects it; maps at 10 and 30 min. complex: a
     large rig with layers, and a tracer denser than in the model; errors over 27.5 h. control: the
-    twin keeps tracer out of a zone. The results include the paper's network beside ours.
+    twin keeps tracer out of a zone. The results include the paper's network beside ours. seepage:
+    later photographs of a real tank are predicted from earlier ones.
 
     Example: ./porotwin experiment diffusive --output runs/diffusive
     """
@@ -80,6 +87,12 @@ def command(
         else:
             show_figures(figures, folder)
         return
+    if name is PaperSection.SEEPAGE:
+        from lab.photographs import seepage
+
+        rows = seepage.run(photographs or seepage.PHOTOGRAPHS, folder)
+        _show(name, rows, folder, 'tips and centre lines, predicted against seen', as_json=as_json)
+        return
     from lab import paper_experiments
 
     makers = {
@@ -91,11 +104,19 @@ def command(
         ),
     }
     rows = paper_experiments.run(makers[name], folder, seed=seed)
+    _show(name, rows, folder, f'relative errors, {name}', as_json=as_json)
+
+
+def _show(
+    name: PaperSection, rows: list[dict[str, Any]], folder: Path, title: str, *, as_json: bool
+) -> None:
+    """Print the rows of an experiment, as a table or as JSON."""
     say(f'pictures and errors: {folder}')
     if as_json:
-        print_json({'experiment': str(name), 'networks': rows, 'output': folder})
+        part = 'plumes' if name is PaperSection.SEEPAGE else 'networks'
+        print_json({'experiment': str(name), part: rows, 'output': folder})
     else:
-        print_table(f'relative errors, {name}', list(rows[0]), [list(row.values()) for row in rows])
+        print_table(title, list(rows[0]), [list(row.values()) for row in rows])
 
 
 def _control(folder: Path, minutes: float, seed: int) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         (
             {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE[:2]}},
-            'needs at least three (x, z) points',
+            'needs at least three corners',
         ),
         (
             {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE, 'fuzziness_m': -1.0}},

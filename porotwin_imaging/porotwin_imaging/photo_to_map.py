@@ -33,7 +33,7 @@ from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.baseline.photo_cells import Look, accept_all, log_ratio_below, photo_cells
 from porotwin_imaging.baseline.validity import unclipped_cells, visible_cells
 from porotwin_imaging.geometry.alignment import ALIGNMENT, Alignment, alignment_remarks
-from porotwin_imaging.light.colour_correction import light_at_chart
+from porotwin_imaging.light.colour_correction import light_at_chart, light_beside
 from porotwin_imaging.light.light_correction import corrected_light
 from porotwin_imaging.light.light_drift import LightDrift
 from porotwin_imaging.numerics.row_bands import by_bands
@@ -132,7 +132,10 @@ def concentration_map(data: bytes, baseline: Baseline, look: Look = accept_all) 
         )
         wrong_light = light_error(seen, baseline.calibration)
         deviation = map_deviation(sharp, wrong_light, baseline.calibration, baseline.grid)
-    uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
+    scale = (
+        'relative scale' if baseline.calibration.is_relative else 'uncalibrated: default scaling'
+    )
+    uncalibrated = [] if baseline.calibrated else [scale]
     return ConcentrationMap(
         values=sharp.values.astype(np.float32),
         deviation=deviation.total.astype(np.float32),
@@ -164,7 +167,7 @@ def compare_with_baseline(
         ratio = sums.log_ratio
         variance = log_ratio_variance(sums, baseline.chart.matrix, sampling.samples_across)
         unclipped, clipped_remarks = unclipped_cells(sums, cells.share)
-        visible, hidden_remarks = visible_cells(sums)
+        visible, hidden_remarks = visible_cells(sums, print_or_scan=alignment.print_or_scan)
         visible &= unclipped
     with watch.stage('light'):
         chart_light, chart_remarks = light_at_chart(pixels, alignment.homography, baseline.chart)
@@ -176,6 +179,7 @@ def compare_with_baseline(
             chart_light,
             baseline.calibration.signal.tracer_colour,
             partial(log_ratio_below, cells=cells, baseline=baseline),
+            beside=light_beside(pixels, alignment.homography, baseline.chart),
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > ALIGNMENT.suspicious_residual_px

@@ -25,6 +25,11 @@ UNCALIBRATED = (
     './porotwin calibrate measures the scale from a known injection'
 )
 
+ON_A_RELATIVE_SCALE = (
+    'relative: the core of the plume counts as 1, and nothing tells its concentration; fronts, '
+    'outlines and times of arrival hold, amounts of tracer do not'
+)
+
 LONG_S = 5.0
 """Processor time for one photograph above which the command tells the cost before it begins [s]."""
 
@@ -42,6 +47,14 @@ def command(
         Path | None,
         typer.Option(help='Folder to make: the calibration with the factors learnt here, for up.'),
     ] = None,
+    relative: Annotated[
+        bool,
+        typer.Option(
+            '--relative',
+            help='No calibration can be had: scale the maps from 0 to 1 by the core of the plume. '
+            'Fronts and times of arrival hold, amounts of tracer do not.',
+        ),
+    ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
@@ -75,9 +88,10 @@ def command(
     from porotwin_core.basis.whole_folder import whole_folder
     from porotwin_imaging.baseline.baseline import make_baseline
     from porotwin_imaging.baseline.covered_baseline import uncovered
+    from porotwin_imaging.calibrating.relative_scale import relative_calibration
     from porotwin_imaging.photograph.file_hash import sha256_of_file
     from porotwin_imaging.photograph.photo_file import MOST_PIXELS
-    from porotwin_imaging.tracer.calibration import load_calibration, save_calibration
+    from porotwin_imaging.tracer.calibration import RELATIVE, load_calibration, save_calibration
     from porotwin_recording.experiment.photo_source import fingerprints
     from porotwin_recording.experiment.recording import open_recording
     from porotwin_recording.tables.concentration import MapOrigin, open_maps
@@ -87,12 +101,19 @@ def command(
     for path in (output, picture):
         check_output(path, experiment, calibration, command='image')
     _check_learnt(learnt, calibration)
+    if relative and calibration:
+        raise InputError('--relative is for maps without a calibration; leave out one of both')
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
     photos = ExperimentPhotos.of(recording, experiment)
     memory = _tell_cost(photos, rig, map_grid)
-    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
+    origin = MapOrigin(
+        calibration is not None,
+        sha256_of_file(calibration),
+        maker('image'),
+        RELATIVE if relative else '',
+    )
     clean = [photo.read() for photo in photos.baselines]
     source = fingerprints(recording)
     used, corrected = None, 0
@@ -104,18 +125,22 @@ def command(
     baseline, cover = uncovered(
         baseline, [photo.read for photo in photos.states], photos.baseline_files
     )
+    if relative:
+        reads = [photo.read for photo in photos.states]
+        baseline = replace(baseline, calibration=relative_calibration(baseline, reads))
     covered = (cover,) if cover else ()
     for line in (*baseline.remarks, *map(str, covered)):
         say(line)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     parts = MapParts(output, rig, map_grid, source=source, origin=origin)
     made = write_maps(parts, rig, photos.states, baseline, pool)
+    scale = 'calibrated' if calibration else 'relative scale' if relative else 'uncalibrated'
     with maps_are_kept(output):
         if learnt and used:  # not before, because a call that goes on would find it
             with writing(learnt), whole_folder(learnt) as unfinished:
                 save_calibration(used, unfinished / 'calibration.yaml')
             say(_learnt_words(learnt, corrected))
-        _draw(picture, output, rig, calibrated=calibration is not None)
+        _draw(picture, output, rig, scale)
     names = [str(entry['photo']) for entry in made.entries]
     imaged = replace(recording, maps=open_maps(output, rig))
     odd = remarks_about(imaged.known(names), OF_MAPS)
@@ -129,6 +154,7 @@ def command(
                 'picture': picture,
                 'grid': str(map_grid),
                 'calibrated': calibration is not None,
+                'relative': relative,
                 'plume': doubt_entry(typical_doubt(made.doubts)),
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': made.entries,
@@ -146,7 +172,7 @@ def command(
         print(line)
     print(f'picture: {picture}')
     if calibration is None:
-        print(UNCALIBRATED)
+        print(ON_A_RELATIVE_SCALE if relative else UNCALIBRATED)
 
 
 def _refined(
@@ -218,14 +244,13 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
     return cost.memory_bytes
 
 
-def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
-    """Draw some of the maps in the file `output` into `picture`."""
+def _draw(picture: Path, output: Path, rig: 'Rig', scale: str) -> None:
+    """Draw some of the maps in the file `output`, of a `scale` in words, into `picture`."""
     from porotwin_cli.pictures.rig_drawing import chosen_maps, sheet_of_maps
     from porotwin_recording.tables.concentration import open_maps
 
     maps = open_maps(output, rig)
     shown = chosen_maps(len(maps.times))
-    scale = 'calibrated' if calibrated else 'uncalibrated'
     times = [float(maps.times[index]) for index in shown]
     pictured = [maps[index] for index in shown]
     sheet_of_maps(picture, rig, times, pictured, f'{output.name}, {scale}', command='image')

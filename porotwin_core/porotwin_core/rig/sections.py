@@ -46,7 +46,7 @@ def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
         ValueError: too few or too many points.
     """
     if len(points) < LEAST_CORNERS:
-        raise ValueError('needs at least three (x, z) points')
+        raise ValueError('needs at least three corners')
     if len(points) > MOST_CORNERS:
         raise ValueError(f'has {len(points)} points; leave out all but {MOST_CORNERS}')
     return points
@@ -64,6 +64,11 @@ def refuse_files(value: Any) -> Any:
         )
     return value
 
+
+PixelPolygon = Annotated[
+    tuple[Pixel, ...], BeforeValidator(refuse_files), AfterValidator(check_corners)
+]
+"""The corners (column, row) [px] of a place in a photograph, in either direction."""
 
 Polygon = Annotated[tuple[Point, ...], BeforeValidator(refuse_files), AfterValidator(check_corners)]
 """The corners (x, z) [m] of a zone, in either direction."""
@@ -257,6 +262,11 @@ class Camera(Section):
         None,
         description='dark skin, white, black and bluish green corner of the Classic colour chart, '
         'as (column, row) [px]',
+    )
+    references_px: tuple[PixelPolygon, ...] = Field(
+        (),
+        description='places that never change, such as a frame, tape or the wall: the corners of '
+        'each, as (column, row) [px]; they tell the light and the place of prints and scans',
     )
     curvature: dict[str, Number] = Field(
         default_factory=dict,

@@ -178,6 +178,8 @@ def _camera_to_msg(camera: Camera) -> CameraGeometry:
     return CameraGeometry(
         corners=[value for corner in camera.corners_px for value in corner],
         colour_checker=[value for corner in checker for value in corner],
+        references=[value for place in camera.references_px for pixel in place for value in pixel],
+        reference_corners=[len(place) for place in camera.references_px],
         curvature_names=list(camera.curvature),
         curvature_values=list(camera.curvature.values()),
     )

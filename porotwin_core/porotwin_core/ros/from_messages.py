@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -228,8 +229,16 @@ def _camera_from_msg(message: Any) -> dict[str, Any]:
     return {
         'corners_px': _pairs(message.corners, 'corners'),
         'colour_checker_px': _pairs(message.colour_checker, 'colour_checker') or None,
+        'references_px': _places(message),
         'curvature': dict(_named(names, 'curvature', message.curvature_values)),
     }
+
+
+def _places(message: Any) -> list[tuple[tuple[float, float], ...]]:
+    """Return the reference places of a camera; bags recorded before they existed have none."""
+    counts = [int(count) for count in getattr(message, 'reference_corners', ())]
+    pixels = iter(_pairs(getattr(message, 'references', ()), 'references'))
+    return [tuple(islice(pixels, count)) for count in counts]
 
 
 def _objective_from_msg(message: Any) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from porotwin_imaging.geometry.sampling import Sampling, choose_reduction
 from porotwin_imaging.light.colour_correction import ColourReference, colour_reference
 from porotwin_imaging.light.light_check import refuse_grey_baseline
 from porotwin_imaging.light.light_drift import light_drift
+from porotwin_imaging.light.light_references import inside_references
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_file import (
     DecodedPhoto,
@@ -107,7 +108,8 @@ class Baseline:
                 f'photograph has the colour profile {profile}, the baseline {self.profile}; '
                 'set the camera to one of them, sRGB at best'
             )
-        return _decode(data, self.photo_size, self.reduction)
+        size = self.photo_size if self.features.scene is None else None
+        return _decode(data, size, self.reduction)
 
     def with_dark_sand(self) -> Self:
         """Return the baseline with dark sand usable: a bright fluid shows there, a dark one not."""
@@ -174,14 +176,19 @@ def make_baseline(
     pictures = []
     for name, data in zip(called, photographs, strict=True):
         with named(name):
-            pictures.append(_decode(data, size, reduction).pixels)
+            same = None if pictures and camera.references_px else size
+            pictures.append(_decode(data, same, reduction).pixels)
     first = pictures[0]
     sampling = Sampling.of(geometry, grid, reduction)
     with named(called[0]):
         refuse_grey_baseline(first, used_calibration.signal)
         off = find_odd_corners(rig, first, size, reduction)
         odd_corners = [str(off)] if off else []
-        features = reference_features(first, _inside_rig(camera, first.shape, reduction))
+        features = reference_features(
+            first,
+            _inside_rig(camera, first.shape, reduction),
+            inside_references(first.shape, camera, reduction),
+        )
         first_colours = linear_light(sampling.sample(first))
         mask = baseline_mask(
             first_colours,
@@ -222,20 +229,21 @@ def make_baseline(
     )
 
 
-def _decode(data: bytes, size: tuple[int, int], reduction: int) -> DecodedPhoto:
-    """Return the decoded photograph; raise InputError if its size is not `size`."""
+def _decode(data: bytes, size: tuple[int, int] | None, reduction: int) -> DecodedPhoto:
+    """Return the decoded photograph; raise InputError if its size is not `size`; None: any is."""
     found = photo_size(data)
+    if size is None or found == size:
+        return decode(data, reduction)
     if found == size[::-1]:
         raise InputError(
             f'photograph is {found[0]} x {found[1]} px, turned by 90 degrees against the baseline; '
             'turn it back, with its pixels and not only its EXIF orientation'
         )
-    if found != size:
-        raise InputError(
-            f'photograph is {found[0]} x {found[1]} px, the baseline {size[0]} x {size[1]} px; '
-            'keep the camera as it is or take a new baseline'
-        )
-    return decode(data, reduction)
+    raise InputError(
+        f'photograph is {found[0]} x {found[1]} px, the baseline {size[0]} x {size[1]} px; '
+        'keep the camera as it is or take a new baseline; for prints and scans of another crop, '
+        'name places that never change in camera.references_px'
+    )
 
 
 def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:

@@ -27,13 +27,17 @@ _SMALLEST_WINDOW = 5
 """Blocks across the smallest window: 25 values give a correlation."""
 
 
-def visible_cells(sums: CellSums) -> tuple[Mask, list[str]]:
+def visible_cells(sums: CellSums, *, print_or_scan: bool = False) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx), and a remark if sand is covered or damaged.
+
+    In a print the strongest tracer shows no grains, so that nothing tells what covers the sand.
 
     Raises:
         InputError: most of the sand is covered, or the file is damaged.
     """
     expected = sums.share > VALIDITY.least_visible_share
+    if print_or_scan:
+        return expected, []
     blocks = (hidden_sand(sums.blocks) | thin_objects(sums.blocks)).astype(np.uint8)
     nz, nx = sums.share.shape
     hidden = cv2.resize(blocks, (nx, nz), interpolation=cv2.INTER_NEAREST).astype(bool) & expected

@@ -5,6 +5,10 @@ of the grain texture are tracked from the baseline into the photograph by pyrami
 optical flow. The flow runs on locally normalised brightness, so that tracer and light have no
 influence, and each feature is tracked back as a check. A homography is fitted by RANSAC. If the
 camera has moved too far for the flow, matched binary features (ORB) give a start value.
+
+Prints and scans of another crop, scale or size are registered first: features of the whole picture
+(SIFT) are matched, and the picture is brought to the place of the baseline. That is done for rigs
+that name places which never change; of others, another size means another camera.
 """
 
 import math
@@ -63,6 +67,12 @@ _ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
 _ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
 _FEWEST_MATCHES = 20
 """ORB matches below which the start value is unreliable."""
+_CLEARLY_NEARER = 0.8
+"""Distance of the best match relative to the second best (Lowe 2004)."""
+_NOT_REGISTERED = (
+    'photograph does not match the baseline: only {} features of the scene agree; use a print or '
+    'scan of the same scene, or take a new baseline'
+)
 TURNS = {
     'turned by 180 degrees': (slice(None, None, -1), slice(None, None, -1)),
     'mirrored': (slice(None), slice(None, None, -1)),
@@ -82,12 +92,14 @@ class Alignment:
         shift: largest displacement of a corner of the rig [px].
         residual: root mean square distance of the inliers from the homography [px].
         inliers: share of the reference features that are inliers [-].
+        print_or_scan: whether the picture is one of another size, registered by its scene.
     """
 
     homography: Array
     shift: float
     residual: float
     inliers: float
+    print_or_scan: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,8 @@ class ReferenceFeatures:
         mask: 1 inside the rig, same shape.
         points: the features as (column, row), float32, shape (n, 1, 2).
         corners: bounding box of the rig as (column, row), float32, shape (4, 1, 2).
+        scene: features of the whole picture that register a print or scan: points (n, 2) and
+            descriptors (n, 128); None if every photograph is of the same camera.
     """
 
     reduction: int
@@ -107,17 +121,21 @@ class ReferenceFeatures:
     mask: GreyImage
     points: Array
     corners: Array
+    scene: tuple[Array, Array] | None = None
 
 
 def reference_features(
     pixels: NDArray[np.uint8],
     inside: NDArray[np.bool_],
+    unchanging: NDArray[np.bool_] | None = None,
 ) -> ReferenceFeatures:
     """Return the features of a baseline photograph.
 
     Args:
         pixels: decoded baseline, shape (rows, columns, 3).
         inside: True inside the rig, shape (rows, columns).
+        unchanging: True in places that never change, same shape; None, or nowhere, if every
+            photograph is of the same camera.
 
     Raises:
         InputError: the baseline shows no texture inside the rig.
@@ -129,25 +147,35 @@ def reference_features(
     rows, columns = np.nonzero(mask)
     low, high = (columns.min(), rows.min()), (columns.max(), rows.max())
     corners = np.array([[low], [(low[0], high[1])], [high], [(high[0], low[1])]], dtype=np.float32)
-    return ReferenceFeatures(reduction, picture, mask, points, corners)
+    scene = None
+    if unchanging is not None and unchanging.any():
+        scene = _scene(_reduced(pixels, reduction))
+    return ReferenceFeatures(reduction, picture, mask, points, corners, scene)
 
 
 def align(
     pixels: NDArray[np.uint8],
     reference: ReferenceFeatures,
 ) -> Alignment:
-    """Return how `pixels`, of the same shape as the baseline, is moved against it.
+    """Return how `pixels` is moved against the baseline.
+
+    The shape is that of the baseline, unless the reference has features of the whole scene.
 
     Raises:
         InputError: the photograph does not show the scene of the baseline.
     """
-    picture = _normalised(_reduced(pixels, reference.reduction))
+    reduced = _reduced(pixels, reference.reduction)
+    if reference.scene is not None and reduced.shape[:2] != reference.picture.shape:
+        return _in_decoded_pixels(_registered(reduced, reference), reference.reduction)
+    picture = _normalised(reduced)
     found = _tracked(picture, reference, reference.points)
     start = None
     if found is None:
         start = _matched(picture, reference)
         if start is not None:
             found = _tracked(picture, reference, _moved(reference.points, start))
+    if found is None and reference.scene is not None:
+        found = _registered(reduced, reference)
     if found is None:
         _refuse_turned(picture, start, reference)
         raise InputError(
@@ -155,6 +183,54 @@ def align(
             'far; take a new baseline'
         )
     return _in_decoded_pixels(found, reference.reduction)
+
+
+def _scene(picture: NDArray[np.uint8]) -> tuple[Array, Array] | None:
+    """Return points (n, 2) and descriptors (n, 128) of a picture; None if it has too few."""
+    points, words = cv2.SIFT.create().detectAndCompute(
+        cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), None
+    )
+    if words is None or len(points) < _FEWEST_MATCHES:
+        return None
+    return np.array([point.pt for point in points], np.float32), words
+
+
+def _registered(picture: NDArray[np.uint8], reference: ReferenceFeatures) -> Alignment:
+    """Return the alignment of a print or scan, of another crop and scale, to the baseline.
+
+    Its scene gives a rough place. The grains give the exact one if the print shows them well.
+
+    Raises:
+        InputError: the picture does not show the scene.
+    """
+    own, scene = reference.scene, _scene(picture)
+    pairs: list[Any] = []
+    if own is not None and scene is not None:
+        matches = cv2.BFMatcher().knnMatch(own[1], scene[1], k=2)
+        pairs = [one for one, other in matches if one.distance < _CLEARLY_NEARER * other.distance]
+    if own is None or scene is None or len(pairs) < _FEWEST_MATCHES:
+        raise InputError(_NOT_REGISTERED.format(len(pairs)))
+    source = own[0][[pair.queryIdx for pair in pairs], None]
+    target = scene[0][[pair.trainIdx for pair in pairs], None]
+    rough, chosen = cv2.findHomography(
+        source, target, cv2.RANSAC, _ORB_TOLERANCE_PX, maxIters=_ORB_ITERATIONS
+    )
+    if rough is None or chosen.sum() < ALIGNMENT.fewest_inliers:
+        raise InputError(_NOT_REGISTERED.format(0 if rough is None else int(chosen.sum())))
+    rows, columns = reference.picture.shape
+    brought = cv2.warpPerspective(picture, np.linalg.inv(rough), (columns, rows))
+    near = _tracked(_normalised(brought), reference, reference.points)
+    if near is not None:
+        homography, residual, share = rough @ near.homography, near.residual, near.inliers
+    else:
+        inlier = chosen[:, 0] == 1
+        apart = np.linalg.norm((_moved(source, rough) - target)[inlier, 0], axis=1)
+        homography, residual = rough, float(np.sqrt(np.mean(apart**2)))
+        share = float(inlier.mean())
+    shift = np.linalg.norm(
+        (_moved(reference.corners, homography) - reference.corners)[:, 0], axis=1
+    )
+    return Alignment(homography, float(shift.max()), residual, share, print_or_scan=True)
 
 
 def _refuse_turned(
@@ -196,6 +272,11 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
 
     `reduction` converts decoded pixels to pixels of the file.
     """
+    if alignment.print_or_scan:
+        return [
+            'print or scan of another size: registered to '
+            f'{alignment.residual * reduction:.1f} px; what covers the sand in it is not found'
+        ]
     remarks = []
     if alignment.shift * reduction > ALIGNMENT.reported_shift_px:
         remarks.append(f'camera has moved by {alignment.shift * reduction:.1f} px: corrected')
@@ -235,6 +316,7 @@ def _in_decoded_pixels(found: Alignment, reduction: int) -> Alignment:
         k * found.shift,
         k * found.residual,
         found.inliers,
+        found.print_or_scan,
     )
 
 

@@ -278,12 +278,16 @@ class ChartLight:
         veil: haze over the chart, state = gain light + veil, linear light per channel, shape (3,);
             None if there is none.
         straight_gain: the log gain (3,) that is left when the curve or the haze is undone.
+        scatter: by how much single places differ from the gain [log]; 0: a chart tells it surely.
+        told_by: what told the light, for a remark.
     """
 
     log_gain: Array
     power: float
     veil: Array | None
     straight_gain: Array
+    scatter: float = 0.0
+    told_by: str = 'the colour chart'
 
 
 def chart_light(patches: Array, baseline: Array) -> ChartLight | None:

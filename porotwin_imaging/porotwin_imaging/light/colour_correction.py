@@ -1,4 +1,4 @@
-"""Correcting colours and light: the colour chart, and the drift of light since the baseline.
+"""Correcting colours and light: the chart or other places, and the drift of light.
 
 The baseline gives the colour matrix of the camera and the colours of the chart. In a photograph the
 same chart gives the gain of the light, and the sand without tracer shows how the gain varies over
@@ -17,6 +17,7 @@ from porotwin_core.rig import Camera
 from porotwin_imaging.geometry.alignment import TURNS
 from porotwin_imaging.light import colour_checker
 from porotwin_imaging.light.colour_checker import COLOUR_CHECKER
+from porotwin_imaging.light.light_references import LightReferences, light_references, surroundings
 from porotwin_imaging.photograph.linear_light import linear_light, linear_light_near
 
 Array = NDArray[Any]
@@ -33,11 +34,17 @@ class ColourReference:
             found.
         matrix: from colours of the camera to published colours, shape (3, 3); the identity if
             there is no chart.
+        places: places that never change, which tell the light where no chart is seen; None if the
+            rig names none.
+        surroundings: what lies beside the sand, which can confirm another exposure; None if the
+            rig names a chart or places.
     """
 
     corners: Array | None
     patches: Array | None
     matrix: Array
+    places: LightReferences | None = None
+    surroundings: LightReferences | None = None
 
     @property
     def corrected_patches(self) -> Array | None:
@@ -72,7 +79,9 @@ def colour_reference(
         InputError: the chart shows that the photograph is turned or mirrored.
     """
     corners = checker_corners(camera, reduction)
-    without_chart = ColourReference(corners, None, np.eye(3))
+    places = light_references(pixels, camera, reduction)
+    beside = surroundings(pixels, camera, reduction) if corners is None and not places else None
+    without_chart = ColourReference(corners, None, np.eye(3), places, beside)
     if corners is None:
         return without_chart, []
     found = colour_checker.find_checker(linear_light(pixels), corners)
@@ -88,7 +97,7 @@ def colour_reference(
     )
     if found.moved_px > COLOUR_CHECKER.most_moved * pixels.shape[1]:
         remark += MOVED_RIG
-    return ColourReference(corners, found.patches, matrix), [remark]
+    return ColourReference(corners, found.patches, matrix, places), [remark]
 
 
 def _refuse_turned(pixels: NDArray[np.uint8], corners: Array) -> None:
@@ -110,17 +119,43 @@ def light_at_chart(
 ) -> tuple[colour_checker.ChartLight | None, list[str]]:
     """Return the light at the chart compared with the baseline, and remarks.
 
-    The light is None if the chart is not visible. `homography` (3, 3) is the alignment of the
+    Without the chart, places that never change tell the light. It is None if neither is visible.
+    `homography` (3, 3) is the alignment of the
     decoded photograph `pixels` to the baseline.
     """
     if reference.corners is None or reference.patches is None:
-        return None, []
+        return _light_at_places(pixels, homography, reference)
     moved = cv2.perspectiveTransform(reference.corners[:, None].astype(np.float64), homography)
     corners = moved[:, 0]
     found = colour_checker.find_checker(linear_light_near(pixels, corners), corners)
     light = None
     if found is not None:
         light = colour_checker.chart_light(found.patches, reference.patches)
+    if light is not None:
+        return light, []
+    if reference.places is not None:
+        return _light_at_places(pixels, homography, reference)
+    return None, ['colour checker not seen: light is judged by the sand alone']
+
+
+def light_beside(
+    pixels: NDArray[np.uint8], homography: Array, reference: ColourReference
+) -> colour_checker.ChartLight | None:
+    """Return the light beside the sand; None if that may not count, or is not seen.
+
+    The arguments are those of `light_at_chart`.
+    """
+    beside = reference.surroundings
+    return None if beside is None else beside.light_in(pixels, homography)
+
+
+def _light_at_places(
+    pixels: NDArray[np.uint8], homography: Array, reference: ColourReference
+) -> tuple[colour_checker.ChartLight | None, list[str]]:
+    """Return the light at the places that never change, and a remark if none of them is seen."""
+    if reference.places is None:
+        return None, []
+    light = reference.places.light_in(pixels, homography)
     if light is None:
-        return None, ['colour checker not seen: light is judged by the sand alone']
+        return None, ['camera.references_px are not seen: light is judged by the sand alone']
     return light, []

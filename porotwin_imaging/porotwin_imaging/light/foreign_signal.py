@@ -69,6 +69,7 @@ def without_foreign_signal(
     residual: Array,
     visible: Mask,
     colour: TracerColour | None,
+    scatter: float = 0.0,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) whose change of light tracer can make, and remarks.
 
@@ -76,12 +77,13 @@ def without_foreign_signal(
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
         colour: colour of the tracer, None if it is unknown or grey; then only the sign is checked.
+        scatter: by how much places of the same light differ between the two photographs [log].
 
     Raises:
         InputError: too much of the sand shows something else.
     """
     smooth = window_mean(residual, visible)
-    foreign = smooth.max(axis=2) > FOREIGN_SIGNAL.most_brighter
+    foreign = smooth.max(axis=2) > FOREIGN_SIGNAL.most_brighter + scatter
     if colour is not None:
         foreign |= _another_colour(smooth, colour)
     foreign &= visible

@@ -4,8 +4,8 @@ Tracer darkens sand and never brightens it. Cells that stay brighter than the ba
 drift of light was removed show a reflection, a flash or another exposure. A plume there would look
 paler than it is, or vanish, so these cells have no value.
 
-A photograph with another exposure needs the colour chart. Without it, darker light cannot be told
-from tracer everywhere.
+A photograph with another exposure needs the colour chart, or places that never change. A rig that
+names neither is compared on most of its sand, if what lies beside the sand agrees.
 """
 
 from typing import Any
@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_imaging.light.light_drift import LIGHT, LightDrift
+from porotwin_imaging.light.colour_checker import ChartLight
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
@@ -41,18 +42,20 @@ _COLOUR_PERCENTILE = 99.5
 def lit_as_baseline(
     residual: Array,
     visible: Mask,
+    scatter: float = 0.0,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) that are not brighter than the baseline, and remarks.
 
     Args:
         residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
+        scatter: by how much places of the same light differ between the two photographs [log].
 
     Raises:
         InputError: too much of the sand is brighter.
     """
     smooth = cv2.transform(window_mean(residual, visible), _GREY)
-    brighter = visible & (smooth > LIGHT.most_brighter)
+    brighter = visible & (smooth > LIGHT.most_brighter + scatter)
     share = float(brighter.sum() / max(1, visible.sum()))
     if share > LIGHT.most_brighter_share:
         raise InputError(
@@ -119,15 +122,38 @@ def refuse_unknown_light(
     )
 
 
-def exposure_remarks(checker_gain: Array | None) -> list[str]:
-    """Return a remark if the colour chart corrected another exposure.
-
-    `checker_gain` is the log gain (3,) at the chart, None if it is not seen.
-    """
-    if checker_gain is None or abs(float(checker_gain.mean())) <= LIGHT.search_range:
+def exposure_remarks(light: ChartLight) -> list[str]:
+    """Return a remark if the chart or other places corrected another exposure."""
+    if abs(float(light.straight_gain.mean())) <= LIGHT.search_range:
         return []
-    factor = float(np.exp(checker_gain.mean()))
-    return [f'{factor:.2g} times the light of the baseline: corrected by the colour chart']
+    factor = float(np.exp(light.straight_gain.mean()))
+    return [f'{factor:.2g} times the light of the baseline: corrected by {light.told_by}']
+
+
+def light_of_most_sand(
+    log_ratio: Array, visible: Mask, beside: ChartLight
+) -> tuple[Array | None, list[str]]:
+    """Return the log gain (3,) of most of the sand if it is another exposure, and a remark.
+
+    Tracer could darken most of the sand alike. So what lies beside the sand must agree.
+
+    Args:
+        log_ratio: log ratio to the baseline, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        beside: light beside the sand.
+    """
+    if not visible.any() or light_drift(log_ratio, visible, None).background > 0.0:
+        return None, []
+    gain = np.median(log_ratio[visible], axis=0)
+    apart = abs(float((gain - beside.log_gain).mean()))
+    if apart > LIGHT.search_range or light_drift(log_ratio, visible, gain).background == 0.0:
+        return None, []
+    factor = float(np.exp(gain.mean()))
+    return gain, [
+        f'{factor:.2g} times the light of the baseline on most of the sand, and about so much '
+        'beside it: corrected by sand that seems to hold no tracer; name places that never change '
+        'in camera.references_px'
+    ]
 
 
 def drift_remarks(drift: LightDrift, visible: Mask) -> list[str]:

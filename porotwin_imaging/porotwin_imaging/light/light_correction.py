@@ -19,11 +19,12 @@ from porotwin_imaging.light.foreign_signal import FOREIGN_SIGNAL, without_foreig
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
+    light_of_most_sand,
     lit_as_baseline,
     refuse_unknown_light,
     spilled_light,
 )
-from porotwin_imaging.light.light_drift import LightDrift, light_drift
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
 from porotwin_imaging.numerics.cell_sums import BlockSums
@@ -56,7 +57,7 @@ class CorrectedLight:
         comparable: visible cells whose change tracer can make, shape (nz, nx).
         drift: all changes of light that were removed.
         remarks: one line on each correction.
-        left_out: one line on each fault that could not be corrected.
+        left_out: one line on each fault that could not be corrected, or not surely.
     """
 
     log_ratio: Array
@@ -75,6 +76,8 @@ def corrected_light(
     chart_light: ChartLight | None,
     colour: TracerColour | None,
     below_veil: BelowVeil | None = None,
+    *,
+    beside: ChartLight | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -86,6 +89,8 @@ def corrected_light(
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
+        beside: light beside the sand of a rig that names neither a chart nor other places; it may
+            confirm that most of the sand tells another exposure.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
@@ -94,9 +99,15 @@ def corrected_light(
     blocks, seen = _blocks(log_ratio, visible)
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
+    scatter = 0.0 if chart_light is None else chart_light.scatter
+    by_sand: list[str] = []
+    if beside is not None and chart_light is None:
+        checker_gain, by_sand = light_of_most_sand(blocks, seen, beside)
     tone = None if chart_light is None else tone_of_chart(chart_light)
-    tone = tone or tone_change(blocks, before, after, seen, checker_gain)
-    remarks = exposure_remarks(checker_gain)
+    even = scatter <= LIGHT.tolerance  # otherwise neither a tone nor a hue can be told
+    if tone is None and even:
+        tone = tone_change(blocks, before, after, seen, checker_gain)
+    remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
         tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
         remarks += not_hazy
@@ -108,21 +119,21 @@ def corrected_light(
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
-    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain)
+    drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, scatter=scatter)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     remarks += drift_remarks(drift, visible)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
-    colour = colour or colour_in(residual, seen)
+    colour = colour or (colour_in(residual, seen) if even else None)
     local = local_light(residual, seen, colour)
     if local is not None:
         residual = residual - local.log_gain[..., None]
         drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
         variance = variance + _resized(local.variance, visible.shape)
         remarks += local.remarks
-    comparable, bright = lit_as_baseline(residual, seen)
+    comparable, bright = lit_as_baseline(residual, seen, scatter)
     if (found := seen & ~comparable).any():
         variance = variance + _resized(spilled_light(residual, found, after) ** 2, visible.shape)
-    comparable, foreign = without_foreign_signal(residual, comparable, colour)
+    comparable, foreign = without_foreign_signal(residual, comparable, colour, scatter)
     _refuse_much_left_out(seen, comparable)
     left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
     return CorrectedLight(
@@ -131,7 +142,7 @@ def corrected_light(
         comparable=visible & ~left_out,
         drift=drift,
         remarks=remarks,
-        left_out=[*bright, *foreign],
+        left_out=[*by_sand, *bright, *foreign],
     )
 
 

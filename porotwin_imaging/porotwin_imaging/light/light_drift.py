@@ -96,6 +96,7 @@ def light_drift(
     checker_gain: Array | None,
     *,
     search_range: float = LIGHT.search_range,
+    scatter: float = 0.0,
 ) -> LightDrift:
     """Return the drift of light.
 
@@ -104,14 +105,15 @@ def light_drift(
         weight: weight of each cell, 0 where it is not visible, shape (nz, nx).
         checker_gain: log gain at the colour chart, shape (3,), or None.
         search_range: distance from that gain within which the light is searched [log].
+        scatter: by how much places of the same light differ between the two photographs [log].
     """
     shape = log_ratio.shape[:2]
     stride = max(1, round(np.sqrt(weight.size / LIGHT.most_cells)))
     subset = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
     places = (place[cells] for place, cells in zip(_places(shape), subset, strict=True))
     seen, sand = log_ratio[subset], weight[subset]
-    start = _start(seen, sand, checker_gain, search_range)
-    found = _robust_fit(seen, sand, _terms(*places), start)
+    start = _start(seen, sand, checker_gain, search_range + scatter)
+    found = _robust_fit(seen, sand, _terms(*places), start, LIGHT.tolerance + scatter)
     if found is None:
         gain = np.zeros(3) if checker_gain is None else checker_gain
         return LightDrift(gain.astype(np.float32), np.zeros(shape, np.float32), 0.0)
@@ -125,6 +127,7 @@ def _robust_fit(
     weight: Array,
     terms: Array,
     start: Array,
+    tolerance: float,
 ) -> tuple[Array, Array, float] | None:
     """Return constants (3,), coefficients (5,) and background share; None without background."""
     constants = start
@@ -133,7 +136,7 @@ def _robust_fit(
     share = 0.0
     for step in range(2 * LIGHT.rounds):
         residual = log_ratio - constants - (terms @ coefficients)[..., None]
-        distance = np.sqrt((residual**2).mean(axis=2)) / LIGHT.tolerance
+        distance = np.sqrt((residual**2).mean(axis=2)) / tolerance
         background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
         if step >= LIGHT.rounds:
             background = background * _away_from_tracer(residual.mean(axis=2))

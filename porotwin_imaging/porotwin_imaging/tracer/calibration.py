@@ -49,6 +49,8 @@ DEFAULT_FULL_SIGNAL = 0.8
 large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
 UNCALIBRATED_ERROR = 0.2
 """Relative standard deviation of a scale that was not measured."""
+RELATIVE = 'relative'
+"""The `scale` in `made`, if the core of the plume counts as 1."""
 _CHANNELS = ('red', 'green', 'blue')
 FACTOR_RANGE = (0.01, 100.0)
 """Factors of sands that a file may hold [-]; sands differ by a few times."""
@@ -147,6 +149,11 @@ class Calibration:
     scale_error: float = UNCALIBRATED_ERROR
     factor_deviations: tuple[float, ...] = ()
     blur_px: float | None = None
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether the core of the plume counts as 1 and nothing tells its concentration."""
+        return self.made.get('scale') == RELATIVE
 
     @property
     def picture_fingerprint(self) -> str:

@@ -139,12 +139,15 @@ def _foreign_light(
 ) -> Array:
     """Return the log ratio (nz, nx) of light that the colours show, 0 where it is in doubt.
 
-    The colour of stock is that of the fullest cells. Without enough of them nothing is known.
+    The colour of stock is that of the fullest cells. Without enough of them nothing is known. A
+    grey tracer, or a grey photograph, has no colour that tells light.
     """
     full = visible & (values > LIGHT_ERROR.full)
     if np.count_nonzero(full) < LIGHT_ERROR.fewest_full_cells:
         return np.zeros_like(values)
     stock = np.median(seen.log_ratio[full], axis=0)
+    if np.ptp(stock) < LIGHT_ERROR.colour_tolerance + LIGHT_ERROR.dye_tolerance:
+        return np.zeros_like(values)
     share = values / float(np.median(values[full]))
     expected, turned = _colour_of_tracer(share, stock, calibration.signal)
     apart, even = seen.log_ratio - expected, visible & _is_even(values)

@@ -71,11 +71,13 @@ class MapOrigin:
         calibrated: whether their scale was measured; None: not known.
         calibration: SHA-256 of the calibration's file; empty: none, or not known.
         program: name and version of the program; empty: not known.
+        scale: 'relative' if the core of the plume counts as 1; empty: as `calibrated` tells.
     """
 
     calibrated: bool | None = None
     calibration: str = ''
     program: str = ''
+    scale: str = ''
 
     @property
     def is_virtual(self) -> bool:
@@ -86,6 +88,7 @@ class MapOrigin:
     def in_words(self) -> str:
         """Who made the maps, such as "made by PoroTwin 1.0, image, without a calibration"."""
         scale = ', without a calibration' if self.calibrated is False else ''
+        scale = ', on a relative scale' if self.scale else scale
         return (f'made by {self.program}' if self.program else 'of unknown origin') + scale
 
 
@@ -270,7 +273,7 @@ def _unit(variable: netCDF4.Variable) -> str:
 def _origin(dataset: netCDF4.Dataset) -> MapOrigin:
     """Return the origin of maps by the attributes of their file; other words count as unknown."""
     calibrated = {'yes': True, 'no': False}.get(str(getattr(dataset, 'calibrated', '')).strip())
-    texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program')}
+    texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program', 'scale')}
     return MapOrigin(calibrated, **texts)
 
 
@@ -391,6 +394,7 @@ class ConcentrationWriter(MapWriter):
             'calibrated': {True: 'yes', False: 'no', None: ''}[origin.calibrated],
             'calibration': origin.calibration,
             'program': origin.program,
+            'scale': origin.scale,
         }
         self._dataset.setncatts({name: word for name, word in words.items() if word})
 

@@ -1,0 +1,139 @@
+"""Plumes from known places in maps of a relative scale: their tips and centre lines.
+
+Both need no scale: a plume is the connected part of a map above half of its core that begins near
+a well. The tip is its place farthest from the well. The centre line is the middle of the plume over
+every column.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.polygons import inside
+from porotwin_core.rig import Rig
+
+Array = NDArray[Any]
+
+FRONT = 0.5
+"""Share of the core at the outline of a plume [-]."""
+_NEAR_M = 0.03
+"""A plume begins within this distance of its well [m]."""
+_HOLE_PX = 5
+"""Holes of a map are filled this many cells deep."""
+
+
+@dataclass(frozen=True)
+class PlumeLine:
+    """A plume from one well.
+
+    Attributes:
+        cells: its cells, shape (nz, nx).
+        tip: the place (x, z) [m] farthest from the well.
+        x, z: the centre line [m], from left to right.
+    """
+
+    cells: Array
+    tip: tuple[float, float]
+    x: Array
+    z: Array
+
+
+def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
+    """Return the plumes of a relative map (nz, nx) by the well where they begin.
+
+    Cells without a value are filled from those around them. Open water holds no plume.
+    """
+    filled = np.where(open_water(rig, grid), 0.0, without_holes(values))
+    parts, _ = label(filled > FRONT)
+    x, z = np.meshgrid(grid.x, grid.z)
+    found = {}
+    for name, well in rig.wells.items():
+        distance = np.hypot(x - well.x_m, z - well.z_m)
+        near = parts[(distance < _NEAR_M) & (parts > 0)]
+        if near.size:
+            cells = parts == np.bincount(near).argmax()
+            found[name] = line_of(np.where(cells, filled, 0.0), distance, grid)
+    return found
+
+
+def line_of(values: Array, distance: Array, grid: Grid) -> PlumeLine:
+    """Return the line of the plume that `values` (nz, nx) shows alone.
+
+    `distance` (nz, nx) is that of each cell from the well [m].
+    """
+    cells = values > FRONT
+    row, column = np.unravel_index(np.argmax(np.where(cells, distance, -1.0)), cells.shape)
+    weight = np.where(cells, values, 0.0)
+    total = weight.sum(axis=0)
+    seen = total > 0
+    middle = (weight * grid.z[:, None]).sum(axis=0)[seen] / total[seen]
+    return PlumeLine(cells, (float(grid.x[column]), float(grid.z[row])), grid.x[seen], middle)
+
+
+@dataclass(frozen=True)
+class LineError:
+    """A predicted plume beside the seen one [m].
+
+    Attributes:
+        tip: distance of the tips.
+        ahead: by how much the predicted tip is farther from the well; negative: nearer.
+        line: mean distance of the centre lines over the columns that both have.
+        above: by how much the predicted centre line is higher on average.
+    """
+
+    tip: float
+    ahead: float
+    line: float
+    above: float
+
+
+def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float]) -> LineError:
+    """Return the errors of a predicted plume from the `well` at (x, z) [m]."""
+    tips = np.array([predicted.tip, seen.tip])
+    far = np.linalg.norm(tips - np.array(well), axis=1)
+    first = max(predicted.x[0], seen.x[0])
+    last = min(predicted.x[-1], seen.x[-1])
+    columns = seen.x[(seen.x >= first) & (seen.x <= last)]
+    apart = np.interp(columns, predicted.x, predicted.z) - np.interp(columns, seen.x, seen.z)
+    if not columns.size:
+        apart = np.array([np.nan])
+    return LineError(
+        float(np.linalg.norm(tips[0] - tips[1])),
+        float(far[0] - far[1]),
+        float(np.abs(apart).mean()),
+        float(apart.mean()),
+    )
+
+
+def without_holes(values: Array) -> Array:
+    """Return a relative map (nz, nx) with small holes filled from their sides; wide ones are 0."""
+    levels = np.rint(255 * np.clip(np.nan_to_num(values), 0.0, 1.0)).astype(np.uint8)
+    holes = np.isnan(values).astype(np.uint8)
+    filled = cv2.inpaint(levels, holes, _HOLE_PX, cv2.INPAINT_TELEA) / 255.0
+    return np.where(cv2.distanceTransform(holes, cv2.DIST_L2, 5) > _HOLE_PX, 0.0, filled)
+
+
+def open_water(rig: Rig, grid: Grid) -> NDArray[np.bool_]:
+    """Return the cells (nz, nx) in open water, and one cell around it."""
+    x, z = np.meshgrid(grid.x, grid.z)
+    places = np.stack([x.ravel(), z.ravel()], axis=1)
+    wet = np.zeros(grid.shape, bool)
+    for body in rig.water.values():
+        if body.corners_m is not None:
+            wet |= inside(places, np.array(body.corners_m)).reshape(grid.shape)
+    return cv2.dilate(wet.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+
+
+def plume_volumes(values: Array, lines: Mapping[str, PlumeLine], pores: Array) -> dict[str, float]:
+    """Return the volume of each plume as undiluted core [m^3], by well.
+
+    `pores` (nz, nx) is the pore volume of the cells [m^3].
+    """
+    whole = without_holes(values) * pores
+    return {name: float(whole[line.cells].sum()) for name, line in lines.items()}

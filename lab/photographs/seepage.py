@@ -1,0 +1,245 @@
+"""The seepage tank of 1904, blind: the later photographs are predicted from the earlier ones.
+
+    ./porotwin experiment seepage --photographs FOLDER
+
+The photographs are grey prints of different crop, without a chart, and nobody noted what the tubes
+delivered. Their maps have a relative scale. The growth of the plumes between the first two
+photographs gives the rate of each tube, as if its ink were undiluted. The model starts from the
+map of the second one. It is compared with the later ones by tips and centre lines. The flow of
+1.25 l/h that Pennink measured gives the conductivity in `rigs/pennink_1904/rig.yaml`; nothing is
+fitted to the later photographs.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.photographs.plume_lines import (
+    FRONT,
+    LineError,
+    PlumeLine,
+    line_error,
+    line_of,
+    open_water,
+    plume_lines,
+    plume_volumes,
+    without_holes,
+)
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import MINUTE_S, from_ml_h, to_ml_h
+from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rig import Rig, load_rig
+from porotwin_imaging.baseline.baseline import Baseline, make_baseline
+from porotwin_imaging.calibrating.relative_scale import relative_calibration
+from porotwin_imaging.geometry.alignment import align
+from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_solver.model.simulation import simulate
+
+Array = NDArray[Any]
+
+ROOT = Path(__file__).resolve().parents[2]
+RIG = ROOT / 'rigs' / 'pennink_1904'
+PHOTOGRAPHS = ROOT.parent / 'shared' / 'data' / 'pennink_1904'
+ORIGINALS = 'github.com/Olsthoorn/Pennink-Model, folder cases/Series2/Photos'
+BASELINE = 'Series2_01_p30.jpg'
+"""The photograph before the ink, of 09:00."""
+TIMES_MIN = {
+    'Series2_02_p32.jpg': 0.0,
+    'Series2_03_p34.jpg': 15.0,
+    'Series2_04_p36.jpg': 40.0,
+    'Series2_05_p38.jpg': 75.0,
+}
+"""Photographs with ink, and minutes after 09:40, when the first ink had been brought in."""
+SEEN = 2
+"""Photographs that the prediction may use."""
+
+
+@dataclass(frozen=True)
+class SeenPhoto:
+    """A photograph of the experiment.
+
+    Attributes:
+        time: since the ink was brought in [s].
+        name: its file.
+        picture: grey levels in the place of the rig, row 0 at the top.
+        values: its relative map, shape (nz, nx).
+        plumes: its plumes by well.
+        status: remarks.
+    """
+
+    time: float
+    name: str
+    picture: Array
+    values: Array
+    plumes: dict[str, PlumeLine]
+    status: list[str]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Plumes that were predicted for one photograph, with their errors by well."""
+
+    seen: SeenPhoto
+    plumes: dict[str, PlumeLine]
+    errors: dict[str, LineError]
+
+
+def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
+    """Predict the later photographs; write a picture; return a row for every plume and time.
+
+    Args:
+        photographs: their folder.
+        folder: where the picture goes.
+
+    Raises:
+        InputError: a photograph is missing or cannot be used.
+    """
+    rig = load_rig(RIG)
+    grid = rig.default_grid()
+    seen = map_photographs(rig, grid, photographs)
+    rates = rates_by_growth(rig, grid, seen[:SEEN])
+    predictions = predict(rig, grid, seen, rates)
+    draw(folder / 'seepage.png', rig, grid, seen, predictions)
+    return [
+        {
+            'photograph': one.seen.name,
+            'minutes': one.seen.time / MINUTE_S,
+            'tube': well,
+            'rate_ml_h': round(rates[well]),
+            'tip_cm': round(100 * error.tip, 1),
+            'ahead_cm': round(100 * error.ahead, 1),
+            'line_cm': round(100 * error.line, 1),
+            'above_cm': round(100 * error.above, 1),
+        }
+        for one in predictions
+        for well, error in one.errors.items()
+    ]
+
+
+def map_photographs(rig: Rig, grid: Grid, photographs: Path) -> list[SeenPhoto]:
+    """Return the photographs with tracer, registered and mapped on a relative scale.
+
+    Raises:
+        InputError: a photograph is missing or cannot be used.
+    """
+    for name in (BASELINE, *TIMES_MIN):
+        if not (photographs / name).is_file():
+            raise InputError(f'{photographs / name} is missing; it is in {ORIGINALS}')
+    states = {name: (photographs / name).read_bytes for name in TIMES_MIN}
+    clean = [(photographs / BASELINE).read_bytes()]
+    baseline = make_baseline(rig, grid, clean)
+    scale = relative_calibration(baseline, list(states.values()))
+    baseline = replace(baseline, calibration=scale)
+    return [_seen(name, read(), rig, baseline) for name, read in states.items()]
+
+
+def _seen(name: str, data: bytes, rig: Rig, baseline: Baseline) -> SeenPhoto:
+    """Return the photograph `name` (bytes of the file) with its map and plumes."""
+    found = concentration_map(data, baseline)
+    pixels = baseline.decode(data).pixels
+    moved = baseline.sampling.sample(pixels, align(pixels, baseline.features).homography)
+    return SeenPhoto(
+        TIMES_MIN[name] * MINUTE_S,
+        name,
+        cv2.cvtColor(moved, cv2.COLOR_BGR2GRAY),
+        found.values,
+        plume_lines(found.values, rig, baseline.grid),
+        found.status,
+    )
+
+
+def rates_by_growth(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, float]:
+    """Return the rate of every tube [ml/h] by the growth of its plume between two photographs.
+
+    The ink counts as undiluted. So the rates are the largest that the photographs allow.
+    """
+    pores = rig.cell_pore_volume(grid)
+    first, second = (plume_volumes(one.values, one.plumes, pores) for one in seen)
+    duration = seen[1].time - seen[0].time
+    return {
+        well: to_ml_h((volume - first.get(well, 0.0)) / duration) for well, volume in second.items()
+    }
+
+
+def predict(
+    rig: Rig, grid: Grid, seen: Sequence[SeenPhoto], rates: Mapping[str, float]
+) -> list[Prediction]:
+    """Return the plumes of the later photographs, from the map of the last one that may be used.
+
+    Each plume is a tracer of its own, in the flow that all tubes make.
+    """
+    last, later = seen[SEEN - 1], seen[SEEN:]
+    times = [last.time, *(one.time for one in later)]
+    predicted: list[dict[str, PlumeLine]] = [{} for _ in later]
+    x, z = np.meshgrid(grid.x, grid.z)
+    left_sand = open_water(rig, grid)
+    for well, line in last.plumes.items():
+        schedule = Schedule(
+            tuple(
+                ScheduleRow(0.0, name, WellRate(from_ml_h(rate), float(name == well)))
+                for name, rate in rates.items()
+            )
+        )
+        start = np.where(line.cells, without_holes(last.values), 0.0)
+        maps = simulate(rig, schedule, times, grid=grid, initial=start, start=last.time)
+        place = rig.wells[well]
+        distance = np.hypot(x - place.x_m, z - place.z_m)
+        for plumes, values in zip(predicted, maps[1:], strict=True):
+            in_sand = np.where(left_sand, 0.0, values)
+            if (in_sand > FRONT).any():
+                plumes[well] = line_of(in_sand, distance, grid)
+    return [
+        Prediction(one, plumes, _errors(rig, plumes, one.plumes))
+        for one, plumes in zip(later, predicted, strict=True)
+    ]
+
+
+def _errors(
+    rig: Rig, predicted: Mapping[str, PlumeLine], seen: Mapping[str, PlumeLine]
+) -> dict[str, LineError]:
+    """Return the errors of the plumes that are both predicted and seen."""
+    return {
+        well: line_error(line, seen[well], (rig.wells[well].x_m, rig.wells[well].z_m))
+        for well, line in predicted.items()
+        if well in seen
+    }
+
+
+def draw(
+    path: Path,
+    rig: Rig,
+    grid: Grid,
+    seen: Sequence[SeenPhoto],
+    predictions: Sequence[Prediction],
+) -> None:
+    """Draw the registered photographs and their maps, with the predicted outlines, into `path`."""
+    figure, axes = plt.subplots(2, len(seen), figsize=(5 * len(seen), 10), layout='constrained')
+    extent = (0.0, grid.width, 0.0, grid.height)
+    by_name = {one.seen.name: one for one in predictions}
+    for column, one in enumerate(seen):
+        above, below = axes[:, column]
+        above.imshow(one.picture, cmap='gray', extent=extent)
+        below.imshow(one.values, origin='lower', cmap='Greens', vmin=0, vmax=1, extent=extent)
+        found = by_name.get(one.name)
+        above.set_title(
+            f'{one.name}, {one.time / MINUTE_S:.0f} min: '
+            f'{"used" if found is None else "predicted (red)"}'
+        )
+        for axis in (above, below):
+            for line in one.plumes.values():
+                axis.plot(line.x, line.z, color='tab:blue', lw=1)
+            for line in {} if found is None else found.plumes.values():
+                axis.contour(grid.x, grid.z, line.cells, [0.5], colors='red', linewidths=1)
+                axis.plot(line.x, line.z, color='red', lw=1, ls='--')
+            for well in rig.wells.values():
+                axis.plot(well.x_m, well.z_m, 'o', ms=3, color='k')
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
