@@ -29,7 +29,7 @@ class Desk:
     """An operator's node with a clock that tests set, and a node that talks to it."""
 
     def __init__(self, context: rclpy.Context) -> None:
-        self.now = 1000.0
+        self.now = time.time()
         self.nodes: list[Any] = []
         overrides = [Parameter('rig', value=str(SMALL_RIG)), Parameter('asset', value=True)]
         self.operator = OperatorNode(

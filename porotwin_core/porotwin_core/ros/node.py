@@ -49,12 +49,7 @@ from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import (
-    DOMAIN,
-    check_environment,
-    check_shared_memory,
-    domain_of,
-)
+from porotwin_core.ros.ros_environment import check_environment, check_shared_memory
 from porotwin_core.ros.senders import hearers
 
 DIAGNOSTICS = '/diagnostics'
@@ -373,20 +368,6 @@ def _refuse(error: InputError) -> NoReturn:
     sys.exit(WRONG_PARAMETERS)
 
 
-def _joined(make_node: Callable[[], Node]) -> Node:
-    """Return the node; without a place in the DDS domain the process ends with one line."""
-    try:
-        return make_node()
-    except RCLError as error:
-        if not rclpy.ok():
-            raise  # asked to stop
-        reason = str(error).partition(',')[0]
-        sys.exit(
-            f'not started: no place in DDS domain {domain_of(os.environ)} ({reason}); end '
-            f'programs that use it, or set {DOMAIN} to another number for all nodes'
-        )  # with status 1: the launcher tries it again
-
-
 def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """Spin a node until its process is asked to stop: the `main` of every node.
 
@@ -410,7 +391,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     with signals_as_interrupts() as asked:
         try:
             with until_shutdown(executor.context), kept_awake(executor, asked):
-                node = _joined(make_node)
+                node = make_node()
                 ensure_diagnostics(node)
                 executor.add_node(node)
                 executor.spin()
