@@ -80,7 +80,7 @@ class Candidate:
 
     effect: str
     parameters: tuple[FitParameter, ...]
-    fixed: dict[str, float | str] = field(default_factory=dict)
+    fixed: Mapping[str, float | str] = field(default_factory=dict)
     starts: tuple[tuple[float, ...], ...] = ()
     variant: str = ''
     tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)

@@ -1,6 +1,6 @@
 """The effects that may be learnt from some experiments."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +22,9 @@ def physics_of(parts: Sequence[Candidate], scaled: FloatArray) -> LearntPhysics:
     return LearntPhysics(tuple(effects))
 
 
-def with_part(physics: LearntPhysics, part: Candidate, scaled: Sequence[float]) -> LearntPhysics:
+def with_part(physics: LearntPhysics, part: Candidate, scaled: Iterable[float]) -> LearntPhysics:
     """Return `physics` with one more part at the steps of its parameters."""
-    return LearntPhysics((*physics.effects, part.described(scaled)), physics.scheme)
+    return LearntPhysics((*physics.effects, part.described(list(scaled))), physics.scheme)
 
 
 @dataclass(frozen=True)
