@@ -107,7 +107,7 @@ def _missing_scans(frame: _Segment, scans: Sequence[bytes]) -> str:
     """Return which components the scans leave open; '' if there are none."""
     number = frame.body[5] if len(frame.body) > len('phhww') else 0
     components = frame.body[6 : 6 + 3 * number : 3]
-    open_bits = {each: [None] * _COEFFICIENTS for each in components}
+    open_bits: dict[int, list[int | None]] = {each: [None] * _COEFFICIENTS for each in components}
     for scan in scans:
         count = scan[0] if scan else 0
         if len(scan) < 1 + 2 * count + 3:

@@ -100,8 +100,8 @@ class _WrittenMaps:
     """The maps of an export that is not complete, in a NetCDF file or a zarr folder."""
 
     def __init__(self, path: Path, kind: Format) -> None:
-        self._dataset = None if kind == 'zarr' else netCDF4.Dataset(path, 'a')
-        self._variables = _zarr_group(path, 'r+') if kind == 'zarr' else self._dataset.variables
+        self._dataset = netCDF4.Dataset(path, 'a') if kind == 'netcdf' else None
+        self._variables = self._dataset.variables if self._dataset else _zarr_group(path, 'r+')
 
     def write(self, first: int, maps: Maps) -> None:
         """Write the `maps` from number `first` on, as far as the disk."""

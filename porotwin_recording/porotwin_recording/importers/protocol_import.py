@@ -138,8 +138,10 @@ class _ReadProtocols(NamedTuple):
     def is_apart(self) -> bool:
         """Whether photographs and rates have no time in common."""
         known, times = self.rates.known_rates, [photo.time for photo in self.photos]
-        return bool(times and known) and (
-            max(times) < known.rows[0].time or min(times) > known.rows[-1].time
+        return (
+            known is not None
+            and bool(times)
+            and (max(times) < known.rows[0].time or min(times) > known.rows[-1].time)
         )
 
 
