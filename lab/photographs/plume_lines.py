@@ -36,12 +36,14 @@ class PlumeLine:
         cells: its cells, shape (nz, nx).
         tip: the place (x, z) [m] farthest from the well.
         x, z: the centre line [m], from left to right.
+        arrived: whether it touches open water, where it leaves the sand: it has no tip then.
     """
 
     cells: Array
     tip: tuple[float, float]
     x: Array
     z: Array
+    arrived: bool
 
 
 def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
@@ -49,7 +51,8 @@ def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
 
     Cells without a value are filled from those around them. Open water holds no plume.
     """
-    filled = np.where(open_water(rig, grid), 0.0, without_holes(values))
+    water = open_water(rig, grid)
+    filled = np.where(water, 0.0, without_holes(values))
     parts, _ = label(filled > FRONT)
     x, z = np.meshgrid(grid.x, grid.z)
     found = {}
@@ -58,22 +61,34 @@ def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
         near = parts[(distance < _NEAR_M) & (parts > 0)]
         if near.size:
             cells = parts == np.bincount(near).argmax()
-            found[name] = line_of(np.where(cells, filled, 0.0), distance, grid)
+            found[name] = line_of(np.where(cells, filled, 0.0), distance, grid, water)
     return found
 
 
-def line_of(values: Array, distance: Array, grid: Grid) -> PlumeLine:
-    """Return the line of the plume that `values` (nz, nx) shows alone.
+def line_of(values: Array, distance: Array, grid: Grid, water: NDArray[np.bool_]) -> PlumeLine:
+    """Return the line of a plume.
 
-    `distance` (nz, nx) is that of each cell from the well [m].
+    Args:
+        values: relative map that shows this plume alone, shape (nz, nx).
+        distance: distance of each cell from the well [m], same shape.
+        grid: grid of the map.
+        water: cells of open water, which hold no plume, same shape.
     """
+    values = np.where(water, 0.0, values)
     cells = values > FRONT
+    shore = cv2.dilate(water.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     row, column = np.unravel_index(np.argmax(np.where(cells, distance, -1.0)), cells.shape)
     weight = np.where(cells, values, 0.0)
     total = weight.sum(axis=0)
     seen = total > 0
     middle = (weight * grid.z[:, None]).sum(axis=0)[seen] / total[seen]
-    return PlumeLine(cells, (float(grid.x[column]), float(grid.z[row])), grid.x[seen], middle)
+    return PlumeLine(
+        cells,
+        (float(grid.x[column]), float(grid.z[row])),
+        grid.x[seen],
+        middle,
+        bool((cells & shore).any()),
+    )
 
 
 @dataclass(frozen=True)
@@ -81,7 +96,7 @@ class LineError:
     """A predicted plume beside the seen one [m].
 
     Attributes:
-        tip: distance of the tips.
+        tip: distance of the tips; NaN if both plumes have arrived at open water.
         ahead: by how much the predicted tip is farther from the well; negative: nearer.
         line: mean distance of the centre lines over the columns that both have.
         above: by how much the predicted centre line is higher on average.
@@ -103,9 +118,11 @@ def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float])
     apart = np.interp(columns, predicted.x, predicted.z) - np.interp(columns, seen.x, seen.z)
     if not columns.size:
         apart = np.array([np.nan])
+    both_arrived = predicted.arrived and seen.arrived
+    tip, ahead = float(np.linalg.norm(tips[0] - tips[1])), float(far[0] - far[1])
     return LineError(
-        float(np.linalg.norm(tips[0] - tips[1])),
-        float(far[0] - far[1]),
+        np.nan if both_arrived else tip,
+        np.nan if both_arrived else ahead,
         float(np.abs(apart).mean()),
         float(apart.mean()),
     )

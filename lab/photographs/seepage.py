@@ -113,14 +113,19 @@ def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
             'minutes': one.seen.time / MINUTE_S,
             'tube': well,
             'rate_ml_h': round(rates[well]),
-            'tip_cm': round(100 * error.tip, 1),
-            'ahead_cm': round(100 * error.ahead, 1),
-            'line_cm': round(100 * error.line, 1),
-            'above_cm': round(100 * error.above, 1),
+            'tip_cm': _centimetres(error.tip),
+            'ahead_cm': _centimetres(error.ahead),
+            'line_cm': _centimetres(error.line),
+            'above_cm': _centimetres(error.above),
         }
         for one in predictions
         for well, error in one.errors.items()
     ]
+
+
+def _centimetres(length: float) -> float | None:
+    """Return a length [m] in centimetres; None if there is none, as where plumes have arrived."""
+    return None if np.isnan(length) else round(100 * length, 1)
 
 
 def map_photographs(rig: Rig, grid: Grid, photographs: Path) -> list[SeenPhoto]:
@@ -179,7 +184,7 @@ def predict(
     times = [last.time, *(one.time for one in later)]
     predicted: list[dict[str, PlumeLine]] = [{} for _ in later]
     x, z = np.meshgrid(grid.x, grid.z)
-    left_sand = open_water(rig, grid)
+    water = open_water(rig, grid)
     for well, line in last.plumes.items():
         schedule = Schedule(
             tuple(
@@ -192,9 +197,8 @@ def predict(
         place = rig.wells[well]
         distance = np.hypot(x - place.x_m, z - place.z_m)
         for plumes, values in zip(predicted, maps[1:], strict=True):
-            in_sand = np.where(left_sand, 0.0, values)
-            if (in_sand > FRONT).any():
-                plumes[well] = line_of(in_sand, distance, grid)
+            if (values[~water] > FRONT).any():
+                plumes[well] = line_of(values, distance, grid, water)
     return [
         Prediction(one, plumes, _errors(rig, plumes, one.plumes))
         for one, plumes in zip(later, predicted, strict=True)

@@ -286,7 +286,7 @@ class ChartLight:
     power: float
     veil: Array | None
     straight_gain: Array
-    scatter: float = 0.0
+    scatter: float
     told_by: str = 'the colour chart'
 
 
@@ -311,10 +311,10 @@ def chart_light(patches: Array, baseline: Array) -> ChartLight | None:
     if abs(power) >= COLOUR_CHECKER.least_power and bent <= min(
         COLOUR_CHECKER.most_power_misfit, hazy
     ):
-        return ChartLight(gain, power, None, level / (1.0 + power))
+        return ChartLight(gain, power, None, level / (1.0 + power), 0.0)
     if abs(float(veil.mean())) >= COLOUR_CHECKER.least_veil and hazy < even:
-        return ChartLight(gain, 0.0, veil, np.log(slope))
-    return ChartLight(gain, 0.0, None, gain)
+        return ChartLight(gain, 0.0, veil, np.log(slope), 0.0)
+    return ChartLight(gain, 0.0, None, gain, 0.0)
 
 
 def _scatter(left: Array, seen: Array) -> float:

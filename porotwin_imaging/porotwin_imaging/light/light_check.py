@@ -42,7 +42,7 @@ _COLOUR_PERCENTILE = 99.5
 def lit_as_baseline(
     residual: Array,
     visible: Mask,
-    scatter: float = 0.0,
+    scatter: float,
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx) that are not brighter than the baseline, and remarks.
 

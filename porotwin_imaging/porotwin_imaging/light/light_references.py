@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from porotwin_core.rig import Camera
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
 from porotwin_imaging.light.colour_checker import ChartLight, chart_light
+from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.photograph.linear_light import linear_light
 
@@ -25,8 +26,6 @@ Array = NDArray[Any]
 
 _MOST_POINTS = 300
 """Points over all places: medians over more are no surer."""
-_LEAST_LIGHT = 1e-4
-"""Linear light is raised to this before its logarithm is taken [-]."""
 _GRAIN_PX = (5, 5)
 """Surroundings of a point [px], wider than the grain of a print."""
 
@@ -55,7 +54,7 @@ class LightReferences:
         light = chart_light(found, self.light[seen])
         if light is None:
             return None
-        apart = np.log(np.maximum(found, _LEAST_LIGHT) / np.maximum(self.light[seen], _LEAST_LIGHT))
+        apart = np.log(np.maximum(found, LEAST_LIGHT) / np.maximum(self.light[seen], LEAST_LIGHT))
         scatter = SPREAD_PER_DEVIATION * float(np.median(np.abs(apart - light.log_gain)))
         return ChartLight(
             light.log_gain, 0.0, None, light.log_gain, scatter, 'the places that never change'
