@@ -99,7 +99,7 @@ def test_the_shown_effects_complete_a_rig(text: str, tmp_path: Path) -> None:
 
 
 def test_there_are_rigs_to_copy() -> None:
-    assert RIGS == ['large', 'small', 'two_sands']
+    assert RIGS == ['large', 'pennink_1904', 'small', 'two_sands']
 
 
 @pytest.mark.parametrize('name', RIGS)
@@ -109,7 +109,7 @@ def test_a_rig_to_copy_is_not_odd_and_can_be_simulated(name: str) -> None:
     assert remarks_about(rig) == ()
     assert odd_lines([recording]) == []
     last = recording.schedule.rows[-1].time
-    grid = rig.default_grid(0.05)
+    grid = rig.default_grid(0.02 if rig.water else 0.05)  # a canal is 5 cm wide
     tracer = simulate(rig, recording.schedule, [last], grid=grid, preset='fast')[0]
     pores = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
     periods = recording.schedule.intervals(0.0, last)

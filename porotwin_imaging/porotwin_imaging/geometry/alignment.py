@@ -219,7 +219,7 @@ def _registered(picture: NDArray[np.uint8], reference: ReferenceFeatures) -> Ali
         raise InputError(_NOT_REGISTERED.format(0 if rough is None else int(chosen.sum())))
     rows, columns = reference.picture.shape
     brought = cv2.warpPerspective(picture, np.linalg.inv(rough), (columns, rows))
-    near = _tracked(_normalised(np.asarray(brought, np.uint8)), reference, reference.points)
+    near = _tracked(_normalised(brought.astype(np.uint8)), reference, reference.points)
     if near is not None:
         homography, residual, share = rough @ near.homography, near.residual, near.inliers
     else:
