@@ -165,7 +165,7 @@ def make_baseline(
         _refuse_corners_outside(camera, size)
     refuse_costly(map_cost(rig, grid, size), grid)
     reduction = choose_reduction(geometry, grid, size[0])
-    pictures = []
+    pictures: list[NDArray[np.uint8]] = []
     for name, data in zip(called, photographs, strict=True):
         with named(name):
             same = None if pictures and camera.references_px else size
