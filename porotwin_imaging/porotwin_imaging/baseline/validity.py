@@ -30,7 +30,7 @@ _SMALLEST_WINDOW = 5
 def visible_cells(sums: CellSums, *, print_or_scan: bool = False) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx), and a remark if sand is covered or damaged.
 
-    In a print the strongest tracer shows no grains, so that nothing tells what covers the sand.
+    In a print the strongest tracer shows no grains. It looks like a thing before the sand.
 
     Raises:
         InputError: most of the sand is covered, or the file is damaged.

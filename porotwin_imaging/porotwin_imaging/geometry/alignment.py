@@ -275,7 +275,7 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
     if alignment.print_or_scan:
         return [
             'print or scan of another size: registered to '
-            f'{alignment.residual * reduction:.1f} px; what covers the sand in it is not found'
+            f'{alignment.residual * reduction:.1f} px; things before the sand are not found'
         ]
     remarks = []
     if alignment.shift * reduction > ALIGNMENT.reported_shift_px:

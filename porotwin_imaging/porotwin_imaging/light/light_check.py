@@ -5,7 +5,7 @@ drift of light was removed show a reflection, a flash or another exposure. A plu
 paler than it is, or vanish, so these cells have no value.
 
 A photograph with another exposure needs the colour chart, or places that never change. A rig that
-names neither is compared on most of its sand, if what lies beside the sand agrees.
+names neither is compared on most of its sand, if the frame beside it agrees.
 """
 
 from typing import Any
@@ -135,7 +135,7 @@ def light_of_most_sand(
 ) -> tuple[Array | None, list[str]]:
     """Return the log gain (3,) of most of the sand if it is another exposure, and a remark.
 
-    Tracer could darken most of the sand alike. So what lies beside the sand must agree.
+    Tracer could darken most of the sand alike. So the picture beside the sand must agree.
 
     Args:
         log_ratio: log ratio to the baseline, shape (nz, nx, 3).

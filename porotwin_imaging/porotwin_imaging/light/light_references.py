@@ -3,8 +3,8 @@
 They take the place of a colour chart. Points are spread evenly over the places, and each takes the
 mean light of its surroundings, because prints and scans have a grain. The points of a photograph
 are compared with those of the baseline like the patches of a chart: medians tell the light, so that
-a covered part has little influence. How far the points differ from each other tells how well two
-photographs can be compared at all: the limits of what light can be widen by this scatter.
+a covered part has little influence. The scatter of the points tells how well two photographs can be
+compared. The limits of light widen by it.
 """
 
 from collections.abc import Sequence
@@ -74,9 +74,9 @@ def light_references(
 def surroundings(
     pixels: NDArray[np.uint8], camera: Camera, reduction: int
 ) -> LightReferences | None:
-    """Return what a decoded baseline shows beside the sand; None if it shows nothing else.
+    """Return points beside the sand in a decoded baseline; None if it shows nothing else.
 
-    Nobody says that it never changes, so that it can only confirm what the sand tells.
+    They may change. So they can only confirm the light of the sand.
     """
     beside = _filled(pixels.shape, [camera.corners_px], reduction) == 0
     return _of_mask(pixels, cv2.erode(beside.astype(np.uint8), np.ones(_GRAIN_PX)) > 0)

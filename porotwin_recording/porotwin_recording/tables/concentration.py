@@ -273,7 +273,8 @@ def _unit(variable: netCDF4.Variable) -> str:
 def _origin(dataset: netCDF4.Dataset) -> MapOrigin:
     """Return the origin of maps by the attributes of their file; other words count as unknown."""
     calibrated = {'yes': True, 'no': False}.get(str(getattr(dataset, 'calibrated', '')).strip())
-    texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program', 'scale')}
+    texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program')}
+    texts['scale'] = str(getattr(dataset, 'map_scale', ''))
     return MapOrigin(calibrated, **texts)
 
 
@@ -394,7 +395,7 @@ class ConcentrationWriter(MapWriter):
             'calibrated': {True: 'yes', False: 'no', None: ''}[origin.calibrated],
             'calibration': origin.calibration,
             'program': origin.program,
-            'scale': origin.scale,
+            'map_scale': origin.scale,
         }
         self._dataset.setncatts({name: word for name, word in words.items() if word})
 
