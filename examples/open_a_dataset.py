@@ -1,7 +1,7 @@
 """Export the sample bag as zarr and go on with it as in a notebook: the cells begin with `# %%`.
 
-xarray opens the folder (`pip install xarray zarr`). Where it is not installed, the NetCDF library
-of PoroTwin reads the same arrays.
+xarray opens the folder (`pip install xarray`). Where it is not installed, zarr reads the
+same arrays.
 """
 
 # %% Export: the same as ./porotwin export bags/sample sample.zarr --format zarr
@@ -9,8 +9,8 @@ import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import netCDF4
 import numpy as np
+import zarr
 from picture import picture_path
 
 from porotwin_recording.experiment.dataset_export import export_dataset
@@ -24,10 +24,7 @@ export_dataset(open_recording(BAG), folder, 'zarr')
 try:
     import xarray
 except ImportError:
-    opened = netCDF4.Dataset(f'file://{folder}#mode=zarr,file')
-    data = {name: np.ma.filled(opened[name][:], np.nan) for name in ('time', 'z', 'x')}
-    data['concentration'] = np.ma.filled(opened['concentration'][:], np.nan)
-    data['commanded_rate'] = np.ma.filled(opened['commanded_rate'][:])
+    data = zarr.open_group(folder, mode='r')
 else:
     data = xarray.open_zarr(folder)
     print(data)

@@ -31,9 +31,10 @@ effect counts."""
 
 OTHER_USES = {
     ('porotwin_core/rig/description.py', 'water_table'): 'a key of rig.yaml',
+    ('porotwin_recording/importers/protocol_rates.py', 'clock'): 'an answer to an import',
     ('porotwin_core/ros/from_messages.py', 'water_table'): 'a key of rig.yaml',
 }
-"""Texts that are names of effects by chance, and what they are."""
+"""Texts that are names of effects by chance, and their meanings."""
 
 
 def texts(node: ast.AST) -> Iterator[str]:

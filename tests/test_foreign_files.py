@@ -44,7 +44,7 @@ def rig(tmp_path: Path) -> Rig:
 
 
 def maps_of(name: str, rig: Rig, target: Path, answers: MapAnswers | None = None):
-    """Return the maps that are made of a file, and what was told."""
+    """Return the maps that are made of a file, and the words about it."""
     told = import_maps(FOREIGN / name, target, rig, answers or MapAnswers())
     return read_folder(target).maps, '\n'.join(told)
 

@@ -92,7 +92,7 @@ def line_of(values: Array, distance: Array, grid: Grid, water: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class LineError:
+class LineDistance:
     """A predicted plume beside the seen one [m].
 
     Attributes:
@@ -108,7 +108,7 @@ class LineError:
     above: float
 
 
-def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float]) -> LineError:
+def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float]) -> LineDistance:
     """Return the errors of a predicted plume from the `well` at (x, z) [m]."""
     tips = np.array([predicted.tip, seen.tip])
     far = np.linalg.norm(tips - np.array(well), axis=1)
@@ -120,7 +120,7 @@ def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float])
         apart = np.array([np.nan])
     both_arrived = predicted.arrived and seen.arrived
     tip, ahead = float(np.linalg.norm(tips[0] - tips[1])), float(far[0] - far[1])
-    return LineError(
+    return LineDistance(
         np.nan if both_arrived else tip,
         np.nan if both_arrived else ahead,
         float(np.abs(apart).mean()),

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lab.photographs.plume_lines import (
     FRONT,
-    LineError,
+    LineDistance,
     PlumeLine,
     line_error,
     line_of,
@@ -83,12 +83,12 @@ class SeenPhoto:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PlumePrediction:
     """Plumes that were predicted for one photograph, with their errors by well."""
 
     seen: SeenPhoto
     plumes: dict[str, PlumeLine]
-    errors: dict[str, LineError]
+    errors: dict[str, LineDistance]
 
 
 def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
@@ -175,7 +175,7 @@ def rates_by_growth(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str
 
 def predict(
     rig: Rig, grid: Grid, seen: Sequence[SeenPhoto], rates: Mapping[str, float]
-) -> list[Prediction]:
+) -> list[PlumePrediction]:
     """Return the plumes of the later photographs, from the map of the last one that may be used.
 
     Each plume is a tracer of its own, in the flow that all tubes make.
@@ -200,14 +200,14 @@ def predict(
             if (values[~water] > FRONT).any():
                 plumes[well] = line_of(values, distance, grid, water)
     return [
-        Prediction(one, plumes, _errors(rig, plumes, one.plumes))
+        PlumePrediction(one, plumes, _errors(rig, plumes, one.plumes))
         for one, plumes in zip(later, predicted, strict=True)
     ]
 
 
 def _errors(
     rig: Rig, predicted: Mapping[str, PlumeLine], seen: Mapping[str, PlumeLine]
-) -> dict[str, LineError]:
+) -> dict[str, LineDistance]:
     """Return the errors of the plumes that are both predicted and seen."""
     return {
         well: line_error(line, seen[well], (rig.wells[well].x_m, rig.wells[well].z_m))
@@ -221,7 +221,7 @@ def draw(
     rig: Rig,
     grid: Grid,
     seen: Sequence[SeenPhoto],
-    predictions: Sequence[Prediction],
+    predictions: Sequence[PlumePrediction],
 ) -> None:
     """Draw the registered photographs and their maps, with the predicted outlines, into `path`."""
     figure, axes = plt.subplots(2, len(seen), figsize=(5 * len(seen), 10), layout='constrained')

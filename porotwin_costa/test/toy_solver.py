@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.candidate import Candidate, FitParameter
+from porotwin_core.model.fitted_effect import Candidate, FitParameter
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import Place
 from porotwin_core.rates.wells import Schedule, WellRates

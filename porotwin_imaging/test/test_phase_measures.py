@@ -18,7 +18,7 @@ def disc() -> PhaseMap:
     phase[:, -10:] = UNKNOWN
     confidence = np.where(phase == UNKNOWN, np.nan, 1.0).astype(np.float32)
     confidence[:50][phase[:50] == GAS] = 0.6
-    return PhaseMap(phase, confidence, [])
+    return PhaseMap(phase, confidence, np.zeros_like(phase), [])
 
 
 def test_a_disc_has_its_area_outline_and_centre() -> None:

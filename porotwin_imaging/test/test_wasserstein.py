@@ -44,7 +44,7 @@ def test_random_masses_against_the_exact_assignment() -> None:
         places.append(np.stack([grid.x[chosen % grid.nx], grid.z[chosen // grid.nx]], axis=1))
     costs = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
     exact = costs[linear_sum_assignment(costs)].mean()
-    # between cells that are alone the grid's gradient differs from that of the plane
+    # between lonely cells the gradient of the grid differs from the one of the plane
     assert map_distance(*maps, grid).distance_m == pytest.approx(exact, rel=0.06)
 
 

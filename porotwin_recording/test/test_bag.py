@@ -216,7 +216,7 @@ def test_impossible_concentrations_of_a_bag_are_unknown(
     maps = open_recording(path).concentration
     assert np.isfinite(maps[0]).all()
     assert np.isnan(maps[1]).all()
-    assert 'are read as unknown' in caplog.text
+    assert '4 of 8 values are read as not known' in caplog.text
 
 
 def test_a_bag_without_a_rig_asks_for_one(rig_file: Path, tmp_path: Path) -> None:

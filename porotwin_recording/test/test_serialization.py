@@ -67,6 +67,7 @@ def test_arrays_of_fixed_length_are_filled_with_zeros() -> None:
     definition = without(message_definition(CAMERA), 'float64[8] corners', 'float64[] colour')
     store = old_store(CAMERA, definition)
     values = {'curvature_names': ['k1'], 'curvature_values': np.array([0.5])}
+    values |= {'references': np.zeros(0), 'reference_corners': np.zeros(0, np.uint32)}
     data = bytes(store.serialize_cdr(store.types[CAMERA](**values), CAMERA))
     message = read_old(CAMERA, definition, data)
     np.testing.assert_array_equal(message.corners, np.zeros(8))

@@ -1,4 +1,4 @@
-"""What the siblings disagree on: effects of the rig, as each of them draws their parameters."""
+"""The unknowns of the siblings: effects of the rig, as each of them draws their parameters."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Tests of the messages of the siblings: what is no photograph is refused with one line."""
+"""Tests of the messages of the siblings: other maps are refused with one line."""
 
 import numpy as np
 import pytest

@@ -49,5 +49,5 @@ def test_effects_are_told_in_plain_words() -> None:
     pump = described('rate', well='injector', factor=0.7)
     gain = described('leak', x=0.5, z=0.1, rate=1e-7)
     assert in_words([pump]) == 'pump injector delivers 70 % of the commanded rate'
-    assert in_words([gain, pump]).endswith('1·10^−7 ml/h, and ' + in_words([pump]))
+    assert in_words([gain, pump]).endswith('1·10⁻⁷ ml/h, and ' + in_words([pump]))
     assert in_words([]) == 'the model as rig.yaml describes it'

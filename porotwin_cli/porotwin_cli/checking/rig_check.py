@@ -306,6 +306,8 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
         return 'heads: with its effects the rig has equal water levels, which drive no water'
     through = np.concatenate([*entering(flux), flux.divergence().ravel()])
     rate = float(through[through > 0.0].sum())
+    if rate <= 0.0:
+        return 'heads: no water flows through the rig; compare them with the levels of water bodies'
     seconds = float(physics.mobile_water.sum()) / rate
     return (
         f'heads: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, the water of its '

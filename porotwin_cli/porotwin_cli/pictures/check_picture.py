@@ -297,8 +297,8 @@ def _draw_photograph(axis: Axes, checked: CheckedRig, roles: Mapping[str, str]) 
     if camera.colour_checker_px is not None:
         chart = np.array(camera.colour_checker_px)
         axis.plot(*np.vstack([chart, chart[:1]]).T, color=CHART, lw=1.2)
-    for corners in camera.references_px:
-        axis.plot(*np.array([*corners, corners[0]]).T, color=CHART, lw=1.2)
+    for place_px in camera.references_px:
+        axis.plot(*np.array([*place_px, place_px[0]]).T, color=CHART, lw=1.2)
     try:
         geometry = Geometry.of(rig)
     except InputError:

@@ -391,7 +391,7 @@ def test_values_that_are_read_as_unknown_are_told(tmp_path: Path) -> None:
     with netCDF4.Dataset(tmp_path / 'run' / 'concentration.nc', 'a') as dataset:
         dataset['concentration'].set_auto_maskandscale(False)
         dataset['concentration'][1, 1, 1] = np.inf
-    assert 'are read as unknown; write NaN there' in told(tmp_path / 'run')
+    assert 'values are read as not known: inf (1); write NaN there' in told(tmp_path / 'run')
 
 
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_empty_maps_and_plumes_far_above_stock_are_told(tmp_path: Path) -> None:
     result = porotwin('measure', path, '--rig', small_rig(), '--json')
     assert '2 of 4 maps hold no value, the first at 0 s' in result.stderr
     assert '1 of 4 maps have a plume above 1.5, the first at 2 s' in result.stderr
-    assert 'or above 1e+06, are read as unknown' in result.stderr
+    assert 'values are read as not known: inf (5,264)' in result.stderr
     rows = json.loads(result.stdout)['rows']
     assert [row['seen'] for row in rows] == [0.0, 0.0, 1.0, 1.0]
     assert rows[0]['tracer_ml'] is None

@@ -8,7 +8,7 @@ ARENA_MAX = -8
 
 
 def share_heap() -> None:
-    """Let all threads take their memory from one heap, so that they reuse what others freed.
+    """Let all threads take their memory from one heap, so that freed memory is used again.
 
     The C library opens a heap for each thread, up to eight for a core. Arrays of many sizes in many
     threads then leave gaps in all of them, and the process grows for days. Another C library

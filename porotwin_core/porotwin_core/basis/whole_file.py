@@ -13,7 +13,7 @@ from porotwin_core.basis.errors import writing
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a path to write to; it becomes `path` when the block ends.
 
-    An error in the block removes what was written, and leaves `path` as it was.
+    An error in the block removes the new file, and leaves `path` as it was.
 
     ```
     with whole_file(path) as unfinished:

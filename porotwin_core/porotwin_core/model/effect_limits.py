@@ -37,7 +37,7 @@ MOST_DARCY_FLUX = 0.1
 """Darcy flux [m/s] in gravel on a steep slope."""
 
 MOST_SETTLING_VELOCITY = 0.1
-"""Velocity at which dye sinks through water [m/s]: as fast as coarse sand."""
+"""Velocity of dye that sinks through water [m/s]: as fast as coarse sand."""
 
 MOST_WATER_LEVEL = 10.0
 """Amplitude of a swinging water table [m]: more than any laboratory tank is high."""

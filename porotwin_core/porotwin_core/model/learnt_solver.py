@@ -10,7 +10,7 @@ from typing import Protocol, cast
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.candidate import Candidate
+from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription, Rig

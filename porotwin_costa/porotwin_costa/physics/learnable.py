@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.candidate import Candidate
+from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver, Place
 from porotwin_costa.data.frames import Frames

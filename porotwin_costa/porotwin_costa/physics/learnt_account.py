@@ -17,7 +17,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
-from porotwin_core.model.candidate import Candidate
+from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver, Place
 from porotwin_core.rates.wells import WellRates

@@ -13,7 +13,7 @@ import numpy as np
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.geometry.map_blocks import Blocks
-from porotwin_core.model.candidate import Candidate
+from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
 from porotwin_core.model.levenberg_marquardt import LEAST_GAIN, Bounds, minimise

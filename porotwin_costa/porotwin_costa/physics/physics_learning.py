@@ -20,7 +20,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.candidate import Candidate
+from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
 from porotwin_costa.data.frames import Frames, cut, resampled, sequences

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.regular_file import read_regular
 
 _TIME = re.compile(r'(\d+)s\.csv$')
 """End of the name of a file: the time [s]."""
@@ -29,7 +30,7 @@ def read_phase_csv(path: Path, phases: int) -> NDArray[np.uint8]:
     """
     form = f'give rows of the numbers 0 to {phases - 1} with commas between them'
     try:
-        lines = path.read_text(encoding='utf-8').splitlines()
+        lines = read_regular(path).decode().splitlines()
         rows = [line.rstrip(',').split(',') for line in lines if line and line[0] != '#']
         numbers = np.array([[float(word) for word in row] for row in rows])
     except (OSError, UnicodeDecodeError, ValueError) as error:

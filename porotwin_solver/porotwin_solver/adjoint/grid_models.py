@@ -66,7 +66,7 @@ class GridModels:
         self._learnt = NO_LEARNT_PHYSICS
 
     def with_effects(self, effects: Sequence[EffectDescription]) -> 'GridModels':
-        """Return the same models with other `effects` beyond those of the rig.
+        """Return the same models with other `effects` than the rig has.
 
         Raises:
             InputError: as `Model`.

@@ -44,9 +44,9 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how the level or the rate differs."""
-    if values['factor'] != 1.0:
+    if values.get('factor', 1.0) != 1.0:
         return f'water {values["body"]} enters at {number(100 * values["factor"])} % of its rate'
-    rise = direction(values['rise'], 'higher', 'lower')
+    rise = direction(values.get('rise', 0.0), 'higher', 'lower')
     return f'water {values["body"]} stands {rise} than described'
 
 

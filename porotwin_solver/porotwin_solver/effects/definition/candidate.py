@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.candidate import Candidate as Candidate
-from porotwin_core.model.candidate import FitParameter as FitParameter
+from porotwin_core.model.fitted_effect import Candidate as Candidate
+from porotwin_core.model.fitted_effect import FitParameter as FitParameter
 from porotwin_core.rig import Rig
 
 
