@@ -19,7 +19,11 @@ from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
-from porotwin_hub.operator.announcement import NO_SETPOINT, Announcement
+from porotwin_hub.operator.announcement import (
+    NO_SETPOINT,
+    Announcement,
+    confirmation_in_words,
+)
 from porotwin_hub.operator.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.operator.voice import Voice
 from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
@@ -27,6 +31,8 @@ from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
 HUB, MEND = 'hub', 'mend'
 """The nodes whose words the operator reads and hears."""
+
+CONFIRM = 'operator/confirm'
 
 EXPIRY_PERIOD_S = 1.0
 """Time between checks of the newest setpoint's expiry [s]: an operator needs no finer time."""
@@ -66,7 +72,7 @@ class OperatorNode(TwinNode):
         listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
-        self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
+        self.create_service(ConfirmRates, CONFIRM, self._on_confirm)
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
@@ -161,6 +167,8 @@ class OperatorNode(TwinNode):
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME
         self._measured.publish(message)
+        asking = (one.node for one in senders.callers(self, CONFIRM))
+        _print(confirmation_in_words(request.sequence, changed, asking))
         response.outcome = conversions.ok()
         return response
 

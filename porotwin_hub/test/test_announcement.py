@@ -4,7 +4,12 @@ import re
 
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
-from porotwin_hub.operator.announcement import announce, announce_expiry, clock_time
+from porotwin_hub.operator.announcement import (
+    announce,
+    announce_expiry,
+    clock_time,
+    confirmation_in_words,
+)
 
 BEFORE = {'control1': WellRate(from_ml_h(120.0)), 'producer': WellRate(from_ml_h(-620.0))}
 AFTER = {'control1': WellRate(from_ml_h(240.5)), 'producer': WellRate(from_ml_h(-740.5))}
@@ -59,3 +64,11 @@ def test_an_expired_setpoint_is_announced_with_the_safe_rates_of_every_well() ->
 def test_times_are_times_of_the_day_or_of_the_experiment() -> None:
     assert clock_time(3723.4) == '1:02:03'
     assert re.fullmatch(r'\d\d:\d\d:\d\d', clock_time(1.7e9))
+
+
+def test_a_confirmation_names_its_sender_and_what_differs() -> None:
+    line = confirmation_in_words(23, {'barrier1': WellRate(from_ml_h(170.0))}, ['/rig/\x1b[2Jpage'])
+    assert line == (
+        r'confirmed by /rig/\x1b[2Jpage: setpoint 23 is set, but barrier1 at 170.0 ml/h'
+    )
+    assert confirmation_in_words(4, {}, []) == 'confirmed by somebody: setpoint 4 is set'

@@ -140,6 +140,7 @@ def test_setpoints_are_announced_confirmed_and_expire(
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)
+    desk.spin_until(lambda: shows('confirmed by /'))
     confirmed = desk.measured[0]
     assert conversions.time_from_msg(confirmed.start) == pytest.approx(17.0)
     assert confirmed.header.stamp == confirmed.start
