@@ -32,8 +32,6 @@ from porotwin_msgs.srv import ConfirmRates, Control, Ping
 HUB, MEND = 'hub', 'mend'
 """The nodes whose words the operator reads and hears."""
 
-CONFIRM = 'operator/confirm'
-
 EXPIRY_PERIOD_S = 1.0
 """Time between checks of the newest setpoint's expiry [s]: an operator needs no finer time."""
 
@@ -72,7 +70,7 @@ class OperatorNode(TwinNode):
         listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
-        self.create_service(ConfirmRates, CONFIRM, self._on_confirm)
+        self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
@@ -167,7 +165,7 @@ class OperatorNode(TwinNode):
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME
         self._measured.publish(message)
-        asking = (one.node for one in senders.callers(self, CONFIRM))
+        asking = (one.node for one in senders.callers(self, 'operator/confirm'))
         _print(confirmation_in_words(request.sequence, changed, asking))
         response.outcome = conversions.ok()
         return response
