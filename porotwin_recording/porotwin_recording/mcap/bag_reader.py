@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import zstandard
+
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.mcap.bag_folder import (
     COMPRESSED,
@@ -54,9 +56,7 @@ class BagReader:
             self.remark(line)
         self._files = self._opened(folder.files)
         files = self._files.values()
-        self._compressed = folder.messages_compressed or (
-            self.path.is_dir() and self._begins_packed()
-        )
+        self._compressed = folder.messages_compressed or self._begins_packed()
         self.topics = merged_topics(topic for file in files for topic in file.topics.values())
         filled = [file.statistics for file in files if file.statistics.message_count]
         self.start_time = min((part.message_start_time for part in filled), default=0)
@@ -87,8 +87,13 @@ class BagReader:
         return open_mcap(plain, lambda text: self.remark(text.replace(str(plain), str(path))))
 
     def _begins_packed(self) -> bool:
-        """Return whether messages of a folder are compressed: a reindex leaves no word about it."""
-        first = next((next(f.messages(None, None, None), None) for f in self._files.values()), None)
+        """Return whether messages are compressed: a reindex leaves no word about it."""
+        file = next(iter(self._files.values()), None)
+        if file is None:
+            return False
+        # the first bytes tell it, and a photograph is large
+        heads = dict.fromkeys(file.topics, len(zstandard.FRAME_HEADER))
+        first = next(file.messages(None, None, None, heads), None)
         return first is not None and is_packed(first.data)
 
     def remark(self, text: str) -> None:
