@@ -15,16 +15,21 @@ from porotwin_solver.transport.diffusion import diffuse, dispersive_exchanges
 from porotwin_solver.transport.line_kernels import Lines, exchange_along_lines, make_lines
 
 
-def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
-    """<bar, D c> = <D^T bar, c>, to round-off: diffusion D is linear in the concentration."""
+def dispersing(rig, along: float, across: float, *, duration: float):
+    """Return a physics with these dispersivities, a generator, and exchanges in a random flow."""
     physics = replace(
         nominal_physics(rig, rig.grid(21, 15)),
-        longitudinal_dispersivity=0.006,
-        transverse_dispersivity=0.0005,
+        longitudinal_dispersivity=along,
+        transverse_dispersivity=across,
     )
     rng = np.random.default_rng(8)
     flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
-    exchanges = dispersive_exchanges(physics, flux, 60.0)
+    return physics, rng, dispersive_exchanges(physics, flux, duration)
+
+
+def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
+    """<bar, D c> = <D^T bar, c>, to round-off: diffusion D is linear in the concentration."""
+    physics, rng, exchanges = dispersing(rig, 0.006, 0.0005, duration=60.0)
     start, bar = rng.normal(size=(15, 21)), rng.normal(size=(15, 21))
     after, tape = start.copy(), np.empty(exchanges.tape_length)
     diffuse(after, physics.storage, exchanges, tape=tape)
@@ -43,14 +48,7 @@ def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
 
 def test_exchange_along_lines_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     """The derivatives by concentrations, weights and storage, with parts of either kind of step."""
-    physics = replace(
-        nominal_physics(rig, rig.grid(21, 15)),
-        longitudinal_dispersivity=0.1,
-        transverse_dispersivity=0.01,
-    )
-    rng = np.random.default_rng(8)
-    flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
-    exchanges = dispersive_exchanges(physics, flux, 30.0)
+    physics, rng, exchanges = dispersing(rig, 0.1, 0.01, duration=30.0)
     lines = exchanges.lines
     assert lines is not None
     assert (lines.before > 0.0).any()
