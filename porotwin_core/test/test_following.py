@@ -21,7 +21,7 @@ from porotwin_msgs.msg import Setpoint  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 
 RAW_LISTENERS = {
-    'porotwin_core/porotwin_core/ros/following.py': {'topic'},
+    'porotwin_core/porotwin_core/ros/following.py': {'?'},
     'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
     'porotwin_imaging/porotwin_imaging/imaging_node.py': {'topic'},  # of photographs
@@ -40,8 +40,12 @@ def subscriptions() -> dict[str, set[str]]:
             if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(
                 'create_subscription'
             ):
-                found.setdefault(str(path.relative_to(ROOT)), set()).add(ast.unparse(call.args[1]))
+                found.setdefault(str(path.relative_to(ROOT)), set()).add(_topic_of(call))
     return found
+
+
+def _topic_of(call: ast.Call) -> str:
+    return ast.unparse(call.args[1]) if len(call.args) > 1 else '?'
 
 
 def followed() -> set[str]:
@@ -77,44 +81,72 @@ def nodes() -> Iterator[Callable[[str], Any]]:
     rclpy.shutdown(context=context)
 
 
+class Listener:
+    """A node that follows `wells/setpoint` and keeps what it takes and refuses."""
+
+    def __init__(self, node: Any) -> None:
+        self.taken: list[int] = []
+        self.refused: list[str] = []
+        self.node = node
+        follow(node, Setpoint, 'wells/setpoint', self._take, qos.FIELD, refuse=self.refused.append)
+        self.executor = SingleThreadedExecutor(context=node.context)
+        self.executor.add_node(node)
+
+    def _take(self, message: Setpoint) -> None:
+        if message.sequence == 0:
+            raise InputError('no number')
+        self.taken.append(message.sequence)
+
+    def until(self, condition: Callable[[], object]) -> None:
+        """Spin until `condition` is true."""
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline
+            self.executor.spin_once(timeout_sec=0.1)
+
+
+def publish(node: Any, number: int) -> Any:
+    """Publish a setpoint as `node` and return the publisher; no receiver spins meanwhile."""
+    publisher = node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+    deadline = time.monotonic() + 20.0
+    while not publisher.get_subscription_count():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    publisher.publish(Setpoint(header=conversions.header_at(1.0), sequence=number))
+    return publisher
+
+
 @pytest.mark.graph
 def test_no_setpoint_is_believed_while_a_stranger_could_send_it(
     nodes: Callable[[str], Any],
 ) -> None:
-    receiver, guard = nodes('siblings'), nodes('guard')
-    taken: list[int] = []
-    refused: list[str] = []
-
-    def take(message: Setpoint) -> None:
-        if message.sequence == 0:
-            raise InputError('no number')
-        taken.append(message.sequence)
-
-    follow(receiver, Setpoint, 'wells/setpoint', take, qos.FIELD, refuse=refused.append)
-    executor = SingleThreadedExecutor(context=receiver.context)
-    executor.add_node(receiver)
-
-    def until(condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
-
-    def send(node: Any, number: int) -> Any:
-        publisher = node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
-        until(publisher.get_subscription_count)
-        publisher.publish(Setpoint(header=conversions.header_at(1.0), sequence=number))
-        return publisher
-
-    guards = send(guard, 1)
-    until(lambda: taken == [1])
+    listener, guard = Listener(nodes('siblings')), nodes('guard')
+    guards = publish(guard, 1)
+    listener.until(lambda: listener.taken == [1])
     guards.publish(Setpoint(sequence=0))
-    until(lambda: refused == ['wells/setpoint ignored: no number'])
+    listener.until(lambda: listener.refused == ['wells/setpoint ignored: no number'])
     stranger = nodes('stranger')
-    forged = send(stranger, 2)
-    until(lambda: len(refused) == 2)
-    assert '/porotwin/stranger publishes wells/setpoint too' in refused[1]
+    forged = publish(stranger, 2)
+    listener.until(lambda: len(listener.refused) == 2)
+    assert '/porotwin/stranger publishes wells/setpoint too' in listener.refused[1]
     stranger.destroy_publisher(forged)
-    until(lambda: receiver.count_publishers('wells/setpoint') == 1)
+    listener.until(lambda: listener.node.count_publishers('wells/setpoint') == 1)
+    for _ in range(3):
+        listener.executor.spin_once(timeout_sec=0.1)
     guards.publish(Setpoint(sequence=3))
-    until(lambda: taken == [1, 3])
+    listener.until(lambda: listener.taken == [1, 3])
+
+
+@pytest.mark.graph
+def test_no_setpoint_is_believed_of_a_stranger_that_has_left(nodes: Callable[[str], Any]) -> None:
+    listener, guard, stranger = Listener(nodes('siblings')), nodes('guard'), nodes('stranger')
+    guards = publish(guard, 1)
+    listener.until(lambda: listener.taken == [1])
+    for brief in range(1, 6):
+        stranger.destroy_publisher(publish(stranger, 666))
+        time.sleep(0.02)  # the end of the publisher arrives
+        listener.until(lambda told=brief: len(listener.refused) == told)
+        assert 'published wells/setpoint too and has left' in listener.refused[-1]
+        guards.publish(Setpoint(sequence=brief + 1))
+        listener.until(lambda last=brief: listener.taken[-1] == last + 1)
+    assert listener.taken == [1, 2, 3, 4, 5, 6]

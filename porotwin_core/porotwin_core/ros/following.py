@@ -1,15 +1,84 @@
 """The one way to follow a topic whose sender matters: an order, a measured rate, a cycle."""
 
-from collections.abc import Callable
-from functools import partial, wraps
+import inspect
+import math
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from threading import Lock
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_core.ros.senders import check_senders
+
+MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
+"""The event that a writer was found, or has left."""
+
+
+class Writers:
+    """Counts the writers of one subscription, so that none goes unseen.
+
+    A program may publish and leave before a node looks who publishes. The middleware counts all
+    writers that it ever found. If more were found than were seen under an allowed name, some have
+    left unseen. A message that arrived before this was noticed may be theirs.
+    """
+
+    def __init__(self, node: Node, topic: str, *, replayed: bool) -> None:
+        """Count nothing yet; `topic` and `replayed` are those of `senders.check_senders`."""
+        self._node, self._topic, self._replayed = node, topic, replayed
+        self._known: set[str] = set()
+        self._unseen = 0
+        self._noticed = -math.inf
+        self._lock = Lock()
+        self._event: Any = None
+
+    def subscribe(self, *subscription: Any, **options: Any) -> None:
+        """Subscribe as rclpy does, and count the writers from then on."""
+
+        def matched(_event: Any) -> None:
+            """Learn the name of a writer while it is there; messages are refused one by one."""
+            with suppress(InputError):
+                self.look()
+
+        events = SubscriptionEventCallbacks(matched=matched)
+        with self._lock:
+            made = self._node.create_subscription(*subscription, event_callbacks=events, **options)
+            with made.handle:
+                self._event = rclpy_implementation.EventHandle(made.handle, MATCHED)
+
+    def look(self) -> None:
+        """See who publishes now.
+
+        Raises:
+            InputError: another node than those of `SENDERS` does.
+        """
+        with self._lock:
+            # first the count: who matched before it is seen below, unless he has left
+            found = self._event.take_event().total_count
+            present = check_senders(self._node, self._topic, replayed=self._replayed)
+            self._known |= {sender.identity for sender in present}
+            if found - len(self._known) > self._unseen:
+                self._unseen = found - len(self._known)
+                self._noticed = time.monotonic()
+
+    def check(self, info: Mapping[str, Any]) -> None:
+        """Check that a message with `info` came from an allowed node.
+
+        Raises:
+            InputError: another node publishes, or has left and may have sent it.
+        """
+        self.look()
+        # the stamp is of a clock that may be set; an age is wrong for a moment only
+        age = (time.time_ns() - info['received_timestamp']) * 1e-9
+        if time.monotonic() - age <= self._noticed:
+            raise InputError(f'a program published {self._topic} too and has left; end it')
 
 
 def follow(
@@ -23,7 +92,7 @@ def follow(
     replayed: bool = True,
     **options: Any,
 ) -> None:
-    """Subscribe `node` to `topic`; all messages are ignored while a stranger could send them.
+    """Subscribe `node` to `topic`; a message is ignored if a stranger could have sent it.
 
     Args:
         node: the node.
@@ -37,13 +106,17 @@ def follow(
         options: others of `create_subscription`.
     """
     complain = refuse or partial(FewWords(node.get_logger().error).tell, topic)
+    wants_info = len(inspect.signature(on_message).parameters) > 1
+    writers = Writers(node, topic, replayed=replayed)
 
-    @wraps(on_message)  # rclpy looks at the arguments
-    def checked(*message: Any) -> None:
+    def checked(message: Any, info: Mapping[str, Any]) -> None:
         try:
-            check_senders(node, topic, replayed=replayed)
-            on_message(*message)
+            writers.check(info)
+            if wants_info:
+                on_message(message, info)
+            else:
+                on_message(message)
         except InputError as error:
             complain(f'{topic} ignored: {in_short(str(error))}')
 
-    node.create_subscription(kind, topic, checked, profile, **options)
+    writers.subscribe(kind, topic, checked, profile, **options)

@@ -75,8 +75,8 @@ def check_only_guard_calls(node: Any) -> None:
     refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
 
 
-def check_senders(node: Any, topic: str, *, replayed: bool = True) -> None:
-    """Check that only the nodes of `SENDERS` publish `topic`, a name relative to `node`.
+def check_senders(node: Any, topic: str, *, replayed: bool = True) -> list[Sender]:
+    """Return the publishers of `topic`, a name relative to `node`: only nodes of `SENDERS`.
 
     Args:
         node: the node that follows the topic.
@@ -88,8 +88,10 @@ def check_senders(node: Any, topic: str, *, replayed: bool = True) -> None:
     """
     names = SENDERS[topic]
     allowed = {full_name(node, name) for name in (*names, *((PLAYER,) if replayed else ()))}
-    found = [sender for sender in publishers(node, topic) if sender.node not in allowed]
+    present = publishers(node, topic)
+    found = [sender for sender in present if sender.node not in allowed]
     refuse_others(found, full_name(node, ' or '.join(names)), f'publishes {topic}')
+    return present
 
 
 def publishers(node: Any, topic: str) -> list[Sender]:
