@@ -10,6 +10,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
 
+from porotwin_core.ros.vouching import CALLERS
+
 ROOT = Path(__file__).resolve().parents[1]
 POLICY = ROOT / 'porotwin_guard' / 'config' / 'porotwin.policy.xml'
 NAMESPACE = '/porotwin'
@@ -62,6 +64,8 @@ def policy(nodes_page: str) -> str:
         words, served = _words(module)
         # a node may offer a service only with some parameters
         rights.setdefault(('services', 'reply'), set()).update(served)
+        # a service that one node alone may call asks that node back
+        words |= {f'{CALLERS[name]}/vouch' for name in rights['services', 'reply'] & CALLERS.keys()}
         own = set().union(*rights.values())
         for name in sorted(words & offered.keys() - own):
             call = 'request' if offered[name] == 'services' else 'call'
@@ -97,7 +101,8 @@ def _words(module: Path) -> tuple[set[str], set[str]]:
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 words.add(node.value)
             if isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'create_service':
-                served.add(str(getattr(node.args[1], 'value', '')))
+                named = [str(one.value) for one in node.args[1:2] if isinstance(one, ast.Constant)]
+                served.update(named)
             if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(f'{package}.'):
                 waiting.append(ROOT / package / f'{str(node.module).replace(".", "/")}.py')
     return words, served

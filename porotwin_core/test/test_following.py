@@ -24,7 +24,6 @@ RAW_LISTENERS = {
     'porotwin_core/porotwin_core/ros/following.py': {'?'},
     'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
-    'porotwin_imaging/porotwin_imaging/imaging_node.py': {'topic'},  # of photographs
     'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
     'porotwin_recording/porotwin_recording/player_node.py': {'DIAGNOSTICS', 'self._lockstep'},
     'porotwin_recording/porotwin_recording/recorder_node.py': {'name'},  # records whatever is said
@@ -53,7 +52,7 @@ def followed() -> set[str]:
     return {
         str(argument.value)
         for path in ROOT.glob('porotwin_*/porotwin_*/**/*.py')
-        if 'import follow' in (text := path.read_text(encoding='utf-8'))
+        if 'ros.following import' in (text := path.read_text(encoding='utf-8'))
         for argument in ast.walk(ast.parse(text))
         if isinstance(argument, ast.Constant) and argument.value in SENDERS
     }

@@ -23,7 +23,15 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import DIAGNOSTICS, LEFT_OUT, Diagnostics, TwinNode, declare, run
+from porotwin_core.ros.node import (
+    DIAGNOSTICS,
+    HEARTBEAT_S,
+    LEFT_OUT,
+    Diagnostics,
+    TwinNode,
+    declare,
+    run,
+)
 
 pytestmark = pytest.mark.graph
 
@@ -320,3 +328,11 @@ class AskedInADestructor(Node):
 @pytest.mark.timeout(20)
 def test_an_interrupt_that_python_drops_is_repeated() -> None:
     run(AskedInADestructor, threads=1)
+
+
+def test_a_node_that_others_have_forgotten_ends_to_be_started_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr('porotwin_core.ros.node.LEASE_S', HEARTBEAT_S / 2)  # as if it had slept
+    with pytest.raises(SystemExit, match='stood still for 1 s, so that the other nodes'):
+        run(lambda: Node('sleeper'), threads=1)

@@ -40,6 +40,7 @@ from porotwin_core.ros.node import (
 from porotwin_core.ros.run_topics import follow_run
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import Voucher
 from porotwin_diagnosis.mending.finding import read_finding
 from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
@@ -176,6 +177,7 @@ class MendNode(TwinNode):
         follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         answers = MutuallyExclusiveCallbackGroup()
         self.create_service(AnswerMend, 'mend/answer', self._on_answer, callback_group=answers)
+        self._voucher = Voucher(self)
         self._solver = self.create_client(
             SetEffects, 'solver/set_effects', callback_group=MutuallyExclusiveCallbackGroup()
         )
@@ -366,7 +368,8 @@ class MendNode(TwinNode):
         if not self._solver.wait_for_service(timeout_sec=2.0):
             raise TimeoutError('the solver does not run; answer again when it does')
         request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
-        response = answer_within(self._solver, request, SOLVER_S)
+        with self._voucher.sending('solver/set_effects', request):
+            response = answer_within(self._solver, request, SOLVER_S)
         if response is None:
             raise TimeoutError(f'the solver did not answer within {SOLVER_S:g} s; answer again')
         outcome = response.outcome

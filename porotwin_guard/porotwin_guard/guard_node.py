@@ -21,12 +21,10 @@ from porotwin_core.ros.node import (
 )
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_core.ros.single_instance import another_lives, only_one
+from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control
-
-HUB = 'hub'
-"""Name of the one node that may send setpoints, in the namespace of the guard."""
 
 BLOCKED = 'no setpoint can pass: '
 """Begin of the line about a foreign sender."""
@@ -61,6 +59,8 @@ class GuardNode(TwinNode):
         self._pumps = self.create_client(
             Control, 'asset/control', callback_group=MutuallyExclusiveCallbackGroup()
         )
+        self._hub = OnlyCaller(self, 'guard/control')
+        self._voucher = Voucher(self)
         self.create_service(
             Control, 'guard/control', self._on_control,
             callback_group=MutuallyExclusiveCallbackGroup(),
@@ -91,7 +91,7 @@ class GuardNode(TwinNode):
         setpoint = request.setpoint
         try:
             self._check_alone()
-            wanted, now = self._request(setpoint), self._now()
+            wanted, now = self._request(request), self._now()
             self._guard.check(wanted, now=now)
         except InputError as error:
             response.outcome = conversions.refusal(error)
@@ -107,18 +107,15 @@ class GuardNode(TwinNode):
             self._say(DiagnosticStatus.ERROR, text)
         return response
 
-    def _request(self, message: Setpoint) -> SetpointRequest:
-        hub = senders.only(self._hubs(), senders.full_name(self, HUB), 'calls guard/control')
+    def _request(self, request: Control.Request) -> SetpointRequest:
+        message, hub = request.setpoint, self._hub.check(request)
         return SetpointRequest(
             sequence=message.sequence,
             stamp=conversions.time_from_msg(message.header.stamp),
             valid_until=conversions.time_from_msg(message.valid_until),
             rates=conversions.rates_from_msg(message.wells),
-            hub=hub.identity if hub else '',
+            hub=hub.identity,
         )
-
-    def _hubs(self) -> list[senders.Sender]:
-        return senders.callers(self, 'guard/control')
 
     def _check_alone(self) -> None:
         """Check that no other node publishes setpoints.
@@ -136,7 +133,8 @@ class GuardNode(TwinNode):
         """Return the answer of the pumps to a setpoint that has passed."""
         if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
             return Outcome(code=Outcome.NOT_READY, message='no node answers asset/control')
-        response = answer_within(self._pumps, request, self._patience)
+        with self._voucher.sending('asset/control', request):
+            response = answer_within(self._pumps, request, self._patience)
         if response is None:
             text = f'asset/control did not answer within {self._patience:g} s'
             return Outcome(code=Outcome.FAILED, message=text)
@@ -146,7 +144,7 @@ class GuardNode(TwinNode):
         """Report a foreign sender, or the end of the last setpoint, once."""
         try:
             self._check_alone()
-            senders.only(self._hubs(), senders.full_name(self, HUB), 'calls guard/control')
+            self._hub.present()
             heard = not self.simulated or self._simulated_time is not None
             expired = self._guard.expired(self._now()) if heard else None
         except InputError as error:
@@ -172,7 +170,7 @@ class GuardNode(TwinNode):
 
 def main() -> None:
     """Run the node, unless another guard runs."""
-    run(only_one(GuardNode, senders.GUARD), threads=3)
+    run(only_one(GuardNode, senders.GUARD), threads=4)
 
 
 if __name__ == '__main__':

@@ -14,6 +14,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.vouching import Voucher
 from porotwin_guard.guard_node import GuardNode
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control
@@ -38,6 +39,7 @@ class Loop:
         self.pumps = self.node('operator')
         self.hub = self.node('hub')
         self.control = self.hub.create_client(Control, 'guard/control')
+        self.voucher = Voucher(self.hub)
         self.published: list[int] = []
         self.pumped: list[int] = []
         self.pumps.create_subscription(
@@ -86,8 +88,10 @@ class Loop:
             valid_until=conversions.time_to_msg(taken + 90.0),
             wells=conversions.rates_to_msg(rates),
         )
-        future = self.control.call_async(Control.Request(setpoint=setpoint))
-        self.wait_until(future.done)
+        request = Control.Request(setpoint=setpoint)
+        with self.voucher.sending('guard/control', request):
+            future = self.control.call_async(request)
+            self.wait_until(future.done)
         return future.result().outcome
 
 

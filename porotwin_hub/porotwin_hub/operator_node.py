@@ -19,6 +19,7 @@ from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_hub.operator.announcement import (
     NO_SETPOINT,
     Announcement,
@@ -72,6 +73,7 @@ class OperatorNode(TwinNode):
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
         self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
+            self._guard = OnlyCaller(self, 'asset/control')
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -172,7 +174,7 @@ class OperatorNode(TwinNode):
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:
-            senders.check_only_guard_calls(self)
+            self._guard.check(request)
             self._book.check(self._shown(request.setpoint))
         except InputError as error:
             response.outcome = conversions.refusal(error)

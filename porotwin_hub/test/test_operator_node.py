@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import rclpy
 from hub_examples import SMALL_RIG
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -17,6 +16,8 @@ from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FEW
+from porotwin_core.ros.node import executor_of
+from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.operator_node import OperatorNode
 from porotwin_msgs.msg import CycleReport, MendOffer, Setpoint, WellRates
@@ -36,7 +37,7 @@ class Desk:
             clock=lambda: self.now, context=context, parameter_overrides=overrides
         )
         self.peer = rclpy.create_node('guard', context=context)
-        self.executor = SingleThreadedExecutor(context=context)
+        self.executor = executor_of(4, context)
         for node in (self.operator, self.peer):
             self.executor.add_node(node)
         self.setpoints = self.peer.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
@@ -44,6 +45,7 @@ class Desk:
         self.peer.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
         self.confirm = self.peer.create_client(ConfirmRates, 'operator/confirm')
         self.control = self.peer.create_client(Control, 'asset/control')
+        self.voucher = Voucher(self.peer)
         self.spin_until(
             lambda: (
                 self.setpoints.get_subscription_count() > 0
@@ -75,8 +77,9 @@ class Desk:
     def ask(self, request: object) -> str:
         """Return the message of the outcome of a request to confirm or to control."""
         client = self.confirm if isinstance(request, ConfirmRates.Request) else self.control
-        future = client.call_async(request)
-        self.spin_until(future.done)
+        with self.voucher.sending('asset/control', request):
+            future = client.call_async(request)
+            self.spin_until(future.done)
         return str(future.result().outcome.message)
 
 

@@ -5,6 +5,7 @@ costs one log line and a diagnostic, and the stream continues.
 """
 
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
+from porotwin_core.ros.following import Writers
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.qos import BASELINE, CONFIG, FIELD, PHOTO
-from porotwin_core.ros.senders import publishers
 from porotwin_core.ros.single_instance import only_one
 from porotwin_imaging.live.experiment_start import ExperimentStart
 from porotwin_imaging.live.imaging_session import WAITING_PHOTOS, ImagedState, ImagingSession
@@ -82,20 +83,20 @@ class ImagingNode(TwinNode):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _listen(self, role: str, topic: str, profile: Any) -> None:
-        def store(message: CompressedImage) -> None:
+        def store(message: CompressedImage, info: Mapping[str, Any]) -> None:
             time = time_from_msg(message.header.stamp)
-            senders = sorted({sender.node for sender in publishers(self, topic)})
-            if len(senders) > 1:
+            try:
+                writers.check(info)
+            except InputError as error:
                 self._complain(
-                    f'{role} photograph of {time_in_words(time)} left out: several nodes '
-                    f'publish {topic} ({", ".join(senders)}); end all but one',
-                    time,
+                    f'{role} photograph of {time_in_words(time)} left out: {error}', time
                 )
                 return
             if left_out := self._queue.put(QueuedPhoto(role, time, bytes(message.data))):
                 self._complain(str(left_out), time)
 
-        self.create_subscription(CompressedImage, topic, store, profile)
+        writers = Writers(self, topic)
+        writers.subscribe(CompressedImage, topic, store, profile)
 
     def _work(self) -> None:
         while self.context.ok():

@@ -10,9 +10,10 @@ from rclpy.clock_type import ClockType
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
-from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_rig, run
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge
@@ -51,6 +52,7 @@ class PumpsNode(TwinNode):
             now=steady_time(),
         )
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        self._guard = OnlyCaller(self, 'asset/control')
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         self.create_timer(TICK_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -62,7 +64,7 @@ class PumpsNode(TwinNode):
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         setpoint = request.setpoint
         try:
-            senders.check_only_guard_calls(self)
+            self._guard.check(request)
             rates = conversions.rates_from_msg(setpoint.wells)
             remaining = self._remaining(setpoint)
             self._publish_measurement()
@@ -138,7 +140,7 @@ class PumpsNode(TwinNode):
 def main() -> None:
     """Run the node."""
     # one thread: setpoints and looks at the pumps share the serial lines
-    run(only_one(PumpsNode, 'pumps'), threads=1)
+    run(only_one(PumpsNode, 'pumps'))
 
 
 if __name__ == '__main__':

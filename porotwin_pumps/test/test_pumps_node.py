@@ -18,6 +18,7 @@ from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import Outcome, Setpoint, WellRates
 from porotwin_msgs.srv import Control
 from porotwin_pumps.pumps_node import PumpsNode
@@ -47,11 +48,12 @@ class Rack:
         self.pumps = PumpsNode(context=context, parameter_overrides=overrides)
         self.guard = rclpy.create_node('guard', context=context)
         self.control = self.guard.create_client(Control, 'asset/control')
+        self.voucher = Voucher(self.guard)
         self.measured: list[WellRates] = []
         self.health: list[str] = []
         self.guard.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
         self.guard.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, 10)
-        self._thread = NodeThread(self.pumps, self.guard, threads=2)
+        self._thread = NodeThread(self.pumps, self.guard, threads=4)
         self.wait_until(self.control.service_is_ready)
 
     def close(self) -> None:
@@ -83,8 +85,10 @@ class Rack:
             valid_until=conversions.time_to_msg(now + validity),
             wells=conversions.rates_to_msg(rates),
         )
-        future = self.control.call_async(Control.Request(setpoint=setpoint))
-        self.wait_until(future.done)
+        request = Control.Request(setpoint=setpoint)
+        with self.voucher.sending('asset/control', request):
+            future = self.control.call_async(request)
+            self.wait_until(future.done)
         return future.result().outcome
 
 

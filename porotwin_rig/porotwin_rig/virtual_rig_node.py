@@ -24,7 +24,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
-from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import (
     CLOCK,
@@ -35,6 +35,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_msgs.msg import CleanState, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_recording.tables.concentration import ConcentrationWriter
@@ -154,6 +155,7 @@ class VirtualRigNode(TwinNode):
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
         follow(self, Header, 'mend/seen', self._on_seen, qos.FIELD)
+        self._guard = OnlyCaller(self, 'asset/control')
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
@@ -165,7 +167,7 @@ class VirtualRigNode(TwinNode):
         setpoint = request.setpoint
         with self._answered:
             try:
-                senders.check_only_guard_calls(self)
+                self._guard.check(request)
                 rates = conversions.rates_from_msg(setpoint.wells)
                 until = conversions.time_from_msg(setpoint.valid_until)
                 self._session.command(rates, valid_until=until)

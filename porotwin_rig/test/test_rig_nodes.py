@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from porotwin_core.ros import (  # noqa: E402
     qos,
 )
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros.vouching import Voucher  # noqa: E402
 from porotwin_msgs.msg import CleanState, Outcome, Setpoint, WellRates  # noqa: E402
 from porotwin_msgs.srv import Control, Ping  # noqa: E402
 from porotwin_rig import virtual_rig_node  # noqa: E402
@@ -52,6 +54,7 @@ class Twin:
         rclpy.init(context=context)
         self.node = rclpy.create_node('guard', namespace=namespace, context=context)
         self._control = self.node.create_client(Control, 'asset/control')
+        self._voucher = Voucher(self.node)
         self.ping = self.node.create_client(Ping, 'asset/ping')
         listen = self.node.create_subscription
         listen(CompressedImage, 'camera/image/compressed', self._on_photo, qos.PHOTO)
@@ -96,10 +99,15 @@ class Twin:
             wells=conversions.rates_to_msg(self._answers[stamp]),
         )
 
+        request = Control.Request(setpoint=setpoint)
+        sending = ExitStack()
+        sending.enter_context(self._voucher.sending('asset/control', request))
+
         def keep(future: Any) -> None:
+            sending.close()
             self.outcomes[stamp] = future.result().outcome
 
-        self._control.call_async(Control.Request(setpoint=setpoint)).add_done_callback(keep)
+        self._control.call_async(request).add_done_callback(keep)
 
     def of(self, kind: str) -> list[tuple[float, Any]]:
         return [(stamp, message) for found, stamp, message in self.messages if found == kind]

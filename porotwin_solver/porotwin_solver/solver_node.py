@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
+from rclpy.event_handler import QoSSubscriptionMatchedInfo
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core import __version__
@@ -34,8 +34,8 @@ from porotwin_core.ros.conversions import (
 )
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import TwinNode, declare, declare_grid, declare_rig, run
-from porotwin_core.ros.senders import callers
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_msgs.msg import (
     ModelEffects,
     Outcome,
@@ -73,8 +73,8 @@ Handler = Callable[[Any, Any], None]
 MOST_WAITING = 4
 """Requests that may wait while another one works: the graph has three clients."""
 
-THREADS = MOST_WAITING + 4
-"""One thread works, some wait, one answers `solver/cancel`, one `solver/set_effects`, and one
+THREADS = MOST_WAITING + 5
+"""One thread works, some wait, one answers `solver/cancel`, two `solver/set_effects`, and one
 refuses a request too many."""
 
 MOST_CELL_UPDATES = 2e8
@@ -174,6 +174,7 @@ class SolverNode(TwinNode):
         self._told = self.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
         self._publish_effects()
         own = MutuallyExclusiveCallbackGroup()
+        self._mend = OnlyCaller(self, SET_EFFECTS)
         self.create_service(SetEffects, 'solver/set_effects', self._set_effects, callback_group=own)
         follow(self, StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD)
         follow(
@@ -187,7 +188,7 @@ class SolverNode(TwinNode):
                 self._on_clock,
                 qos.CLOCK,
                 callback_group=own,
-                event_callbacks=SubscriptionEventCallbacks(matched=self._on_player),
+                on_writer=self._on_player,
             )
 
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
@@ -221,6 +222,7 @@ class SolverNode(TwinNode):
         self, request: SetEffects.Request, response: SetEffects.Response
     ) -> SetEffects.Response:
         try:
+            caller = self._mend.check(request)
             effects = checked_effects(self.model.rig, effects_from_msg(request.effects))
             self._change_effects(effects)
         except BusyError as error:
@@ -229,13 +231,12 @@ class SolverNode(TwinNode):
             response.outcome = refusal(error)
         else:
             response.outcome = ok()
-            asking = sorted({one.node.rpartition('/')[2] for one in callers(self, SET_EFFECTS)})
             self._tell(
                 ModelEffects(
                     header=header_at(self._newest_photograph),
                     sequence=self._in_force.sequence + 1,
                     effects=[effect_to_msg(effect) for effect in effects],
-                    reason=f'{" or ".join(asking) or "somebody"} set: {in_words(effects)}',
+                    reason=f'{caller.node.rpartition("/")[2]} set: {in_words(effects)}',
                 )
             )
         if response.outcome.code != Outcome.OK:

@@ -36,6 +36,7 @@ from porotwin_core.ros.conversions import (  # noqa: E402
     tracer_from_msg,
     tracer_to_msg,
 )
+from porotwin_core.ros.vouching import Voucher  # noqa: E402
 from porotwin_msgs.msg import Effect, ModelEffects, Outcome, StateRefreshed  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
     Cancel,
@@ -63,18 +64,21 @@ SCRIPT = 'from porotwin_solver.solver_node import main; main()'
 class Client:
     """Calls the services of one node, one at a time."""
 
-    def __init__(self, namespace: str = '') -> None:
+    def __init__(self, namespace: str = '', *, name: str = 'mend') -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node('player', context=self.context, namespace=namespace)
+        self.node = rclpy.create_node(name, context=self.context, namespace=namespace)
+        self.voucher = Voucher(self.node)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
     def call(self, kind: Any, service: str, /, **fields: Any) -> Any:
         client = self.node.create_client(kind, f'solver/{service}')
         assert client.wait_for_service(PATIENCE), f'solver/{service} absent after {PATIENCE} s'
-        future = client.call_async(kind.Request(**fields))
-        self.executor.spin_until_future_complete(future, PATIENCE)
+        request = kind.Request(**fields)
+        with self.voucher.sending(f'solver/{service}', request):
+            future = client.call_async(request)
+            self.executor.spin_until_future_complete(future, PATIENCE)
         assert future.done(), f'solver/{service}: no answer after {PATIENCE} s'
         self.node.destroy_client(client)
         return future.result()
@@ -348,7 +352,7 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
     assert answer.outcome.code == Outcome.OK, answer.outcome.message
     client.spin_until(lambda: told[-1].sequence == 1)
     assert str(told[-1]) == str(answer.in_force)  # NaN stands for the number of a text
-    assert told[-1].reason == 'player set: pump injector delivers 50 % of the commanded rate'
+    assert told[-1].reason == 'mend set: pump injector delivers 50 % of the commanded rate'
     info = client.call(ModelInfo, 'info')
     assert [effect.name for effect in info.effects] == ['retardation', 'rate']
     mended = Model(model.rig, model.grid, preset='fast', effects=[weak])
@@ -374,7 +378,7 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
 def replayed(rig_file: Path) -> Iterator[Client]:
     """A client of a solver in simulated time."""
     process = start(rig_file, '-r', '__ns:=/replay', '-p', 'use_sim_time:=true')
-    client = Client('replay')
+    client = Client('replay', name='player')
     yield client
     assert process.poll() is None
     client.close()

@@ -22,7 +22,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FEW
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
-from porotwin_msgs.srv import Cancel
+from porotwin_msgs.srv import Cancel, Control
 
 REMOVED = 'end the foreign node'
 NO_SETPOINT = 'Ignores the state. No setpoint follows while another node sends states.'
@@ -146,6 +146,50 @@ def foreign_setpoint(stage: Stage) -> Iterator[None]:
         stage.foreign_setpoints.add(9001)
         send(message)
         yield
+
+
+@fault(
+    'A program publishes setpoints and leaves at once, again and again.',
+    LogLine('operator', 'wells/setpoint ignored'),
+    LogLine('page', 'wells/setpoint ignored'),
+    does='No node uses a setpoint of it.',
+    mends='end the program',
+)
+def brief_setpoints(stage: Stage) -> None:
+    for number in range(9011, 9016):
+        stage.foreign_setpoints.add(number)
+        now = time.time()
+        with stage.foreign('wells/setpoint', Setpoint, qos.SETPOINT) as send:
+            send(
+                Setpoint(
+                    header=conversions.header_at(now),
+                    sequence=number,
+                    valid_until=conversions.time_to_msg(now + 60.0),
+                    wells=conversions.rates_to_msg(stage.limits.safe()),
+                    reason='brief',
+                )
+            )
+    assert 'brief' not in stage.graph.log('operator')
+
+
+@fault(
+    'A program calls the guard and the pumps and leaves at once, again and again.',
+    LogLine('guard', 'a program called guard/control'),
+    LogLine('operator', 'a program called asset/control'),
+    does='Refuses what the hub and the guard do not know of. No pump moves.',
+    mends='end the program',
+)
+def brief_calls(stage: Stage) -> None:
+    now = time.time()
+    setpoint = Setpoint(
+        header=conversions.header_at(now),
+        sequence=9021,
+        valid_until=conversions.time_to_msg(now + 60.0),
+        wells=conversions.rates_to_msg(stage.limits.safe()),
+    )
+    for name in ('guard/control', 'asset/control'):
+        for _ in range(5):
+            stage.call_and_leave(Control, name, Control.Request(setpoint=setpoint))
 
 
 @fault(

@@ -300,6 +300,19 @@ class Stage:
         finally:
             node.destroy_client(client)
 
+    def call_and_leave(self, service: Any, name: str, request: Any) -> None:
+        """Call a service of the twin as a node that is gone before the answer."""
+        context = Context()
+        rclpy.init(context=context, domain_id=self.domain)
+        node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+        client = node.create_client(service, name)
+        try:
+            self.wait_for(f'the service {name}', client.service_is_ready)
+            client.call_async(request)
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown(context=context)
+
 
 def kill(stage: Stage, node: str) -> None:
     """Kill a node, and wait until another process runs in its place."""

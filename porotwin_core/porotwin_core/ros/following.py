@@ -21,6 +21,9 @@ from porotwin_core.ros.senders import check_senders
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
 
+WriterFn = Callable[[Any], None]
+"""Takes the event that a writer was found or has left (QoSSubscriptionMatchedInfo)."""
+
 
 class Writers:
     """Counts the writers of one subscription, so that none goes unseen.
@@ -30,7 +33,7 @@ class Writers:
     left unseen. A message that arrived before this was noticed may be theirs.
     """
 
-    def __init__(self, node: Node, topic: str, *, replayed: bool) -> None:
+    def __init__(self, node: Node, topic: str, *, replayed: bool = True) -> None:
         """Count nothing yet; `topic` and `replayed` are those of `senders.check_senders`."""
         self._node, self._topic, self._replayed = node, topic, replayed
         self._known: set[str] = set()
@@ -39,13 +42,17 @@ class Writers:
         self._lock = Lock()
         self._event: Any = None
 
-    def subscribe(self, *subscription: Any, **options: Any) -> None:
+    def subscribe(
+        self, *subscription: Any, on_writer: WriterFn | None = None, **options: Any
+    ) -> None:
         """Subscribe as rclpy does, and count the writers from then on."""
 
-        def matched(_event: Any) -> None:
+        def matched(event: Any) -> None:
             """Learn the name of a writer while it is there; messages are refused one by one."""
             with suppress(InputError):
                 self.look()
+            if on_writer is not None:
+                on_writer(event)
 
         events = SubscriptionEventCallbacks(matched=matched)
         with self._lock:
@@ -90,6 +97,7 @@ def follow(
     *,
     refuse: Callable[[str], object] | None = None,
     replayed: bool = True,
+    on_writer: WriterFn | None = None,
     **options: Any,
 ) -> None:
     """Subscribe `node` to `topic`; a message is ignored if a stranger could have sent it.
@@ -103,6 +111,7 @@ def follow(
         profile: quality of service.
         refuse: takes one line about an ignored message; None: the log of the node, a few a minute.
         replayed: whether a replay may send the messages as well.
+        on_writer: takes the event that a writer was found or has left.
         options: others of `create_subscription`.
     """
     complain = refuse or partial(FewWords(node.get_logger().error).tell, topic)
@@ -119,4 +128,4 @@ def follow(
         except InputError as error:
             complain(f'{topic} ignored: {in_short(str(error))}')
 
-    writers.subscribe(kind, topic, checked, profile, **options)
+    writers.subscribe(kind, topic, checked, profile, on_writer=on_writer, **options)

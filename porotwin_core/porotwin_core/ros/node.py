@@ -4,10 +4,12 @@ import math
 import os
 import signal
 import sys
+import time
 import traceback
 from _thread import interrupt_main
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from functools import partial, wraps
 from pathlib import Path
 from threading import Event, Thread
@@ -50,7 +52,7 @@ from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
 from porotwin_core.ros.ros_environment import check_environment, check_shared_memory
-from porotwin_core.ros.senders import hearers
+from porotwin_core.ros.senders import LEASE_S, hearers
 
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
@@ -390,7 +392,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     node = None
     with signals_as_interrupts() as asked:
         try:
-            with until_shutdown(executor.context), kept_awake(executor, asked):
+            with until_shutdown(executor.context), kept_awake(executor, asked) as awake:
                 node = make_node()
                 ensure_diagnostics(node)
                 executor.add_node(node)
@@ -403,6 +405,11 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             for one in STOP_SIGNALS:
                 signal.signal(one, signal.SIG_IGN)  # the end is not interrupted
             end_in_order(executor, [] if node is None else [node])
+    if awake.slept_s:
+        sys.exit(
+            f'stood still for {awake.slept_s:.0f} s, so that the other nodes have forgotten this '
+            'one; it starts anew'
+        )  # with status 1: the launcher starts it
 
 
 @contextmanager
@@ -426,27 +433,46 @@ def signals_as_interrupts() -> Iterator[Event]:
             signal.signal(one, handler)
 
 
+@dataclass
+class Awake:
+    """What `kept_awake` has seen.
+
+    Attributes:
+        slept_s: time for which the process stood still until the others forgot it [s]; 0: never.
+    """
+
+    slept_s: float = 0.0
+
+
 @contextmanager
-def kept_awake(executor: Executor, asked: Event | None = None) -> Iterator[None]:
+def kept_awake(executor: Executor, asked: Event | None = None) -> Iterator[Awake]:
     """Let `executor` look at its timers once a heartbeat, and the main thread for signals.
 
     The middleware may wait by the system's clock, for an hour if that is set back by an hour. The
     main thread takes no signals while it waits for messages. Python drops an interrupt that is
     raised inside a destructor, so that it is repeated while `asked` is set.
+
+    A process that stood still for the lease of the middleware never learns the names of the other
+    nodes again. It is asked to stop as by a signal.
     """
-    ended = Event()
+    ended, awake = Event(), Awake()
 
     def wake() -> None:
+        before = time.monotonic()
         while not ended.wait(HEARTBEAT_S):
             with until_shutdown(executor.context):
                 executor.wake()
+            gap, before = time.monotonic() - before, time.monotonic()
+            if asked is not None and gap > LEASE_S:
+                awake.slept_s = gap
+                asked.set()
             if asked is not None and asked.is_set():
                 interrupt_main()
 
     thread = Thread(target=wake, daemon=True)
     thread.start()
     try:
-        yield
+        yield awake
     finally:
         ended.set()
         thread.join()

@@ -19,6 +19,8 @@ PLAYER = 'player'
 
 SENDERS: Mapping[str, tuple[str, ...]] = {
     '/clock': ('virtual_rig', 'mock_camera'),
+    'camera/baseline/compressed': (),
+    'camera/image/compressed': (),
     'asset/clean_state': ('imaging', 'virtual_rig'),
     'asset/experiment': ('imaging',),
     'asset/new_state': ('imaging',),
@@ -34,8 +36,8 @@ SENDERS: Mapping[str, tuple[str, ...]] = {
     'wells/measured': ('operator', 'pumps', 'virtual_rig'),
     'wells/setpoint': (GUARD,),
 }
-"""The only nodes that send each topic. `following.follow` subscribes to these topics, and nothing
-else that uses them does. Any camera may send photographs, and any node its health."""
+"""The only nodes that send each topic; none named: any one node. `following` subscribes to these
+topics, and nothing else that uses them does. Any node may send its health."""
 
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 """Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
@@ -66,15 +68,6 @@ def full_name(node: Any, name: str) -> str:
     return f'{node.get_namespace().rstrip("/")}/{name}'
 
 
-def check_only_guard_calls(node: Any) -> None:
-    """Check that only the guard commands the pumps; every asset calls this.
-
-    Raises:
-        InputError: another node does so too; one line with its name.
-    """
-    refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
-
-
 def check_senders(node: Any, topic: str, *, replayed: bool = True) -> list[Sender]:
     """Return the publishers of `topic`, a name relative to `node`: only nodes of `SENDERS`.
 
@@ -86,9 +79,15 @@ def check_senders(node: Any, topic: str, *, replayed: bool = True) -> list[Sende
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    names = SENDERS[topic]
+    names, present = SENDERS[topic], publishers(node, topic)
+    if not names:
+        several = sorted({sender.node for sender in present})
+        if len(several) > 1:
+            raise InputError(
+                f'several nodes publish {topic} ({", ".join(several)}); end all but one'
+            )
+        return present
     allowed = {full_name(node, name) for name in (*names, *((PLAYER,) if replayed else ()))}
-    present = publishers(node, topic)
     found = [sender for sender in present if sender.node not in allowed]
     refuse_others(found, full_name(node, ' or '.join(names)), f'publishes {topic}')
     return present

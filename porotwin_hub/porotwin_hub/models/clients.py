@@ -22,6 +22,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
 from porotwin_core.ros.senders import servers
 from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
 from porotwin_msgs.srv import Cancel, Control, Correct, CorrectiveSource, CostGradient, Predict
@@ -53,6 +54,7 @@ class Caller:
         self.token = uuid.uuid4().hex
         """Marks the requests of this client, so that it can end its own and nobody else can."""
         self._clients: dict[str, Any] = {}
+        self._voucher = Voucher(node)
 
     def __call__(
         self,
@@ -107,7 +109,8 @@ class Caller:
             if servers(self._node, name) - asked:
                 raise ModelUnavailable(f"service '{name}' was started again while it worked")
 
-        return answer_within(client, request, timeout, look=look)
+        with self._voucher.sending(name, request):
+            return answer_within(client, request, timeout, look=look)
 
 
 class PhysicsModelClient:

@@ -1,0 +1,129 @@
+"""Tests of services that one node alone may call."""
+
+import time
+from collections.abc import Callable, Iterator
+from threading import Thread
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from porotwin_core.basis.errors import InputError  # noqa: E402
+from porotwin_core.ros import conversions, senders  # noqa: E402
+from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros.service_answer import answer_within  # noqa: E402
+from porotwin_core.ros.vouching import CALLERS, OnlyCaller, Voucher  # noqa: E402
+from porotwin_msgs.msg import Effect, Setpoint  # noqa: E402
+from porotwin_msgs.srv import Control, SetEffects  # noqa: E402
+
+pytestmark = pytest.mark.graph
+
+SERVICE = 'asset/control'
+
+
+class Pumps:
+    """A node that takes setpoints, and keeps what it took and refused."""
+
+    def __init__(self, node: Any) -> None:
+        self.taken: list[int] = []
+        self.refused: list[str] = []
+        self._guard = OnlyCaller(node, SERVICE)
+        node.create_service(Control, SERVICE, self._on_control)
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        try:
+            self._guard.check(request)
+            self.taken.append(request.setpoint.sequence)
+            response.outcome = conversions.ok()
+        except InputError as error:
+            self.refused.append(str(error))
+            response.outcome = conversions.refusal(error)
+        return response
+
+
+class Guard:
+    """A node that sends setpoints and vouches for them."""
+
+    def __init__(self, node: Any) -> None:
+        self.voucher = Voucher(node)
+        self.client = node.create_client(Control, SERVICE)
+
+    def send(self, number: int) -> Any:
+        request = Control.Request(setpoint=Setpoint(sequence=number))
+        assert self.client.wait_for_service(20.0)
+        with self.voucher.sending(SERVICE, request):
+            return answer_within(self.client, request, 20.0).outcome
+
+
+@pytest.fixture
+def graph(domain: int) -> Iterator[Callable[[str], Any]]:
+    """Make nodes by name; each spins in threads of its own."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    nodes = [rclpy.create_node(name, context=context) for name in ('pumps', 'guard', 'stranger')]
+    spinning = NodeThread(*nodes, threads=4)
+    yield {node.get_name(): node for node in nodes}.__getitem__
+    spinning.end()
+
+
+def call_and_leave(node: Any, number: int) -> None:
+    """Call the pumps as `node`, wait for no answer, and be gone from the graph."""
+    client = node.create_client(Control, SERVICE)
+    assert client.wait_for_service(20.0)
+    client.call_async(Control.Request(setpoint=Setpoint(sequence=number)))
+    node.destroy_client(client)
+
+
+@pytest.mark.filterwarnings('ignore:failed to send response')
+def test_a_request_is_taken_from_the_only_node_that_vouches_for_it(
+    graph: Callable[[str], Any],
+) -> None:
+    pumps, guard = Pumps(graph('pumps')), Guard(graph('guard'))
+    assert guard.send(1).code == conversions.ok().code
+    for brief in range(5):
+        call_and_leave(graph('stranger'), 666)
+        deadline = time.monotonic() + 20.0
+        while len(pumps.refused) <= brief:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    assert guard.send(2).code == conversions.ok().code
+    assert pumps.taken == [1, 2]
+    assert all('/stranger calls' in one or 'does not know of it' in one for one in pumps.refused)
+
+
+def test_a_client_of_the_same_node_is_no_proof(graph: Callable[[str], Any]) -> None:
+    pumps, guard = Pumps(graph('pumps')), Guard(graph('guard'))
+    other = Control.Request(setpoint=Setpoint(sequence=7))
+    with guard.voucher.sending('guard/control', other):
+        assert guard.client.wait_for_service(20.0)
+        answer = answer_within(guard.client, other, 20.0)
+    assert 'does not know of it' in answer.outcome.message
+    assert pumps.taken == []
+
+
+def test_a_request_is_refused_while_nobody_may_call(graph: Callable[[str], Any]) -> None:
+    caller = OnlyCaller(graph('pumps'), SERVICE)
+    with pytest.raises(InputError, match='a program called asset/control'):
+        caller.check(Control.Request())
+
+
+def test_a_request_with_nan_is_vouched_for(graph: Callable[[str], Any]) -> None:
+    voucher, caller = Voucher(graph('guard')), OnlyCaller(graph('pumps'), SERVICE)
+    graph('guard').create_client(Control, SERVICE)
+    request: Any = SetEffects.Request(effects=[Effect(parameter_values=[float('nan'), 0.1])])
+    with voucher.sending(SERVICE, request):
+        deadline = time.monotonic() + 20.0
+        while not senders.callers(graph('pumps'), SERVICE):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        asking = Thread(target=caller.check, args=(request,))
+        asking.start()
+        asking.join(20.0)
+        assert caller.check(request).node == caller.node
+    with pytest.raises(InputError):
+        caller.check(request)
+
+
+def test_every_caller_is_a_node_of_the_graph() -> None:
+    assert set(CALLERS.values()) == {'guard', 'hub', 'mend'}
