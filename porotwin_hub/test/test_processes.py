@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -115,6 +116,19 @@ def test_a_full_disk_stops_neither_the_display_nor_a_restart(
         monkeypatch.setattr(Path, 'write_text', lambda *_, **__: 1 / 0)
         assert until(lambda: sum(line.startswith('8 x') for line in lines) >= 2), lines
     assert sum('cannot be written (No space left' in line for line in lines) <= 3, lines
+
+
+def test_lines_that_a_full_disk_loses_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free, lines = [0], list[str]()
+    monkeypatch.setattr('shutil.disk_usage', lambda _: SimpleNamespace(free=free[0]))
+    node = pretend_node(tmp_path, SLEEPER.format(bound=False))
+    with GraphProcesses([node], tmp_path, say=lines.append, environment=with_path(tmp_path)):
+        assert until(lambda: any('the disk is full' in line for line in lines)), lines
+        free[0] = 1
+        assert until(lambda: any('has space again' in line for line in lines)), lines
+    assert sum('the disk is full' in line for line in lines) == 1
 
 
 def test_a_closed_terminal_does_not_stop_the_log(tmp_path: Path) -> None:

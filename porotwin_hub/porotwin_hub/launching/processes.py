@@ -276,13 +276,27 @@ class GraphProcesses:
 
     def _keep(self) -> None:
         """Look after all processes until the end; no failure of one look ends it."""
+        full = False
         while not self._ending.wait(POLL_S):
+            full = self._tell_full_disk(before=full)
             for kept in self._kept.values():
                 try:
                     self._look(kept)
                     self._limit_log(self.log(kept.node.name))
                 except Exception as error:  # no memory or processes left: tried again
                     self._report(f'{kept.node.name}: {error!r}')
+
+    def _tell_full_disk(self, *, before: bool) -> bool:
+        """Return whether lines of logs are lost now; tell a change."""
+        try:
+            full = shutil.disk_usage(self._folder).free == 0
+        except OSError:  # the folder is gone
+            return before
+        if full and not before:
+            self._report(f'{self._folder / "log"}: the disk is full; lines of logs are lost')
+        if before and not full:
+            self._report(f'{self._folder / "log"}: the disk has space again; lines are missing')
+        return full
 
     def _look(self, kept: _Kept) -> None:
         status = kept.process.poll()
