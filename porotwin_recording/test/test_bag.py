@@ -318,6 +318,27 @@ def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
     assert open_recording(tmp_path / 'run.mcap', rig=rig_file).times.tolist() == [0.0]
 
 
+def test_setpoints_that_no_hub_sent_are_left_out(tmp_path: Path) -> None:
+    numbers = [1, 2, 777, 3, 1, 2, 3]  # a forged one, and a hub that began again
+    rates = [rates_to_msg({'in': WellRate(number * 1e-9)}) for number in numbers]
+    setpoints: list[tuple[str, object]] = [
+        (
+            '/lab/wells/setpoint',
+            stamped(Setpoint(sequence=number, wells=wells), (index + 1) * SECOND),
+        )
+        for index, (number, wells) in enumerate(zip(numbers, rates, strict=True))
+    ]
+    states = [('/lab/asset/new_state', state(second * SECOND, 0.5)) for second in (1, 9)]
+    rig = ('/lab/rig/description', rig_to_msg(controlled_rig()))
+    write_live_bag(tmp_path / 'run.mcap', [rig, *states[:1], *setpoints, *states[1:]])
+    data = open_recording(tmp_path / 'run.mcap')
+    assert data.commanded is not None
+    assert [row.rate.rate for row in data.commanded.rows] == pytest.approx(
+        [number * 1e-9 for number in (1, 2, 3, 1, 2, 3)]
+    )
+    assert any('the number 777' in line for line in data.remarks)
+
+
 def test_two_copies_of_a_bag_in_one_folder_are_told(tmp_path: Path) -> None:
     folder = tmp_path / 'twice'
     folder.mkdir()

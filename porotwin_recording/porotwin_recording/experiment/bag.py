@@ -204,6 +204,8 @@ class _Collector:
         self.segments = [Segment()]
         self._rate_faults: list[str] = []
         self._copies = 0
+        self._numbers: list[tuple[int, int, dict[int, WellRates]]] = []
+        """Number and stamp [ns] of every setpoint, and the rates that hold it, as recorded."""
         self._add: dict[str, Callable[[BagMessage, Location], None]] = {
             topic_names.RIG: self._add_rig,
             topic_names.SETPOINT: self._add_setpoint,
@@ -238,9 +240,28 @@ class _Collector:
                 f'{self.bag.path}: {self._copies} maps and photographs are in it twice, with one '
                 'time of recording, and are read once; does its folder hold two copies of one bag?'
             )
+        self._leave_out_foreign_setpoints()
         for topic, lines in faults.items():
             self.bag.remark(
                 f"{self.bag.path}: {len(lines)} messages of '{topic}' left out: {lines[0]}"
+            )
+
+    def _leave_out_foreign_setpoints(self) -> None:
+        """Leave out setpoints that no hub sent: a hub counts up, and a new one begins with 1."""
+        foreign = [
+            (number, stamp, rates)
+            for (before, _, _), (number, stamp, rates), (after, _, _) in zip(
+                self._numbers, self._numbers[1:], self._numbers[2:], strict=False
+            )
+            if before < after and not before <= number <= after
+        ]
+        for _, stamp, rates in foreign:
+            rates.pop(stamp, None)
+        if foreign:
+            self.bag.remark(
+                f'{self.bag.path}: {len(foreign)} setpoints left out, the first with the number '
+                f'{foreign[0][0]}: it is not in the row of the others, so that another program '
+                'than the hub sent it'
             )
 
     def remove_unknown_wells(self, rig: Rig) -> None:
@@ -272,8 +293,10 @@ class _Collector:
             self.rig_fault = str(error)
 
     def _add_setpoint(self, message: BagMessage, _: Location) -> None:
-        wells = self.bag.decode(message).wells
-        self._add_rates(self.segments[-1].commanded, stamp_of(message.data), wells)
+        setpoint, stamp = self.bag.decode(message), stamp_of(message.data)
+        commanded = self.segments[-1].commanded
+        self._numbers.append((int(setpoint.sequence), stamp, commanded))
+        self._add_rates(commanded, stamp, setpoint.wells)
 
     def _add_measured(self, message: BagMessage, _: Location) -> None:
         rates = self.bag.decode(message)
