@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
+from porotwin_core.basis.units import percent
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
 from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
@@ -28,13 +29,16 @@ from porotwin_diagnosis.decision.numerics import ACCURATE, measure_numerics
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Verdict
 from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
+from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_recording.experiment.recording import Recording, odd_lines
 from porotwin_solver.model.model import preset_named
+from porotwin_solver.service.effects_in_force import in_words
 
 SIMULATION_BYTES = 3e8
 """Memory of a simulation on the finest cells of a diagnosis, with its comparison [B]."""
@@ -49,6 +53,7 @@ def examine(
     crew: Crew | None = None,
     progress: Progress = no_progress,
     tell: Callable[[str], None] = lambda _line: None,
+    so_far: Callable[[str], None] = lambda _line: None,
 ) -> Diagnosis:
     """Diagnose one recording, or several of the same rig together.
 
@@ -58,12 +63,15 @@ def examine(
         excluded: names of effects to leave out.
         prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
-        progress: called with the stage and its position in the work, below 0.98.
+        progress: called with the stage and its position in the work, below 0.98. It may raise
+            `SearchEnded` from SINGLES_JUDGED on: the result is then the answer so far.
         tell: called with a line for all that is odd in their rates and maps, before the search.
+        so_far: called with a line about the best effects so far, after each stage of the search.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
             is too short to judge.
+        SearchEnded: `progress` ended the search before there was an answer.
     """
     began = time.perf_counter()
     preset_named(preset)
@@ -83,7 +91,12 @@ def examine(
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
     findings, levels = search_effects(
-        samples, excluded=excluded, prior=prior, crew=crew, progress=progress
+        samples,
+        excluded=excluded,
+        prior=prior,
+        crew=crew,
+        progress=progress,
+        so_far=lambda null, best: so_far(_so_far(null, best)),
     )
     progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
@@ -119,9 +132,31 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
-        remarks=(*odd_lines(recordings, OF_TABLES), *odd, *averaged, *odd_heads(found)),
+        remarks=(
+            *_untried(findings),
+            *odd_lines(recordings, OF_TABLES),
+            *odd,
+            *averaged,
+            *odd_heads(found),
+        ),
         seconds=time.perf_counter() - began,
     )
+
+
+def _so_far(null: Fit, best: Fit) -> str:
+    """Return the line about the best effects so far; how sure they are is known at the end."""
+    errors = f'{percent(null.held_out_error)} to {percent(best.held_out_error)}'
+    return f'so far: {in_words(best.effects)}; error of the held-out maps {errors}'
+
+
+def _untried(findings: Findings) -> list[str]:
+    """Return a line if the search was ended: another answer may have come."""
+    if not findings.untried:
+        return []
+    return [
+        f'the search was ended before it tried {findings.untried}; call ./porotwin diagnose '
+        'again, without --quick, to try all'
+    ]
 
 
 def _check_same_rig(recordings: Sequence[Recording]) -> None:

@@ -10,6 +10,14 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and its position in the work, 0 to 1. `WorkClock` turns
 positions into shares of time."""
 
+SINGLES_JUDGED = 0.25
+"""Position at which single effects are judged: from there on the search may end with an answer."""
+
+
+class SearchEnded(Exception):  # noqa: N818  a wish, no mistake
+    """Raised by a `Progress` to end the search: the answer so far is wanted."""
+
+
 POSITIONS = (
     0.0, 0.01, 0.08, 0.15, 0.25, 0.42, 0.476, 0.48, 0.53, 0.56, 0.64, 0.73, 0.78, 0.92, 0.95, 1.0,
 )  # fmt: skip
@@ -19,7 +27,7 @@ SHARES = (
 """Positions, and the measured share of time up to each, of a diagnosis that goes through all
 stages: 560 s for six minutes of the small rig, on two cores."""
 
-STAGE_ENDS = (0.25, 0.476, 0.48, 0.56, 0.78, 0.92)
+STAGE_ENDS = (SINGLES_JUDGED, 0.476, 0.48, 0.56, 0.78, 0.92)
 """Positions at which the search may end: after single effects, pairs, pairs fitted again, pairs
 found in other ways, triples on coarse cells, and judged triples. What follows the last one is done
 in any case."""

@@ -8,8 +8,9 @@ import pytest
 from diagnosis_examples import SMALL, all_but, recorded, schedule
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig import write_rig
+from porotwin_core.rig import EffectDescription, write_rig
 from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.progress import SINGLES_JUDGED, SearchEnded
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
@@ -36,6 +37,43 @@ def test_diffusive_scheme_is_called_numerical_and_not_dispersion(tmp_path):
     assert result.verdict.name == 'numerical_diffusion'
     assert result.evidence.numerics.model_diffusion > 1e-8
     assert diagnosis_json(result)['error']['gap_closed'] > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_search_that_is_ended_gives_its_answer_so_far(tmp_path):
+    causes = (
+        EffectDescription(name='retardation', parameters={'retardation_factor': 1.4}),
+        EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.7}),
+    )
+    path = recorded(tmp_path / 'recording', *causes, grid=SMALL.grid(47, 28))
+    asked, told = [], []
+
+    def enough(stage, position):
+        if position >= SINGLES_JUDGED and not asked:
+            asked.append(stage)
+            raise SearchEnded
+
+    result = examine(
+        [open_recording(path)],
+        excluded=all_but('retardation', 'rate', 'decay'),
+        progress=enough,
+        so_far=told.append,
+    )
+    assert asked
+    assert not result.evidence.findings.pairs
+    assert len(result.verdict.members) <= 1
+    assert any('before it tried pairs of effects' in line for line in result.remarks)
+    assert len(told) == 2, 'after the first fits, and when they are judged'
+
+
+def test_a_search_that_is_ended_at_once_has_no_answer(injecting):
+    def enough(_stage, position):
+        if position > 0.0:
+            raise SearchEnded
+
+    with pytest.raises(SearchEnded):
+        examine([open_recording(injecting)], excluded=all_but('rate', 'decay'), progress=enough)
 
 
 @pytest.mark.slow

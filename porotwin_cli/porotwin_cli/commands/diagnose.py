@@ -1,7 +1,8 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import json
-from contextlib import suppress
+import signal
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,9 @@ from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
     from rich.progress import Progress as Bar
 
     from porotwin_core.rig import Rig
@@ -67,6 +71,9 @@ def command(
             'A second call continues.',
         ),
     ] = False,
+    quick: Annotated[
+        bool, typer.Option('--quick', help='Try single effects only, no pairs of them.')
+    ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
@@ -75,8 +82,9 @@ def command(
 
     The diagnosis finds where the gap arises, which effect causes it, and how much of it closes with
     this effect. Several recordings of one rig are diagnosed together, or with --each one by one.
-    The report is a page with pictures. The same command goes on after an interruption. With --live
-    the running twin makes the report while it works.
+    The report is a page with pictures. Ctrl-C ends the search with the answer so far, as soon as
+    single effects are judged; the same command goes on. With --live the running twin makes the
+    report while it works.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
 
@@ -101,11 +109,11 @@ def command(
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        asked = each or workers or scheduler or date or history is not None
+        asked = each or quick or workers or scheduler or date or history is not None
         if rig is not None or apply or preset != 'accurate' or asked:
             raise InputError(
                 '--live diagnoses the twin as it runs; leave out --rig, --preset, --apply, --each, '
-                '--history, --date, --workers and --scheduler'
+                '--quick, --history, --date, --workers and --scheduler'
             )
         enter_domain(domain)
         _live(output, namespace_of(namespace), as_json=as_json)
@@ -115,8 +123,10 @@ def command(
     preset_named(preset)  # before the folder is made
     own = load_rig(rig) if rig is not None else None
     if each:
-        if apply or history is not None:
-            raise InputError('--apply and --history belong to one diagnosis; leave out --each')
+        if apply or quick or history is not None:
+            raise InputError(
+                '--apply, --quick and --history belong to one diagnosis; leave out --each'
+            )
         _each(recordings, output, own, preset, workers, scheduler, as_json=as_json)
         return
     marks = {recording: files_mark(recording) for recording in recordings}
@@ -129,8 +139,12 @@ def command(
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
-    with only_writer(folder), pool, progress() as bar:
-        show = _shown_on(bar)
+    with (
+        only_writer(folder),
+        pool,
+        progress() as bar,
+        _answer_so_far(_shown_on(bar), quick=quick) as show,
+    ):
         simulations = KeptSimulations(pool, folder)
         if simulations.found:
             say(f'going on with {simulations.found} simulations of an interrupted call')
@@ -141,11 +155,14 @@ def command(
             crew=simulations,
             progress=show,
             tell=say,
+            so_far=say,
         )
         check_unchanged(marks)
+        ended = bool(result.evidence.findings.untried)
         compare = past.compare if past else lambda _: []
         summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
-        simulations.remove()
+        if not ended:
+            simulations.remove()
     told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
         print_json({'output': output, **summary, 'history': told})
@@ -155,6 +172,39 @@ def command(
         print(line)
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
+
+
+@contextmanager
+def _answer_so_far(show: 'Progress', *, quick: bool) -> 'Iterator[Progress]':
+    """Return `show`, which ends the search once: when Ctrl-C was pressed, or if it is `quick`.
+
+    Before single effects are judged there is no answer, and Ctrl-C ends the program as usual.
+    """
+    from porotwin_diagnosis.progress import SINGLES_JUDGED, STAGE_ENDS, SearchEnded
+
+    position, wanted = 0.0, quick
+
+    def shown(stage: str, reached: float) -> None:
+        nonlocal position, wanted
+        position = max(position, reached)
+        show(stage, reached)
+        if wanted and SINGLES_JUDGED <= position < STAGE_ENDS[-1]:
+            wanted = False
+            raise SearchEnded
+
+    def on_interrupt(number: int, frame: 'FrameType | None') -> None:
+        nonlocal wanted
+        signal.signal(signal.SIGINT, before)
+        if position < SINGLES_JUDGED and callable(before):
+            before(number, frame)
+        wanted = True
+        say('the search ends here, and the answer so far follows; Ctrl-C again ends at once')
+
+    before = signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield shown
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _shown_on(bar: 'Bar') -> 'Progress':

@@ -12,7 +12,7 @@ If the model without effects surely leaves no gap, the search ends early: effect
 are screened, and the best one is judged.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.model.polishing import polished
-from porotwin_diagnosis.progress import Progress
+from porotwin_diagnosis.progress import Progress, SearchEnded, no_progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
     judged_exchanges,
@@ -64,6 +64,9 @@ from porotwin_diagnosis.thresholds import (
     SURELY_NO_GAP_MISFIT,
 )
 
+SoFar = Callable[[Fit, Fit], None]
+"""Called with the model without effects and the best effects so far, fitted on the same cells."""
+
 
 class SearchResult(NamedTuple):
     """The findings of a search, and the levels with the corrections that were last in use."""
@@ -84,7 +87,8 @@ def search_effects(
     *,
     excluded: Collection[str] = (),
     prior: Prior = NO_PRIOR,
-    progress: Progress = lambda _stage, _share: None,
+    progress: Progress = no_progress,
+    so_far: SoFar = lambda _null, _best: None,
     crew: Crew | None = None,
 ) -> SearchResult:
     """Search for effects that explain recordings of one rig.
@@ -94,11 +98,14 @@ def search_effects(
         excluded: names of effects to leave out.
         prior: the belief before these recordings; it decides between close rivals.
         progress: called with the stage and the fraction done: about 0.25 when single effects are
-            judged, 0.55 with pairs, and 0.9 with triples.
+            judged, 0.55 with pairs, and 0.9 with triples. It may raise `SearchEnded`; from 0.25 on
+            the result is then that of the stage before.
+        so_far: called with the model without effects and the best effects after each stage.
         crew: runs the simulations; None: one at a time.
 
     Raises:
         InputError: no effect without a place remains, or the model cannot run without effects.
+        SearchEnded: `progress` ended the search before single effects were judged.
     """
     space = search_space(samples, excluded)
     levels = make_levels(samples, progress=progress, crew=crew)
@@ -111,15 +118,16 @@ def search_effects(
         found = _found_no_gap(corrected, space)
         if normalised_misfit(found.findings.null) < SURELY_NO_GAP_MISFIT:
             return found
-    screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
+    screened = screened_singles(levels, space, lambda best: so_far(screened_null, best))
     levels, singles = _judged_singles(levels, screened, null)
     levels = levels.corrected_at(null)
     levels, findings = _with_bounded_noise(
         levels, Findings(levels.null(), screened_null, screened, singles)
     )
+    so_far(findings.null, findings.singles[0])
     if may_need_a_second_effect(findings.singles[0], findings.null):
-        levels, findings = _with_combinations(levels, space, findings)
+        levels, findings = _with_combinations(levels, space, findings, so_far)
         levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = compared_rivals(levels, findings.singles, findings.null, prior)
     findings = replace(findings, singles=singles, prior=prior)
@@ -157,14 +165,34 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
     return SearchStep(levels, with_bounded_findings(levels, findings))
 
 
-def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
+def _with_combinations(
+    levels: Levels, space: SearchSpace, findings: Findings, so_far: SoFar
+) -> SearchStep:
     """Return `findings` with pairs, triples and the members of the best combination.
+
+    If the progress ends the search, what was not tried is named in them.
+    """
+    for untried, step in (('pairs of effects', _with_pairs), ('a third effect', _with_triples)):
+        try:
+            levels, findings = step(levels, space, findings)
+        except SearchEnded:
+            return SearchStep(levels, replace(findings, untried=untried))
+        best = (*findings.triples[:1], *findings.pairs[:1], *findings.singles[:1])
+        so_far(findings.null, min(best, key=score))
+    return SearchStep(levels, findings)
+
+
+def _with_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
+    levels, pairs = _found_pairs(levels, space, findings)
+    return _with_members(levels, replace(findings, pairs=pairs), pairs, 0.52)
+
+
+def _with_triples(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
+    """Return `findings` with triples and the pairs inside them.
 
     A single effect that suffices when it is fitted again needs no third effect.
     """
-    levels, pairs = _found_pairs(levels, space, findings)
-    levels, findings = _with_members(levels, replace(findings, pairs=pairs), pairs, 0.52)
-    if one_effect_is_enough(findings.singles[0], pairs, findings.null):
+    if one_effect_is_enough(findings.singles[0], findings.pairs, findings.null):
         return SearchStep(levels, findings)
     levels, triples = judged_triples(levels, space, findings)
     if not triples:

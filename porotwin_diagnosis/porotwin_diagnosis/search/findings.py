@@ -25,6 +25,7 @@ class Findings:
         runs: number of simulations that were made.
         triples: judged fits of three effects that explain clearly more than the best pair.
         prior: the belief before this recording.
+        untried: what was not tried because the search was ended, in words; empty: nothing.
     """
 
     null: Fit
@@ -39,3 +40,4 @@ class Findings:
     runs: int = 0
     triples: Sequence[Fit] = ()
     prior: Prior = NO_PRIOR
+    untried: str = ''

@@ -1,6 +1,6 @@
 """Fits of every single effect of the library on coarse cells."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,8 +55,12 @@ def search_space(samples: Sequence[Sample], excluded: Collection[str]) -> Search
     return SearchSpace(candidates, tuple(sorted(local - set(excluded))))
 
 
-def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
+def screened_singles(
+    levels: Levels, space: SearchSpace, so_far: Callable[[Fit], None] = lambda _best: None
+) -> list[Fit]:
     """Return the fits of all single effects on the screening cells, the best score first.
+
+    `so_far` is called with the best of those without a place, which is known early.
 
     Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
     residuals. An effect with a place is fitted from the most promising places.
@@ -67,7 +71,8 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     fits = coarsely_fitted_singles(levels, space)
     if not fits:
         raise InputError('the model cannot run with any effect of the library on this recording')
-    limit = UNPROMISING * min(map(score, fits))
+    so_far(fits[0])
+    limit = UNPROMISING * score(fits[0])
 
     step = steps_of(levels.progress, 0.08, 0.06, len(fits))
 
