@@ -133,7 +133,7 @@ def examine(
         remainder=remainder,
         partial=partial,
         remarks=(
-            *_untried(findings),
+            *untried_lines(findings),
             *odd_lines(recordings, OF_TABLES),
             *odd,
             *averaged,
@@ -149,7 +149,7 @@ def _so_far(null: Fit, best: Fit) -> str:
     return f'so far: {in_words(best.effects)}; error of the held-out maps {errors}'
 
 
-def _untried(findings: Findings) -> list[str]:
+def untried_lines(findings: Findings) -> list[str]:
     """Return a line if the search was ended: another answer may have come."""
     if not findings.untried:
         return []

@@ -96,7 +96,7 @@ def command(
     from porotwin_cli.recorded.given_twice import refuse_twice
     from porotwin_core.basis.parallel import crew
     from porotwin_core.rig import load_rig
-    from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
+    from porotwin_diagnosis.examine import SIMULATION_BYTES, examine, untried_lines
     from porotwin_diagnosis.history.joint_belief import prior_from
     from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.answer import sentence
@@ -158,17 +158,17 @@ def command(
             so_far=say,
         )
         check_unchanged(marks)
-        ended = bool(result.evidence.findings.untried)
+        untried = untried_lines(result.evidence.findings)
         compare = past.compare if past else lambda _: []
         summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
-        if not ended:
+        if not untried:
             simulations.remove()
     told = [*summary['history'], *(past.remember(summary) if past else [])]
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
     print(sentence(result, summary).replace('**', ''))  # with the confidence
-    for line in told:
+    for line in (*told, *untried):
         print(line)
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
