@@ -38,7 +38,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
-from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import Voucher
 from porotwin_diagnosis.mending.finding import read_finding
@@ -365,7 +365,7 @@ class MendNode(TwinNode):
             InputError: the solver refuses them.
             TimeoutError: it is absent or silent.
         """
-        if not self._solver.wait_for_service(timeout_sec=2.0):
+        if not self._solver.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise TimeoutError('the solver does not run; answer again when it does')
         request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
         with self._voucher.sending('solver/set_effects', request):

@@ -10,9 +10,6 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and its position in the work, 0 to 1. `WorkClock` turns
 positions into shares of time."""
 
-SINGLES_JUDGED = 0.25
-"""Position at which single effects are judged: from there on the search may end with an answer."""
-
 
 class SearchEnded(Exception):  # noqa: N818  a wish, no mistake
     """Raised by a `Progress` to end the search: the answer so far is wanted."""
@@ -27,10 +24,13 @@ SHARES = (
 """Positions, and the measured share of time up to each, of a diagnosis that goes through all
 stages: 560 s for six minutes of the small rig, on two cores."""
 
-STAGE_ENDS = (SINGLES_JUDGED, 0.476, 0.48, 0.56, 0.78, 0.92)
+STAGE_ENDS = (0.25, 0.476, 0.48, 0.56, 0.78, 0.92)
 """Positions at which the search may end: after single effects, pairs, pairs fitted again, pairs
 found in other ways, triples on coarse cells, and judged triples. What follows the last one is done
 in any case."""
+
+SINGLES_JUDGED = STAGE_ENDS[0]
+"""Position from which on the search may end with an answer."""
 
 
 class WorkClock:

@@ -19,7 +19,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_guard.guard import Guard, SetpointRequest
@@ -31,9 +31,6 @@ BLOCKED = 'no setpoint can pass: '
 
 WATCH_PERIOD_S = 1.0
 """Time between two looks at the graph and at the expiry [s]."""
-
-LONGEST_SEARCH_S = 2.0
-"""Longest wait for the pumps to appear [s]: discovery takes less."""
 
 
 class GuardNode(TwinNode):

@@ -9,6 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+LONGEST_SEARCH_S = 2.0
+"""Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
+
 LOOK_EACH_S = 0.5
 """Time between two looks whether the answer can still come [s]."""
 

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import senders
-from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
 from porotwin_msgs.srv import Vouch
 
 CALLERS: Mapping[str, str] = {
@@ -24,9 +24,6 @@ CALLERS: Mapping[str, str] = {
     'solver/set_effects': 'mend',
 }
 """The only node that calls each service, by its name."""
-
-PATIENCE_S = 2.0
-"""Longest wait for the node that vouches [s]; it takes milliseconds, and a setpoint is due."""
 
 
 class Voucher:
@@ -98,8 +95,8 @@ class OnlyCaller:
         caller = self.present()
         asked = Vouch.Request(service=self._service, request=serialize_message(request))
         answer = None
-        if caller is not None and self._client.wait_for_service(timeout_sec=PATIENCE_S):
-            answer = answer_within(self._client, asked, PATIENCE_S)
+        if caller is not None and self._client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
+            answer = answer_within(self._client, asked, LONGEST_SEARCH_S)
         if caller is None or answer is None or not answer.sent:
             raise InputError(
                 f'a program called {self._service}, and only {self.node} may, which does not know '

@@ -21,14 +21,11 @@ from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
 from porotwin_core.ros.senders import servers
-from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
 from porotwin_msgs.srv import Cancel, Control, Correct, CorrectiveSource, CostGradient, Predict
-
-LONGEST_SEARCH_S = 2.0
-"""Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
 
 CANCEL = 'solver/cancel'
 """The service that ends the predictions of one client of the solver."""
