@@ -87,9 +87,9 @@ def command(
     Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
     """
     from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.options.planned_rig import planned_rig
     from porotwin_cli.running.live_twin import check_early, run_until_stopped
     from porotwin_cli.running.pace import tell_pace
-    from porotwin_core.rig import load_rig
     from porotwin_core.ros.ros_environment import (
         DomainClaim,
         domain_of,
@@ -108,7 +108,7 @@ def command(
     enter_domain(domain)
     prepare_environment()
     rig_file = settings.rig / 'rig.yaml' if settings.rig.is_dir() else settings.rig
-    rig = load_rig(rig_file)
+    rig = planned_rig(rig_file)
     here = named_nodes(settings.nodes)
     photos, pumps = settings.photos, settings.pumps
     sources = [photos is not None, bool(settings.camera), replay].count(True)

@@ -16,7 +16,6 @@ from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
-from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.rates_in_force import RatePeriod
 from porotwin_core.rates.wells import RateStep, WellRate, planned_rates
 from porotwin_core.rig import Rig
@@ -353,13 +352,11 @@ def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[Rat
 
     Where nothing was commanded these are the rates that pumps measured.
     """
-    schedule, pauses = recording.delivered, NO_PAUSES
-    if recording.commanded is not None and recording.commanded.rows:
-        schedule, pauses = recording.commanded, FixedPauses.of(recording.rig)
-    plan = [
+    commands = recording.announced
+    schedule = commands if commands is not None and commands.rows else recording.delivered
+    return tuple(
         RateStep(low - begin, rates) for low, _, rates in schedule.intervals(begin, begin + ahead)
-    ]
-    return pauses.in_plan(plan, begin, ahead)
+    )
 
 
 def _learn(

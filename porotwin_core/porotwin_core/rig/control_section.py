@@ -1,6 +1,7 @@
 """The section `control` of `rig.yaml`: the control wells, their limits, and the objective."""
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import pydantic
@@ -244,6 +245,29 @@ class Control(Section):
     @classmethod
     def _is_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return check_corners(points) if points else points
+
+    def with_pauses(
+        self, pauses_min: Mapping[str, Sequence[tuple[float, float]]], end_min: float | None
+    ) -> Self:
+        """Return this section with other pauses of the fixed wells, up to another end [min]."""
+        end = math.inf if end_min is None else end_min
+        fixed = {
+            name: well.model_copy(
+                update={
+                    'pauses_min': tuple(
+                        (start, min(stop, end))
+                        for start, stop in pauses_min.get(name, ())
+                        if start < end
+                    )
+                }
+            )
+            for name, well in self.fixed.items()
+        }
+        return self.model_copy(update={'fixed': fixed, 'end_min': end_min})
+
+    def until(self, end_min: float) -> Self:
+        """Return this section for an experiment that ends at `end_min`, with its pauses."""
+        return self.with_pauses({name: w.pauses_min for name, w in self.fixed.items()}, end_min)
 
     def check_wells(self, known: dict[str, Any], *, closed: bool) -> Self:
         """Return `self` after a check: all wells are `known` and each has one role.
