@@ -95,6 +95,15 @@ def test_the_small_rig_is_not_odd() -> None:
             'was this in mm, (0.0235, 0.0235) m or in cm, (0.235, 0.235) m?',
         ),
         ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm, (0.235, 0.235) m?'),
+        ({'wells.turned': {'x_m': 0.2, 'z_m': 0.9}}, 'exchanged? (0.9, 0.2) m lies inside'),
+        (
+            {'width_m': 934, 'control.disallowed_zone_m': [], 'control.zone': {'file': 'no.png'}},
+            'was this in mm',
+        ),
+        (
+            {'control.fixed': {'injector': {'rate_ml_h': 5, 'concentration': 50}}},
+            '50 percent = 0.5',
+        ),
         ({'wells.list': [0.2, 0.3]}, 'write a section'),
         ({'wells.comma': {'x_m': 0, '39': None, 'z_m': 0.2}}, 'a decimal comma'),
         ({'name': 5}, 'put numbers and dates in quotes'),

@@ -38,10 +38,10 @@ def planned_rig(path: Path) -> Rig:
 def _in_words(rig: Rig) -> str:
     """Return in words when the fixed wells of a plan pump, and who chooses all other rates."""
     assert rig.control is not None
-    resting = [
-        f'{name} rests from {", ".join(f"{low:g} to {high:g} min" for low, high in well.pauses_min)}'
+    pauses = {
+        name: ', '.join(f'{low:g} to {high:g} min' for low, high in well.pauses_min)
         for name, well in rig.control.fixed.items()
-        if well.pauses_min
-    ]
+    }
+    resting = [f'{name} rests from {told}' for name, told in pauses.items() if told]
     told = '; '.join(resting) or f'{", ".join(rig.control.fixed) or "no well"} pumps throughout'
     return f'{told}; the twin chooses the rates of all other wells'

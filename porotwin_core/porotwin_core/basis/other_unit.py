@@ -26,6 +26,15 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
 )
 """Endings of keys with other units, the endings that are known, and what one of the unit is."""
 
+PERCENT = 100.0
+"""Largest share that was probably written in percent."""
+
+
+def was_percent(value: float) -> str:
+    """Return "; was this in percent? ..." for a share [-] above 1; empty where it cannot be."""
+    percent = f'{value:g} percent = {value / PERCENT:g}'
+    return f'; was this in percent? {percent}' if 1.0 < value <= PERCENT else ''
+
 
 def in_other_unit(key: str, known: Container[str]) -> str:
     """Return "write 'width_m'; 1 cm is 0.01 m" for the key `width_cm`; empty for other keys."""
