@@ -79,3 +79,17 @@ def test_an_earlier_end_cuts_the_pauses() -> None:
     assert cut.fixed['injector'].pauses_min == ((7.0, 14.0), (21.0, 25.0))
     assert control_of(paused((30.0, 40.0))).until(25.0).fixed['injector'].pauses_min == ()
     Control.model_validate(cut.model_dump(exclude_unset=True))
+
+
+def test_a_producer_limits_the_control_wells_by_the_injectors_that_run_together() -> None:
+    """Two injectors of 500 ml/h alternate: the producer takes 1500 ml/h, never 2000."""
+    two = {
+        'injector': {'rate_ml_h': '12 l/d', 'pauses_min': [[0, 7]]},
+        'other': {'rate_ml_h': 500, 'pauses_min': [[7, 14]]},
+    }
+    told = {'wells': ['control1'], 'producer': 'producer', 'fixed': two, 'end_min': 14,
+            'max_total_rate_ml_h': 1000}  # fmt: skip
+    free = Control.model_validate(told)
+    assert (free.most_fixed_ml_h, free.most_total_ml_h) == (500.0, 1000.0)
+    limited = Control.model_validate({**told, 'max_producer_rate_ml_h': '0.8 l/h'})
+    assert limited.most_total_ml_h == pytest.approx(300.0)

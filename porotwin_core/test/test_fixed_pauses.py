@@ -78,3 +78,13 @@ def test_a_schedule_with_pauses_keeps_its_rests_and_its_end() -> None:
     assert run.at(60.0)['out'].rate == 0.0  # a producer never injects
     assert run.rows[-1].time == 300.0
     assert pauses.in_schedule(run) == run
+
+
+def test_a_well_that_rests_at_the_end_rests_on() -> None:
+    assert RIG.control is not None
+    control = RIG.control.with_pauses({'injector': ((15.0, 20.0), (50.0, 60.0))}, 60.0)
+    pauses = FixedPauses.of(RIG.model_copy(update={'control': control})).since(100.0)
+    assert [bool(pauses.resting(100.0 + 60.0 * minute)) for minute in (14, 16, 30, 59, 70)] == [
+        False, True, False, True, True,
+    ]  # fmt: skip
+    assert pauses.moments(0.0, 1e9) == {1000.0, 1300.0, 3100.0}

@@ -108,6 +108,24 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'wells.comma': {'x_m': 0, '39': None, 'z_m': 0.2}}, 'a decimal comma'),
         ({'name': 5}, 'put numbers and dates in quotes'),
         ({'control.wells': 'injector'}, 'write a list'),
+        (
+            {
+                'control.fixed': {},
+                'control.producer': None,
+                'boundaries': {'left': 'open'},
+                'control.max_producer_rate_ml_h': 9,
+            },
+            'there is no producer',
+        ),
+        (
+            {
+                'control.wells': [],
+                'control.fixed': {'injector': {'rate_ml_h': '1 l/d'}},
+                'control.max_producer_rate_ml_h': 40,
+            },
+            'the fixed wells alone inject 41.6667 ml/h',
+        ),
+        ({'control.max_rate_ml_h': '2 l/week'}, 'write the number alone'),
         ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),
         (
             {'control.min_rate_ml_h': 9, 'control.max_total_rate_ml_h': 8},

@@ -156,7 +156,7 @@ class PumpBridge:
         changed = self._try_failed()
         if not self.faults:
             self._until = until
-            self._apply(wanted)
+            self._apply({**wanted, **self._pauses.all_running(wanted)})
             self._begin_measurement(now)
         if self.faults:
             if not self._answer_faults() and changed:

@@ -27,8 +27,8 @@ class AssetSession:
     """The virtual rig from photograph to photograph.
 
     The session begins with the safe rates. It checks each command against the limits of the rig. A
-    command holds until it expires. The pumps of fixed wells make their announced pauses, which
-    commands do not know, by their own programs.
+    command holds until it expires. The pumps of fixed wells make their announced pauses to the
+    second, by their own programs; commands tell which rest at their time.
 
     Args:
         asset: the virtual rig.
@@ -96,7 +96,7 @@ class AssetSession:
         for moment in [*sorted(self._pauses.moments(self.time, until)), until]:
             span = moment - self.time
             if span > SHORTEST_SPAN_S:
-                self.asset.set_rates(self._pauses.rested(self.time + span / 2.0, rates))
+                self.asset.set_rates(self._pauses.at(self.time + span / 2.0, rates))
                 self.asset.advance(span)
                 parts.append((span, self.asset.measured_rates()))
         return parts

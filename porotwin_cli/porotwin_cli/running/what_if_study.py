@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
@@ -156,7 +157,8 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
         if well in rates:
             raise InputError(f"rates '{text}': names {well} twice; give it one rate")
         try:
-            rate = from_ml_h(float(number))
+            told = rate_in_ml_h(number)
+            rate = from_ml_h(float(number) if told is None else told)
         except ValueError:
             rate = np.nan
         if not (well and equals and np.isfinite(rate)):

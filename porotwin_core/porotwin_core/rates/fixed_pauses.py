@@ -39,14 +39,21 @@ class FixedPauses:
 
     @classmethod
     def of(cls, rig: Rig) -> 'FixedPauses':
-        """Return the pauses in `rig.yaml`, in seconds since the start of the experiment."""
+        """Return the pauses in `rig.yaml`, in seconds since the start of the experiment.
+
+        Whoever rests at its end rests on.
+        """
         fixed = rig.control.fixed if rig.control is not None else {}
         pausing = {name: well for name, well in fixed.items() if well.pauses_min}
         if rig.control is None or not pausing:
             return cls()
+        last = rig.control.end_min
         return cls(
             {
-                name: tuple((MINUTE_S * start, MINUTE_S * end) for start, end in well.pauses_min)
+                name: tuple(
+                    (MINUTE_S * start, math.inf if end == last else MINUTE_S * end)
+                    for start, end in well.pauses_min
+                )
                 for name, well in pausing.items()
             },
             {
@@ -83,13 +90,19 @@ class FixedPauses:
         A well rests in its pauses. Outside them it runs again if `rates` let it rest. The producer
         takes out as much less or more.
         """
-        rested = self.rested(time, rates)
+        return self._running(self.rested(time, rates), self.resting(time))
+
+    def all_running(self, rates: WellRates) -> WellRates:
+        """Return `rates` [m^3/s] with all these wells running, as outside of their pauses."""
+        return self._running(rates, frozenset())
+
+    def _running(self, rates: WellRates, resting: frozenset[str]) -> WellRates:
         stopped = {
             name: usual
             for name, usual in self.running.items()
-            if name not in self.resting(time) and rates.get(name, WellRate()).rate == 0.0
+            if name not in resting and rates.get(name, WellRate()).rate == 0.0
         }
-        return self._changed(rested, stopped)
+        return self._changed(rates, stopped)
 
     def rested(self, time: float, rates: WellRates) -> WellRates:
         """Return the planned `rates` [m^3/s] with the wells at rest that pause at `time` [s].

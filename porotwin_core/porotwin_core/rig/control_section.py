@@ -9,7 +9,14 @@ from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
-from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
+from porotwin_core.rig.numbers import (
+    NotNegative,
+    NotNegativeRate,
+    Positive,
+    PositiveRate,
+    Rate,
+    Share,
+)
 from porotwin_core.rig.sections import Point, Section, ZoneFile, check_corners, refuse_files
 
 DEFAULT_OBJECTIVE = 'keep_out'
@@ -32,7 +39,7 @@ LONGEST_EXPERIMENT_MIN = LONGEST_EXPERIMENT_S / MINUTE_S
 class FixedWell(Section):
     """A well whose rate the twin does not change; it injects `concentration` (0 water, 1 stock)."""
 
-    rate_ml_h: Number = Field(description='rate [ml/h]; positive injects, negative produces')
+    rate_ml_h: Rate = Field(description='rate [ml/h]; positive injects, negative produces')
     concentration: Share = Field(
         0.0, description='concentration of the injected water: 0 water, 1 tracer stock'
     )
@@ -117,17 +124,22 @@ class Control(Section):
     fixed: dict[str, FixedWell] = Field(
         default_factory=dict, description='wells whose rates the twin does not change, by name'
     )
-    max_rate_ml_h: Positive = Field(500.0, description='largest rate of one control well [ml/h]')
-    max_total_rate_ml_h: Positive = Field(
+    max_rate_ml_h: PositiveRate = Field(
+        500.0, description='largest rate of one control well [ml/h]'
+    )
+    max_total_rate_ml_h: PositiveRate = Field(
         500.0, description='largest sum of the rates of the control wells [ml/h]'
     )
-    rate_step_ml_h: Positive = Field(
+    max_producer_rate_ml_h: PositiveRate | None = Field(
+        None, description='largest rate that the producer takes out [ml/h]; default: no limit'
+    )
+    rate_step_ml_h: PositiveRate = Field(
         PUMP_STEP_ML_H, description='rates are multiples of it, as the pumps are set [ml/h]'
     )
-    min_rate_ml_h: NotNegative = Field(
+    min_rate_ml_h: NotNegativeRate = Field(
         0.0, description='smallest rate of a control well that pumps [ml/h]'
     )
-    max_change_ml_h: Positive | None = Field(
+    max_change_ml_h: PositiveRate | None = Field(
         None, description='largest change of one rate from one setpoint to the next [ml/h]'
     )
     change_cost_ml_min: NotNegative = Field(
@@ -202,6 +214,36 @@ class Control(Section):
                         f'fixed.{name}.pauses_min: a pause from {start:g} to {end:g} min ends '
                         f'after end_min {self.end_min:g}; correct one of them'
                     )
+        return self
+
+    @property
+    def most_fixed_ml_h(self) -> float:
+        """The largest sum of the rates of the fixed wells [ml/h], by their pauses."""
+        edges = {edge for w in self.fixed.values() for pause in w.pauses_min for edge in pause}
+        last = math.inf if self.end_min is None else self.end_min
+        return max(
+            math.fsum(w.rate_ml_h for w in self.fixed.values() if not w.is_paused(minute))
+            for minute in (0.0, *edges)
+            if minute < last
+        )
+
+    @property
+    def most_total_ml_h(self) -> float:
+        """The largest sum of the rates of the control wells that the producer can take [ml/h]."""
+        if self.max_producer_rate_ml_h is None:
+            return self.max_total_rate_ml_h
+        return min(self.max_total_rate_ml_h, self.max_producer_rate_ml_h - self.most_fixed_ml_h)
+
+    @pydantic.model_validator(mode='after')
+    def _spares_the_producer(self) -> Self:
+        most = self.max_producer_rate_ml_h
+        if most is not None and self.producer is None:
+            raise ValueError('max_producer_rate_ml_h: there is no producer; name one, or remove it')
+        if most is not None and self.most_fixed_ml_h > most:
+            raise ValueError(
+                f'max_producer_rate_ml_h {most:g}: the fixed wells alone inject '
+                f'{self.most_fixed_ml_h:g} ml/h, which {self.producer} must take out; correct one'
+            )
         return self
 
     @pydantic.model_validator(mode='after')

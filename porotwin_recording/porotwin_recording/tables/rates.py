@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.other_unit import was_percent
+from porotwin_core.basis.other_unit import rate_in_ml_h, was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
@@ -60,7 +60,9 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
     well = words[1]
     if well not in wells:
         raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")
-    rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
+    rate_ml_h = rate_in_ml_h(words[2])
+    if rate_ml_h is None:
+        rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
     if rate_ml_h > 0 and not words[3]:
         raise InputError(
             f"{where}: well '{well}' injects but its concentration is empty; "
