@@ -93,3 +93,14 @@ def test_a_producer_limits_the_control_wells_by_the_injectors_that_run_together(
     assert (free.most_fixed_ml_h, free.most_total_ml_h) == (500.0, 1000.0)
     limited = Control.model_validate({**told, 'max_producer_rate_ml_h': '0.8 l/h'})
     assert limited.most_total_ml_h == pytest.approx(300.0)
+
+
+def test_cycles_are_pauses_until_the_end() -> None:
+    """The canal tank: two injectors that alternate every 7 min."""
+    cycle = {'rate_ml_h': 500, 'concentration': 1, 'on_min': 7, 'every_min': 14}
+    fixed = {'injector': cycle, 'other': {**cycle, 'from_min': 7}}
+    told = {'wells': [], 'producer': 'producer', 'fixed': fixed, 'end_min': 63}
+    control = Control.model_validate(told)
+    assert control.fixed['injector'].pauses_min == ((7, 14), (21, 28), (35, 42), (49, 56))
+    assert control.fixed['other'].pauses_min == ((0, 7), (14, 21), (28, 35), (42, 49), (56, 63))
+    assert Control.model_validate(control.model_dump(exclude_defaults=True)) == control

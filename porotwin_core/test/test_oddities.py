@@ -126,6 +126,23 @@ def test_the_small_rig_is_not_odd() -> None:
             'the fixed wells alone inject 41.6667 ml/h',
         ),
         ({'control.max_rate_ml_h': '2 l/week'}, 'write the number alone'),
+        *(
+            (
+                {
+                    'control.wells': [],
+                    'control.end_min': end,
+                    'control.fixed': {'injector': {'rate_ml_h': 5, **cycles}},
+                },
+                named,
+            )
+            for end, cycles, named in (
+                (60, {'on_min': 7}, 'cycles need on_min and a longer every_min'),
+                (60, {'on_min': 7, 'every_min': 5}, 'a longer every_min'),
+                (60, {'on_min': 7, 'every_min': 9, 'pauses_min': [[1, 2]]}, 'keep one'),
+                (None, {'on_min': 7, 'every_min': 9}, 'cycles need the end of the experiment'),
+                (60, {'on_min': 1e-6, 'every_min': 1e-5}, 'take at most 10000'),
+            )
+        ),
         ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),
         (
             {'control.min_rate_ml_h': 9, 'control.max_total_rate_ml_h': 8},

@@ -35,6 +35,9 @@ STEP_ROUND_OFF = 1e-6
 LONGEST_EXPERIMENT_MIN = LONGEST_EXPERIMENT_S / MINUTE_S
 """Longest experiment [min]."""
 
+MOST_CYCLES = 10_000
+"""Most cycles of one well: one a minute for a week."""
+
 
 class FixedWell(Section):
     """A well whose rate the twin does not change; it injects `concentration` (0 water, 1 stock)."""
@@ -46,6 +49,42 @@ class FixedWell(Section):
     pauses_min: tuple[tuple[NotNegative, Positive], ...] = Field(
         (), description='announced pauses: start and end of each after the start [min]'
     )
+
+    on_min: Positive | None = Field(
+        None, description='instead of pauses_min: how long it pumps in each cycle [min]'
+    )
+    every_min: Positive | None = Field(
+        None, description='length of a cycle with on_min [min], until control.end_min'
+    )
+    from_min: NotNegative = Field(
+        0.0, description='begin of the first cycle with on_min [min]; it rests before'
+    )
+
+    @pydantic.model_validator(mode='after')
+    def _has_whole_cycles(self) -> Self:
+        if self.on_min is None and self.every_min is None:
+            return self
+        if self.on_min is None or self.every_min is None or self.on_min >= self.every_min:
+            raise ValueError('cycles need on_min and a longer every_min, such as 7 and 14')
+        if self.pauses_min:
+            raise ValueError('pauses_min and on_min both tell when it rests; keep one')
+        return self
+
+    def with_cycles_as_pauses(self, end_min: float) -> Self:
+        """Return this well with the pauses of its cycles up to `end_min`."""
+        if self.on_min is None or self.every_min is None:
+            return self
+        cycles = math.ceil((end_min - self.from_min) / self.every_min)
+        if cycles > MOST_CYCLES:
+            raise ValueError(
+                f'{cycles} cycles of {self.every_min:g} min: take at most {MOST_CYCLES}'
+            )
+        begins = [self.from_min + number * self.every_min for number in range(cycles)]
+        rests = [(0.0, self.from_min)] if self.from_min else []
+        rests += [(begin + self.on_min, begin + self.every_min) for begin in begins]
+        pauses = tuple((low, min(high, end_min)) for low, high in rests if low < end_min)
+        told = {'on_min': None, 'every_min': None, 'from_min': 0.0, 'pauses_min': pauses}
+        return self.model_copy(update=told)
 
     @pydantic.model_validator(mode='after')
     def _injects_what_has_a_concentration(self) -> Self:
@@ -175,6 +214,18 @@ class Control(Section):
         if isinstance(value, ObjectiveDescription):
             return value
         raise ValueError('give a name, or {name: keep_in, zone_m: [...]}')
+
+    @pydantic.model_validator(mode='after')
+    def _cycles_are_pauses(self) -> Self:
+        """Turn cycles into pauses, which all others know."""
+        cyclic = [name for name, well in self.fixed.items() if well.every_min is not None]
+        if cyclic and self.end_min is None:
+            raise ValueError(f'fixed.{cyclic[0]}: cycles need the end of the experiment, end_min')
+        if cyclic and self.end_min is not None:
+            wells = self.fixed.items()
+            fixed = {name: well.with_cycles_as_pauses(self.end_min) for name, well in wells}
+            object.__setattr__(self, 'fixed', fixed)
+        return self
 
     @pydantic.model_validator(mode='after')
     def _rates_can_be_set(self) -> Self:
