@@ -14,6 +14,7 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
+from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
@@ -289,9 +290,22 @@ def in_words(checked: CheckedRig) -> list[str]:
     lines += control_words(checked.rig)
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
+    if (balance := balance_of(checked)) is not None:
+        lines.append(f'water while the wells pump most, {balance}')
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def balance_of(checked: CheckedRig) -> WaterBalance | None:
+    """Return the water balance while the wells pump most; None without moving water."""
+    if not checked.runs:
+        return None
+    rig, data = checked.rig, checked.data
+    rates = (data and data.known_rates) or uncontrolled_rates(rig)
+    if not (rates.busiest or not resting_water(rig)):
+        return None
+    return water_balance(rig, checked.grid, rates.busiest)
 
 
 def fixed_wells_in_words(rig: Rig) -> list[str]:

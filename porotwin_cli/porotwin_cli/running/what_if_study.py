@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -18,7 +19,7 @@ from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
 from porotwin_core.rates.rates_in_force import RatePeriod
-from porotwin_core.rates.wells import RateStep, WellRate, planned_rates
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, planned_rates
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_hub.control.setpoint_limits import Limits
@@ -102,6 +103,10 @@ class WhatIfStudy:
     def has_zone(self) -> bool:
         """Whether the objective has a zone where no tracer must be."""
         return bool(np.isfinite(self.seen_tracer).all())
+
+    def balance(self, rates: WellRates) -> WaterBalance | None:
+        """Return the water balance at `rates` [m^3/s] on the grid of the siblings."""
+        return water_balance(self.rig, self.grid, rates)
 
     @property
     def time_unit(self) -> TimeUnit:
