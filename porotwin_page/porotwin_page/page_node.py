@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age
@@ -103,6 +104,9 @@ class PageNode(TwinNode):
         self._simulated = self.simulated
         self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
+        self._knows_rig = bool(rig)
+        if self._simulated:
+            self._store.update(graph_snapshot.with_began, 0.0)
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
         preparation = declare(self, 'preparation', '', 'text on the work before the graph runs')
@@ -178,6 +182,7 @@ class PageNode(TwinNode):
     def _make_subscriptions(self) -> None:
         for message_type, topic, callback, profile in (
             (RigDescription, 'rig/description', self._on_rig, qos.CONFIG),
+            (Header, 'asset/experiment', self._on_experiment, qos.CONFIG),
             (NewState, 'asset/new_state', self._on_new_state, qos.FIELD),
             (CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD),
             (TracerField, 'tracer/predicted', self._on_predicted, qos.FIELD),
@@ -209,7 +214,11 @@ class PageNode(TwinNode):
         return self.now() or None
 
     def _on_rig(self, message: RigDescription) -> None:
-        self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
+        if not self._knows_rig:  # the message tells no pauses, the file does
+            self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
+
+    def _on_experiment(self, message: Header) -> None:
+        self._store.update(graph_snapshot.with_began, conversions.time_from_msg(message.stamp))
 
     def _map(self, message: TracerField) -> graph_snapshot.Map:
         concentration, grid = conversions.tracer_from_msg(message)
