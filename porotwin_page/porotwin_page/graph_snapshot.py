@@ -238,6 +238,7 @@ class Health:
         arrival: time of the last report of the node itself, on this machine's steady clock [s].
         present: whether the node is in the graph; None if it never was.
         gap: time between its last two reports [s]; 0 before the second one.
+        ended: whether it said that it leaves, because its work is over.
     """
 
     level: Level
@@ -245,6 +246,7 @@ class Health:
     arrival: float
     present: bool | None = None
     gap: float = 0.0
+    ended: bool = False
 
 
 @dataclass(frozen=True)

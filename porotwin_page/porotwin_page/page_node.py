@@ -20,7 +20,15 @@ from porotwin_core.rig import load_rig
 from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, TwinNode, declare, hardware_id, run
+from porotwin_core.ros.node import (
+    DIAGNOSTICS,
+    ENDED,
+    Diagnostics,
+    TwinNode,
+    declare,
+    hardware_id,
+    run,
+)
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_msgs.msg import (
     CleanState,
@@ -348,7 +356,9 @@ class PageNode(TwinNode):
         now = time.monotonic()
         for status in message.status:
             level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
-            report = graph_snapshot.Health(level, in_short(status.message), now)
+            ended = any(item.key == ENDED for item in status.values)
+            text = in_short(status.message)
+            report = graph_snapshot.Health(level, text, now, ended=ended)
             name = status.name.rpartition('/')[2]
             if status.hardware_id != hardware_id(self):
                 name = f'{status.hardware_id or "another device"}: {name}'
