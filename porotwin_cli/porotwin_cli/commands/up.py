@@ -100,6 +100,7 @@ def command(
     from porotwin_hub.launching.graph import live_graph, named_nodes
     from porotwin_hub.launching.network import network_of
     from porotwin_imaging.sources.source_registry import check_source
+    from porotwin_imaging.tracer.calibration import copy_calibration
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
@@ -155,6 +156,8 @@ def command(
             diagnoses=folder / 'diagnoses' if diagnosis else None,
             page_token=folder / 'page_token' if page else None,
         )
+        if settings.calibration is not None:
+            copy_calibration(settings.calibration, folder / 'calibration')
         say(f'{rig_file}: copied into {folder / "rig"}; changes act from the next start on')
         run_until_stopped(settings, folder)
     begun = settings.record is not None and settings.record.exists()
