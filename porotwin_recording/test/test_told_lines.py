@@ -35,7 +35,7 @@ def test_the_run_in_which_a_pump_failed_is_found_with_its_time(tmp_path: Path) -
         ],
     )
     found = lines_about(tmp_path / 'bag', 'CONTROL2')
-    assert [(line.time_s, line.text, line.count) for line in found] == [
+    assert [(line.time_s, line.text, line.times) for line in found] == [
         (60.0, DEAD, 2),
         (100.0, 'pumps: the pump of Control2 stalled', 1),
     ]

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
@@ -97,7 +98,7 @@ def _flux(physics: Physics, rates: WellRates) -> FaceField:
     return by_wells if background is None else by_wells + background
 
 
-def _within(corners: object, grid: Grid) -> FloatArray:
+def _within(corners: object, grid: Grid) -> NDArray[np.bool_]:
     """Return True in the cells (nz, nx) whose centre lies in the polygon."""
     x, z = np.meshgrid(grid.x, grid.z)
     points = np.column_stack([x.ravel(), z.ravel()])

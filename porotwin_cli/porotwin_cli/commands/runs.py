@@ -109,7 +109,7 @@ def command(
         for remark in entry.remarks:
             say(remark)
         for line in told.get(entry.path, []):
-            times = f' ({line.count} times)' if line.count > 1 else ''
+            times = f' ({line.times} times)' if line.times > 1 else ''
             when = clock_words(max(line.time_s, 0.0))
             print(f'{_name(entry.path, folder)}, {when}: {line.text}{times}')
 

@@ -1,4 +1,4 @@
-"""Two runs beside each other: what was different, and what came of it."""
+"""Two runs beside each other: their differences and their results."""
 
 import math
 from contextlib import suppress
@@ -93,7 +93,7 @@ def _zone_figures(run: Recording) -> dict[str, float]:
 
 
 def _cycle_figures(source: Path) -> dict[str, Any]:
-    """Return what the hub reported; nothing where no twin ran."""
+    """Return figures from the reports of the hub; none without a twin."""
     with suppress(InputError):
         account = read_account(source)
         errors = np.array(account.corrected_error)

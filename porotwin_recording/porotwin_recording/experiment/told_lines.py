@@ -22,7 +22,7 @@ class ToldLine(NamedTuple):
 
     time_s: float
     text: str
-    count: int
+    times: int
 
 
 def lines_about(bag: Path, words: str) -> list[ToldLine]:
