@@ -18,6 +18,14 @@ sys.path[:0] = [str(ROOT / 'tests'), str(ROOT / 'tests' / 'fixtures')]
 from faults.fault import Fault, all_faults  # noqa: E402  the folder of tests is no package
 from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402
 
+from porotwin_core.basis.units import percent  # noqa: E402
+from porotwin_hub.estimation.pump_watch import (  # noqa: E402
+    MOST_SHARE,
+    STOPPED_SHARE,
+    TESTS_IN_TURN,
+    WATCH_S,
+)
+
 HEAD = f"""\
 # Faults
 
@@ -36,7 +44,7 @@ The signs name their place:
 
 These rules hold for every fault:
 
-- A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s.
+- A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s; a weak pump takes longer.
 - After the remedy the twin sets rates again within {CYCLES} cycles.
 - No setpoint follows from a bad photograph or message.
 - Every setpoint keeps the limits of `rig.yaml`.
@@ -45,6 +53,31 @@ These rules hold for every fault:
 moments. `./porotwin bench fuzz` sends damaged files to all readers, and random words to a running
 graph and its page.
 """
+
+TABLE = ('| fault | sign | reaction of the twin | remedy |', '| --- | --- | --- | --- |')
+
+PUMPS = (
+    (
+        f'A pump without a meter delivers at most {percent(MOST_SHARE)} of its rate.',
+        'hub/cycle: "seems to deliver about", with its well',
+        f'Tells it after {TESTS_IN_TURN} tests in turn, one each {WATCH_S:g} s. States and plans '
+        'use the share ([control.md](control.md#a-pump-that-stops-without-a-meter)).',
+        'check pump and tube',
+    ),
+    (
+        f'It stops, or delivers less than {percent(STOPPED_SHARE)}.',
+        'hub/cycle: "seems to deliver nothing", with its well',
+        'The same. The plan goes on without it.',
+        'mend it: two photographs take the belief back',
+    ),
+    (
+        'The photographs hold less tracer than the meters tell.',
+        'hub/cycle: "does the pump of", with the wells of tracer',
+        'Tells the volumes. Control continues.',
+        'weigh the stock',
+    ),
+)
+"""Faults that take minutes of photographs; the tests of the hub inject them."""
 
 
 def rows(faults: Iterable[Fault]) -> Iterator[str]:
@@ -69,14 +102,14 @@ def _cell(text: str) -> str:
 
 def page() -> str:
     """Return the whole document."""
-    parts = [HEAD]
+    pumps = ['## Pumps\n', *TABLE, *(f'| {" | ".join(row)} |' for row in PUMPS), '']
+    parts = [HEAD, '\n'.join(pumps)]
     for group, faults in groupby(all_faults(), key=lambda fault: fault.group):
         parts.append(
             '\n'.join(
                 [
                     f'## {group}\n',
-                    '| fault | sign | reaction of the twin | remedy |',
-                    '| --- | --- | --- | --- |',
+                    *TABLE,
                     *rows(faults),
                     '',
                 ]

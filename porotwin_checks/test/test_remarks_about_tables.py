@@ -73,6 +73,14 @@ def test_rates_that_the_control_section_does_not_allow_are_odd() -> None:
     assert [remark.why for remark in found] == ['control.fixed says 523.2 ml/h']
 
 
+def test_a_producer_that_injects_is_odd() -> None:
+    data = recording()
+    rows = (*data.commanded.rows, ScheduleRow(0.0, 'out', WellRate(from_ml_h(500.0))))
+    data = replace(data, rig=with_control(), commanded=Schedule(rows))
+    (found,) = (one for one in found_in(data) if one.code == 'rate_limits')
+    assert (found.key, 'minus' in found.why) == ('rates.csv: well out', True)
+
+
 def test_a_chase_with_water_at_another_rate_is_not_odd() -> None:
     data = recording()
     chase = ScheduleRow(60.0, 'in', WellRate(from_ml_h(90.0), 0.0))

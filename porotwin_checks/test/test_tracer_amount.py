@@ -109,8 +109,12 @@ def test_unknown_rates_contradict_nothing() -> None:
     ],
 )
 def test_a_predicted_volume_is_compared_both_ways(held: float, pumped: float, code: str) -> None:
-    told = amount_remark(held / ML, pumped / ML, RIG.pore_volume, 'the photograph')
+    rates = Schedule(
+        (ScheduleRow(0.0, 'dye', WellRate(1e-7, 1.0)), ScheduleRow(0.0, 'water', WellRate(1e-7)))
+    )
+    told = amount_remark(held / ML, pumped / ML, RIG.pore_volume, 'the photograph', rates)
     assert ('' if told is None else told.code) == code
+    assert told is None or told.facts['wells'] == 'dye'
 
 
 def test_volumes_that_clean_sand_shows_are_no_tracer() -> None:
@@ -121,5 +125,7 @@ def test_volumes_that_clean_sand_shows_are_no_tracer() -> None:
     """
     noise = 0.0043 * RIG.pore_volume
     assert noise > 3.0 / ML
-    assert amount_remark(noise, 0.0, RIG.pore_volume, 'the photograph') is None
-    assert amount_remark(3.0 * noise, 0.0, RIG.pore_volume, 'the photograph') is not None
+    assert amount_remark(noise, 0.0, RIG.pore_volume, 'the photograph', Schedule()) is None
+    assert (
+        amount_remark(3.0 * noise, 0.0, RIG.pore_volume, 'the photograph', Schedule()) is not None
+    )

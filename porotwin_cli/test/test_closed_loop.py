@@ -1,7 +1,5 @@
 """The demo on another rig than the paper's: its needs and its choices."""
 
-from pathlib import Path
-
 import pytest
 
 from porotwin_cli.running.closed_loop import DemoSettings, check_rig, usual_minutes
@@ -47,5 +45,5 @@ def test_another_rig_is_controlled_from_the_start_until_its_end() -> None:
     assert usual_minutes(None, hidden=False) == 30.0
     assert usual_minutes(RIG, hidden=False) == 80.0
     assert usual_minutes(with_control(end_min=45.0), hidden=True) == 45.0
-    settings = DemoSettings(20.0, 'max', 7, False, 'fast', 1600, '', rig=Path('rig.yaml'))
+    settings = DemoSettings(20.0, 'max', 7, False, 'fast', 1600, '', rig=RIG)
     assert settings.start_minute == 0.0

@@ -7,7 +7,7 @@ import pytest
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.rates_in_force import same_rates
 from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import RateStep, WellRate, net_rate
+from porotwin_core.rates.wells import RateStep, Schedule, ScheduleRow, WellRate, net_rate
 from porotwin_core.rig import load_rig
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
@@ -62,3 +62,29 @@ def test_a_plan_is_divided_by_the_pauses() -> None:
     assert [step.rates['injector'].rate == 0.0 for step in plan] == [False, True, False]
     early = paused(1.0, 2.0).in_plan([RateStep(0.0, safe)], 30.0, 20.0)
     assert early == (RateStep(0.0, safe),)
+
+
+def test_a_schedule_with_pauses_keeps_its_rests_and_its_end() -> None:
+    stock, rest = WellRate(1e-7, 1.0), WellRate()
+    pauses = FixedPauses({'a': ((60.0, 120.0),)}, {'a': stock}, 'out')
+    rows = (
+        (0.0, 'a', stock),
+        (0.0, 'out', WellRate(-3e-8)),
+        (180.0, 'a', rest),
+        (300.0, 'a', rest),
+    )
+    run = pauses.in_schedule(Schedule(tuple(ScheduleRow(*row) for row in rows)))
+    assert [run.at(time)['a'].rate for time in (0.0, 60.0, 120.0, 180.0)] == [1e-7, 0.0, 1e-7, 0.0]
+    assert run.at(60.0)['out'].rate == 0.0  # a producer never injects
+    assert run.rows[-1].time == 300.0
+    assert pauses.in_schedule(run) == run
+
+
+def test_a_well_that_rests_at_the_end_rests_on() -> None:
+    assert RIG.control is not None
+    control = RIG.control.with_pauses({'injector': ((15.0, 20.0), (50.0, 60.0))}, 60.0)
+    pauses = FixedPauses.of(RIG.model_copy(update={'control': control})).since(100.0)
+    assert [bool(pauses.resting(100.0 + 60.0 * minute)) for minute in (14, 16, 30, 59, 70)] == [
+        False, True, False, True, True,
+    ]  # fmt: skip
+    assert pauses.moments(0.0, 1e9) == {1000.0, 1300.0, 3100.0}

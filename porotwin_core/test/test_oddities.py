@@ -95,10 +95,54 @@ def test_the_small_rig_is_not_odd() -> None:
             'was this in mm, (0.0235, 0.0235) m or in cm, (0.235, 0.235) m?',
         ),
         ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm, (0.235, 0.235) m?'),
+        ({'wells.turned': {'x_m': 0.2, 'z_m': 0.9}}, 'exchanged? (0.9, 0.2) m lies inside'),
+        (
+            {'width_m': 934, 'control.disallowed_zone_m': [], 'control.zone': {'file': 'no.png'}},
+            'was this in mm',
+        ),
+        (
+            {'control.fixed': {'injector': {'rate_ml_h': 5, 'concentration': 50}}},
+            '50 percent = 0.5',
+        ),
         ({'wells.list': [0.2, 0.3]}, 'write a section'),
         ({'wells.comma': {'x_m': 0, '39': None, 'z_m': 0.2}}, 'a decimal comma'),
         ({'name': 5}, 'put numbers and dates in quotes'),
         ({'control.wells': 'injector'}, 'write a list'),
+        (
+            {
+                'control.fixed': {},
+                'control.producer': None,
+                'boundaries': {'left': 'open'},
+                'control.max_producer_rate_ml_h': 9,
+            },
+            'there is no producer',
+        ),
+        (
+            {
+                'control.wells': [],
+                'control.fixed': {'injector': {'rate_ml_h': '1 l/d'}},
+                'control.max_producer_rate_ml_h': 40,
+            },
+            'the fixed wells alone inject 41.6667 ml/h',
+        ),
+        ({'control.max_rate_ml_h': '2 l/week'}, 'write the number alone'),
+        *(
+            (
+                {
+                    'control.wells': [],
+                    'control.end_min': end,
+                    'control.fixed': {'injector': {'rate_ml_h': 5, **cycles}},
+                },
+                named,
+            )
+            for end, cycles, named in (
+                (60, {'on_min': 7}, 'cycles need on_min and a longer every_min'),
+                (60, {'on_min': 7, 'every_min': 5}, 'a longer every_min'),
+                (60, {'on_min': 7, 'every_min': 9, 'pauses_min': [[1, 2]]}, 'keep one'),
+                (None, {'on_min': 7, 'every_min': 9}, 'cycles need the end of the experiment'),
+                (60, {'on_min': 1e-6, 'every_min': 1e-5}, 'take at most 10000'),
+            )
+        ),
         ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),
         (
             {'control.min_rate_ml_h': 9, 'control.max_total_rate_ml_h': 8},

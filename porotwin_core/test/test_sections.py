@@ -97,8 +97,35 @@ def test_impossible_water_is_refused(water, others, complaint) -> None:
 
 
 def test_a_level_in_another_unit_is_odd_or_refused() -> None:
-    water = {'a': {'side': 'left', 'head_m': 0.9}, 'b': {'side': 'right', 'head_m': 0.5}}
+    water = {'a': {'side': 'left', 'head_m': 0.9}, 'b': {'side': 'right', 'head_m': 0.51}}
     (remark,) = remarks_about(rig_with(water))
     assert remark.key == 'water.a.head_m'
     with pytest.raises(InputError, match='is it in cm'):
         rig_with({**water, 'a': {'side': 'left', 'head_m': 45.2}})
+
+
+SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
+
+
+@pytest.mark.parametrize(
+    ('water', 'others', 'odd'),
+    [
+        (WATER, {}, []),
+        ({'low': {**WATER['canal'], 'head_m': 0.43}, 'sea': SEA}, {}, ['water.low.head_m']),
+        ({'below': {**SEA, 'from_m': 0.1, 'head_m': 0.05}}, {}, ['water.below.head_m']),
+        ({'above': {'side': 'top', 'head_m': 0.5}}, {}, ['water.above.head_m']),
+        ({'partly': {**SEA, 'head_m': 0.3}}, {}, ['water.partly.head_m']),
+        ({'partly': {**SEA, 'head_m': 0.3}}, TABLE, []),
+        ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
+        (
+            {'rain': WATER['rain']},
+            {
+                **TABLE,
+                'boundaries': {'top': 'closed', 'left': 'open', 'heads_m': {'left': -0.2}},
+            },
+            ['boundaries.heads_m', 'boundaries.heads_m.left', 'wells.ink'],
+        ),
+    ],
+)
+def test_water_that_misses_its_place_is_odd(water, others, odd) -> None:
+    assert [one.key for one in remarks_about(rig_with(water, **others))] == odd

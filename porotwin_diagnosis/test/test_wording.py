@@ -12,6 +12,13 @@ def test_parameters_are_stated_in_units_of_the_laboratory():
     assert value('leak', 'rate', 12.0) == '12 ml/h'
 
 
+def test_a_signal_that_would_be_gone_within_an_hour_changes_by_the_minute():
+    told = {'drift': {'value': -1.69 / 3600.0}, 'gradient': {'value': 0.0}}
+    assert '2.83 %/min' in phrase('illumination', told)
+    slow = {**told, 'drift': {'value': 0.16 / 3600.0}}
+    assert '16 %/h' in phrase('illumination', slow)
+
+
 def test_an_interval_is_written_to_two_digits_of_its_width():
     entry = {'value': 0.0494, 'low': 0.0471, 'high': 0.0518, 'unit': 'm'}
     assert interval('heterogeneity', 'radius', entry) == ('49.4 mm', '47.1 … 51.8 mm')

@@ -52,6 +52,11 @@ class Guard:
         self._total_ml_h = rig.control.max_total_rate_ml_h if rig.control else 0.0
         self._control_wells = rig.control.wells if rig.control else ()
         self._ranges_ml_h = _ranges_ml_h(rig)
+        self._pausing = frozenset(
+            name
+            for name, well in (rig.control.fixed if rig.control else {}).items()
+            if well.pauses_min
+        )
         self._step_ml_h = rig.control.rate_step_ml_h if rig.control else 0.0
         self._least_ml_h = rig.control.min_rate_ml_h if rig.control else 0.0
         self._change_ml_h = (rig.control and rig.control.max_change_ml_h) or math.inf
@@ -89,6 +94,8 @@ class Guard:
             raise InputError(f'it must name every well of rig.yaml and no other; see {odd}')
         for name, (low, high) in self._ranges_ml_h.items():
             well, rate_ml_h = rates[name], to_ml_h(rates[name].rate)
+            if name in self._pausing and abs(rate_ml_h) <= ROUND_OFF_ML_H:
+                continue  # the guard does not know when the experiment began
             if not low - ROUND_OFF_ML_H <= rate_ml_h <= high + ROUND_OFF_ML_H:
                 raise InputError(
                     f"well '{name}': {rate_ml_h:g} ml/h; rig.yaml allows {low:g} to {high:g} ml/h"
@@ -176,5 +183,9 @@ def _ranges_ml_h(rig: Rig) -> dict[str, tuple[float, float]]:
     ranges |= {name: (well.rate_ml_h, well.rate_ml_h) for name, well in control.fixed.items()}
     if control.producer is not None:
         fixed_ml_h = math.fsum(well.rate_ml_h for well in control.fixed.values())
-        ranges[control.producer] = (-max(control.max_total_rate_ml_h + fixed_ml_h, 0.0), 0.0)
+        most_ml_h = max(control.max_total_rate_ml_h + fixed_ml_h, 0.0)
+        ranges[control.producer] = (
+            -min(most_ml_h, control.max_producer_rate_ml_h or math.inf),
+            0.0,
+        )
     return ranges | dict.fromkeys(rig.wells.keys() - ranges.keys(), (0.0, 0.0))

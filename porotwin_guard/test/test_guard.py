@@ -238,3 +238,16 @@ def test_any_times_pass_or_are_refused_in_one_line(stamp: float, valid_until: fl
     else:
         assert valid_until >= NOW - 1e-6
         assert valid_until - stamp <= 90.0 + 1e-5
+
+
+def test_a_pausing_well_may_rest_and_a_producer_takes_out_no_more_than_it_may() -> None:
+    assert RIG.control is not None
+    control = RIG.control.with_pauses({'injector': ((7.0, 14.0),)}, None)
+    control = control.model_copy(update={'max_producer_rate_ml_h': 600.0})
+    subject = Guard(RIG.model_copy(update={'control': control}), photo_interval=30.0)
+    resting = rates(100.0, injector=0.0, producer=-100.0)
+    subject.check(request(rates=resting), now=NOW)
+    assert "well 'injector'" in refusal(guard(), request(rates=resting))
+    half = rates(100.0, injector=250.0, producer=-350.0)
+    assert "well 'injector'" in refusal(subject, request(rates=half))
+    assert 'allows -600 to 0 ml/h' in refusal(subject, request(rates=rates(101.0)))

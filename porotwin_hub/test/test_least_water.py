@@ -8,7 +8,7 @@ import pytest
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objectives.objective import Objective
+from porotwin_hub.objectives.objective import Objective, WeightedSum
 from porotwin_hub.objectives.objective_registry import make_objective
 
 
@@ -40,3 +40,4 @@ def test_a_sum_weighs_its_parts(unit_rig: dict[str, Any], square: FloatArray) ->
     (term,), (part,) = both.terms(0.0, 60.0), alone.terms(0.0, 60.0)
     assert term.value(full) == pytest.approx(2.0 * part.value(full))
     assert both.goal == 'least tracer outside the zone, little water'
+    assert WeightedSum(((1.0, both), (1.0, both))).goal == both.goal

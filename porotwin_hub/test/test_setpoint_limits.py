@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import WellRate, net_rate
+from porotwin_core.rig import Rig
+from porotwin_hub.control.setpoint_limits import Limits
 
 ANYTHING = st.lists(
     st.one_of(st.floats(-1.0, 1.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300])),
@@ -112,3 +114,14 @@ def test_the_concentration_of_a_well_that_does_not_inject_breaks_no_limit() -> N
     rates = LIMITS.safe()
     rates |= {'control1': WellRate(0.0, 1.0), 'producer': WellRate(rates['producer'].rate, 1.0)}
     assert LIMITS.violations(rates) == []
+
+
+def test_the_producer_takes_out_no_more_than_it_may(small_rig: Rig) -> None:
+    assert small_rig.control is not None
+    control = small_rig.control.model_copy(update={'max_producer_rate_ml_h': 600.0})
+    limits = Limits.of(small_rig.model_copy(update={'control': control}))
+    found = limits.setpoint(np.full(len(limits.wells), limits.max_rate))
+    assert to_ml_h(found['producer'].rate) == pytest.approx(-600.0, abs=0.5)
+    assert limits.violations(found) == []
+    more = {**found, 'producer': WellRate(from_ml_h(-601.0))}
+    assert any('takes out at most 600 ml/h' in line for line in limits.violations(more))

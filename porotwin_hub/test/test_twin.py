@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
-from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_core.rates.wells import WellRate, WellRates, net_rate
 from porotwin_core.rig import EffectDescription
 from porotwin_hub.control.controller import Controller
 from porotwin_hub.control.optimisation import Decision
@@ -473,3 +474,20 @@ def test_without_control_other_rates_are_predicted_again_too(
     seen = toy_model.predict(np.full(SHAPE, 0.1), pushing(300.0), 30.0)
     cycle = twin.cycle(Observation(30.0, seen), [KnownRates(0.0, 30.0, pushing(300.0))])
     assert cycle.prediction_error < 1e-12
+
+
+def test_a_setpoint_lets_the_wells_rest_that_pause(
+    toy_model: ToyModel, toy_controller: Controller, toy_limits: Limits
+) -> None:
+    pauses = FixedPauses({'injector': ((45.0, 75.0),)}, toy_limits.fixed, toy_limits.producer)
+    limits = replace(toy_limits, pausing=frozenset({'injector'}))
+    controller = replace(toy_controller, limits=limits)
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, controller=controller, pauses=pauses)
+    found = {}
+    for time in (0.0, 30.0, 60.0, 90.0):
+        setpoint = twin.cycle(empty(time)).setpoint
+        assert setpoint is not None
+        assert 'optimised rates' not in setpoint.reason
+        assert net_rate(setpoint.rates) == pytest.approx(0.0, abs=1e-15)
+        found[time] = setpoint.rates['injector'].rate == 0.0
+    assert found == {0.0: False, 30.0: False, 60.0: True, 90.0: False}

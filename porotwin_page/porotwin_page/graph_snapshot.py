@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
@@ -237,6 +238,7 @@ class Health:
         arrival: time of the last report of the node itself, on this machine's steady clock [s].
         present: whether the node is in the graph; None if it never was.
         gap: time between its last two reports [s]; 0 before the second one.
+        ended: whether it said that it leaves, because its work is over.
     """
 
     level: Level
@@ -244,6 +246,7 @@ class Health:
     arrival: float
     present: bool | None = None
     gap: float = 0.0
+    ended: bool = False
 
 
 @dataclass(frozen=True)
@@ -277,6 +280,7 @@ class GraphSnapshot:
         arrivals: when the newest states arrived, on this machine's steady clock [s].
         states: number of states of the experiment so far.
         start: time of the first photograph of the experiment [s].
+        began: start of the experiment that imaging has told [s]; None: it has told none.
         maps_made: number of maps ever added.
     """
 
@@ -305,6 +309,7 @@ class GraphSnapshot:
     arrivals: tuple[float, ...] = ()
     states: int = 0
     start: float | None = None
+    began: float | None = None
     maps_made: int = 0
 
     @property
@@ -313,6 +318,13 @@ class GraphSnapshot:
         if self.rig is None or self.rig.control is None:
             return {}
         return safe_rates(self.rig)
+
+    @property
+    def pauses(self) -> FixedPauses:
+        """The announced pauses; none before the start of the experiment is known."""
+        if self.rig is None or self.began is None:
+            return NO_PAUSES
+        return FixedPauses.of(self.rig).since(self.began)
 
     def orders(self, graph: float | None) -> WellRates:
         """Return the rates to set [m^3/s]: the setpoint's, or the safe ones after its end.
@@ -328,7 +340,8 @@ class GraphSnapshot:
             return {}
         remaining = setpoint.remaining(graph)
         expired = remaining is not None and remaining <= 0
-        return (expired and self.safe_rates) or setpoint.rates
+        safe = self.safe_rates if graph is None else self.pauses.at(graph, self.safe_rates)
+        return (expired and safe) or setpoint.rates
 
     @property
     def setpoint(self) -> Setpoint | None:
@@ -370,6 +383,11 @@ def matching(maps: Iterable[Map], time: float) -> Map | None:
 def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
     """Return the snapshot with a description of the rig."""
     return replace(now, rig=rig)
+
+
+def with_began(now: GraphSnapshot, began: float) -> GraphSnapshot:
+    """Return the snapshot with the start of the experiment [s]."""
+    return replace(now, began=began)
 
 
 def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:

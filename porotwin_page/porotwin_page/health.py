@@ -41,8 +41,8 @@ def node_view(
 ) -> Json:
     """Return the line of one node.
 
-    A node that has left the graph is an error, unless the experiment is over. A node without
-    reports is silent, even if another node reports for it.
+    A node that has left the graph is an error, unless it said so or the experiment is over. A node
+    without reports is silent, even if another node reports for it.
 
     Args:
         name: name of the node.
@@ -52,7 +52,8 @@ def node_view(
         interval: time between photographs [s].
     """
     if report.present is False:
-        word, reason = ('quiet', 'ended') if finished else ('error', 'not running')
+        over = finished or report.ended
+        word, reason = ('quiet', 'ended') if over else ('error', 'not running')
         return {'name': name, 'level': word, 'message': reason, 'age_s': None}
     if report.level is Level.QUIET:
         return {'name': name, 'level': 'quiet', 'message': report.message, 'age_s': None}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age
@@ -19,7 +20,15 @@ from porotwin_core.rig import load_rig
 from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.node import DIAGNOSTICS, Diagnostics, TwinNode, declare, hardware_id, run
+from porotwin_core.ros.node import (
+    DIAGNOSTICS,
+    ENDED,
+    Diagnostics,
+    TwinNode,
+    declare,
+    hardware_id,
+    run,
+)
 from porotwin_core.ros.service_answer import answer_within
 from porotwin_msgs.msg import (
     CleanState,
@@ -103,6 +112,9 @@ class PageNode(TwinNode):
         self._simulated = self.simulated
         self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
+        self._knows_rig = bool(rig)
+        if self._simulated:
+            self._store.update(graph_snapshot.with_began, 0.0)
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
         preparation = declare(self, 'preparation', '', 'text on the work before the graph runs')
@@ -178,6 +190,7 @@ class PageNode(TwinNode):
     def _make_subscriptions(self) -> None:
         for message_type, topic, callback, profile in (
             (RigDescription, 'rig/description', self._on_rig, qos.CONFIG),
+            (Header, 'asset/experiment', self._on_experiment, qos.CONFIG),
             (NewState, 'asset/new_state', self._on_new_state, qos.FIELD),
             (CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD),
             (TracerField, 'tracer/predicted', self._on_predicted, qos.FIELD),
@@ -209,7 +222,11 @@ class PageNode(TwinNode):
         return self.now() or None
 
     def _on_rig(self, message: RigDescription) -> None:
-        self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
+        if not self._knows_rig:  # the message tells no pauses, the file does
+            self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
+
+    def _on_experiment(self, message: Header) -> None:
+        self._store.update(graph_snapshot.with_began, conversions.time_from_msg(message.stamp))
 
     def _map(self, message: TracerField) -> graph_snapshot.Map:
         concentration, grid = conversions.tracer_from_msg(message)
@@ -339,7 +356,9 @@ class PageNode(TwinNode):
         now = time.monotonic()
         for status in message.status:
             level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
-            report = graph_snapshot.Health(level, in_short(status.message), now)
+            ended = any(item.key == ENDED for item in status.values)
+            text = in_short(status.message)
+            report = graph_snapshot.Health(level, text, now, ended=ended)
             name = status.name.rpartition('/')[2]
             if status.hardware_id != hardware_id(self):
                 name = f'{status.hardware_id or "another device"}: {name}'

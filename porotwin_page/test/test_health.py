@@ -36,6 +36,20 @@ def test_a_command_that_looked_at_the_graph_and_ended_is_no_fault() -> None:
     assert [line['name'] for line in nodes_view(now, 11.0)] == ['hub']
 
 
+def test_a_node_that_said_that_it_leaves_is_no_fault() -> None:
+    now = after(
+        (snapshot.with_nodes, ['player', 'hub'], 0.0),
+        (snapshot.with_health, 'player', Health(Level.OK, 'running', 0.5)),
+        (snapshot.with_health, 'player', Health(Level.OK, 'the bag has ended', 1.0, ended=True)),
+        (snapshot.with_health, 'hub', Health(Level.OK, 'state 1 done', 1.0)),
+        (snapshot.with_nodes, [], 2.0),
+    )
+    assert [(line['name'], line['level']) for line in nodes_view(now, 3.0)] == [
+        ('hub', 'error'),
+        ('player', 'quiet'),
+    ]
+
+
 def test_after_the_experiment_a_node_may_end() -> None:
     now = after(
         (snapshot.with_nodes, ['camera'], 0.0),

@@ -110,3 +110,16 @@ def test_a_setpoint_from_another_node_is_shown_with_a_doubt() -> None:
     foreign = replace(setpoint(3, 10.0), doubt='setpoints come from /somebody')
     assert settings(snapshot.with_setpoint(two_cycles(), foreign))['doubt'] == foreign.doubt
     assert settings(two_cycles())['doubt'] == ''
+
+
+def test_the_next_pause_counts_down_from_the_start_that_imaging_told() -> None:
+    assert RIG.control is not None
+    control = RIG.control.with_pauses({'injector': ((1.0, 2.0),)}, None)
+    now = snapshot.with_rig(two_cycles(), RIG.model_copy(update={'control': control}))
+    assert settings(now)['next_change'] is None
+    now = snapshot.with_began(now, START)
+    begins = {'in_s': 20.0, 'rest': ['injector'], 'run': []}
+    assert settings(now, START + 40.0)['next_change'] == begins
+    ends = {'in_s': 50.0, 'rest': [], 'run': ['injector']}
+    assert settings(now, START + 70.0)['next_change'] == ends
+    assert settings(now, START + 120.0)['next_change'] is None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
@@ -112,6 +113,12 @@ class PumpBridge:
         self._safe = {well: safe_rates(rig)[well] for well in openers}
         self._limits_ml_h = dict(max_rates_ml_h)
         self._channels = {well: _Channel(open_pump) for well, open_pump in openers.items()}
+        self._pauses = FixedPauses.of(rig)
+        self.elapsed = 0.0
+        """Time since the start of the experiment [s], for the announced pauses; 0 before it."""
+        self._resting = self._pauses.resting(self.elapsed)
+        self._wanted: dict[str, WellRate] = {}
+        """The rates that were set last, without pauses."""
         self._rates: dict[str, WellRate] = {}
         """The rates that the pumps took last, with the fluid that a silent pump goes on with."""
         self._until: float | None = None
@@ -149,7 +156,7 @@ class PumpBridge:
         changed = self._try_failed()
         if not self.faults:
             self._until = until
-            self._apply(wanted)
+            self._apply({**wanted, **self._pauses.all_running(wanted)})
             self._begin_measurement(now)
         if self.faults:
             if not self._answer_faults() and changed:
@@ -162,6 +169,10 @@ class PumpBridge:
             self._until = None
             self._go_safe()
             return 'the setpoint has ended and none followed; the pumps run at the safe rates'
+        if (resting := self._pauses.resting(self.elapsed)) != self._resting:
+            self._resting, self._whole = resting, False
+            self._apply(self._wanted)
+            return f'announced pauses: {", ".join(sorted(resting)) or "no well"} rests'
         for item in self._channels.values():
             item.check()
         if self._answer_faults():
@@ -246,9 +257,15 @@ class PumpBridge:
         self._whole = False
 
     def _apply(self, rates: Mapping[str, WellRate]) -> None:
-        """Set all pumps: first those that take water out, then those that put it in."""
-        for well in sorted(rates, key=lambda name: rates[name].rate):
-            self._channels[well].set_rate(to_ml_h(rates[well].rate))
+        """Set pumps: first those that take water out, then those that put it in.
+
+        The wells rest that have an announced pause, which setpoints do not know.
+        """
+        self._wanted |= rates
+        rested = self._pauses.rested(self.elapsed, self._wanted)
+        held = {well: rested[well] for well in rates}
+        for well in sorted(held, key=lambda name: held[name].rate):
+            self._channels[well].set_rate(to_ml_h(held[well].rate))
         faults = self.faults
-        self._rates |= {well: rate for well, rate in rates.items() if well not in faults}
+        self._rates |= {well: rate for well, rate in held.items() if well not in faults}
         self._answered &= set(faults)

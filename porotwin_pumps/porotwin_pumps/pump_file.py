@@ -1,5 +1,6 @@
 """The pump file: the pump of every well, and its serial line."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -84,7 +85,8 @@ def _check_wells(path: Path, pumps: dict[str, PumpEntry], rig: Rig) -> None:
     fixed = {name: abs(well.rate_ml_h) for name, well in control.fixed.items()}
     needed = {**dict.fromkeys(control.wells, control.max_rate_ml_h), **fixed}
     if control.producer is not None:
-        needed[control.producer] = control.max_total_rate_ml_h + sum(fixed.values())
+        most = control.max_total_rate_ml_h + sum(fixed.values())
+        needed[control.producer] = min(most, control.max_producer_rate_ml_h or math.inf)
     for well, rate_ml_h in needed.items():
         if well not in pumps:
             raise InputError(f"{path}: well '{well}' has no pump; name one for every well in use")

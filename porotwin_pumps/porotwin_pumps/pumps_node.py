@@ -6,11 +6,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from std_msgs.msg import Header
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age, steady_time
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_rig, run
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller
@@ -51,6 +53,9 @@ class PumpsNode(TwinNode):
             max_rates_ml_h={well: entry.max_rate_ml_h for well, entry in entries.items()},
             now=steady_time(),
         )
+        self._began: float | None = None
+        """Start of the experiment by the photographs' clock [s]; None: imaging has told none."""
+        follow(self, Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._guard = OnlyCaller(self, 'asset/control')
         self.create_service(Control, 'asset/control', self._on_control)
@@ -61,6 +66,14 @@ class PumpsNode(TwinNode):
     def _set_period(self, seconds: float) -> None:
         self._period = seconds
 
+    def _on_experiment(self, message: Header) -> None:
+        self._began = conversions.time_from_msg(message.stamp)
+
+    def _tell_elapsed(self) -> None:
+        """Tell the bridge how old the experiment is, for the announced pauses."""
+        if self._began is not None:
+            self._bridge.elapsed = max(self.now() + self._ahead - self._began, 0.0)
+
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         setpoint = request.setpoint
         try:
@@ -68,6 +81,7 @@ class PumpsNode(TwinNode):
             rates = conversions.rates_from_msg(setpoint.wells)
             remaining = self._remaining(setpoint)
             self._publish_measurement()
+            self._tell_elapsed()
             now = steady_time()
             self._bridge.command(rates, until=now + remaining, now=now)
         except (InputError, PumpError) as error:
@@ -96,6 +110,7 @@ class PumpsNode(TwinNode):
         return validity - age
 
     def _tick(self) -> None:
+        self._tell_elapsed()
         line = self._bridge.tick(steady_time())
         if line is not None:
             self.get_logger().warning(line)

@@ -7,7 +7,7 @@ import pytest
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import WellRate
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import Rig, load_rig
 from porotwin_pumps.bridge import RETRY_PERIOD_S, PumpBridge
 from porotwin_pumps.protocols.pump_protocol import PumpError, PumpSilent
 
@@ -52,7 +52,7 @@ class FakePump:
 class Bench:
     """A bridge with fake pumps and a clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, rig: Rig = RIG) -> None:
         self.now = 1000.0
         self.pumps = {well: FakePump() for well in RIG.wells}
 
@@ -64,7 +64,7 @@ class Bench:
             return open_pump
 
         self.bridge = PumpBridge(
-            RIG,
+            rig,
             {well: opener(well) for well in RIG.wells},
             max_rates_ml_h=dict.fromkeys(RIG.wells, 1500.0),
             now=self.now,
@@ -286,3 +286,20 @@ def test_at_the_end_the_safe_rates_are_set(bench: Bench) -> None:
     bench.command(100.0)
     bench.bridge.go_safe(bench.now)
     assert bench.ml_h() == SAFE_ML_H
+
+
+def test_pumps_make_the_announced_pauses() -> None:
+    assert RIG.control is not None
+    control = RIG.control.with_pauses({'injector': ((0.0, 1.0), (2.0, 3.0))}, None)
+    bench = Bench(RIG.model_copy(update={'control': control}))
+    assert bench.pumps['injector'].rate_ml_h == 0.0  # before the start too
+    bench.command(100.0)
+    assert bench.pumps['producer'].rate_ml_h == pytest.approx(-100.0)
+    for minute, injected in ((1.0, 500.0), (2.0, 0.0), (3.0, 500.0)):
+        bench.bridge.elapsed = 60.0 * minute
+        bench.now += 1.0
+        assert 'announced pauses' in str(bench.bridge.tick(bench.now))
+        assert bench.bridge.tick(bench.now) is None
+        assert bench.pumps['injector'].rate_ml_h == pytest.approx(injected)
+        assert bench.pumps['producer'].rate_ml_h == pytest.approx(-100.0 - injected)
+    assert bench.bridge.measure(bench.now + 10.0) is None  # a pump was set meanwhile

@@ -18,7 +18,16 @@ from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY, TwinNode, declare, hardware_id, run
+from porotwin_core.ros.node import (
+    DIAGNOSTICS,
+    ENDED,
+    HEARD_BY,
+    Diagnostics,
+    TwinNode,
+    declare,
+    hardware_id,
+    run,
+)
 from porotwin_recording.live.player import (
     CLOCK,
     LATCHED_LIMIT,
@@ -167,6 +176,7 @@ class PlayerNode(TwinNode):
         self._asked: dict[str, Any] = {}
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
+        self._diagnostics = Diagnostics(self)
         self._played: Counter[str] = Counter()
         self._silent: set[str] = set()
         self._thread = threading.Thread(target=self._run, name='player')
@@ -242,7 +252,15 @@ class PlayerNode(TwinNode):
                 self.get_logger().fatal(f'playing failed: {error!r}')
         finally:
             if not self._stopping.is_set():
+                self._tell_end()
                 rclpy.try_shutdown(context=self.context)
+
+    def _tell_end(self) -> None:
+        """Tell the page that the player leaves the graph because its work is over."""
+        level = DiagnosticStatus.WARN if self.failed else DiagnosticStatus.OK
+        if self.context.ok():
+            self._diagnostics.report(level, 'the bag has ended', **{ENDED: True})
+            self._stopping.wait(SETTLE_PERIOD)
 
     def _await_graph(self) -> None:
         """Wait until the graph is ready, see `replay_readiness`, and stays so for a moment.

@@ -72,6 +72,7 @@ def test_any_rate_in_si_comes_back_within_its_round_off(
         ('time_s,well,rate_ml_h,concentration\n0,in,"1,200",1\n', 'write 1200 or 1.200'),
         ('time_s,well,rate_ml_h,concentration\n0:15,in,5,1\n', 'import reads clock times'),
         ('time_s,well,rate_ml_h,concentration\n2024-05-31,in,5,1\n', 'seconds from the start'),
+        ('time_s,well,rate_ml_h,concentration\n0,out,+500,\n', 'or a minus if it takes water out'),
         ('time_s,well,rate_ml_h,concentration\n0,in,5,100\n', ':2: .*was this in percent'),
         ('time_s,well,rate_ml_h,concentration\n0,inn,1,0\n', ":2: unknown well 'inn'; .* in, out"),
         ('time_s,well,rate_ml_h,concentration\n-1,in,1,0\n', ':2: time_s -1 is negative'),

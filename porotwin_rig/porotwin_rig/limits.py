@@ -43,10 +43,18 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
             f'{control.max_total_rate_ml_h:.1f} ml/h; see rig.yaml'
         )
     for name, fixed in control.fixed.items():
-        if abs(commanded[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
+        rests = bool(fixed.pauses_min) and abs(commanded[name]) <= _ROUND_OFF_ML_H
+        if not rests and abs(commanded[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
             raise InputError(
                 f"well '{name}': rate {commanded[name]:.1f} ml/h; it must stay at "
                 f'{fixed.rate_ml_h:.1f} ml/h'
+            )
+    if control.producer is not None and control.max_producer_rate_ml_h is not None:
+        taken = -commanded[control.producer]
+        if taken > control.max_producer_rate_ml_h + _ROUND_OFF_ML_H:
+            raise InputError(
+                f"well '{control.producer}': takes out {taken:.1f} ml/h, more than "
+                f'{control.max_producer_rate_ml_h:.1f} ml/h; see rig.yaml'
             )
     _refuse_wrong_roles(control, rates)
     net = net_rate(rates)

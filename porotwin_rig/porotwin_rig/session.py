@@ -3,12 +3,16 @@
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
+
+SHORTEST_SPAN_S = 1e-9
+"""Shorter spans are round-off [s]."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,8 @@ class AssetSession:
     """The virtual rig from photograph to photograph.
 
     The session begins with the safe rates. It checks each command against the limits of the rig. A
-    command holds until it expires.
+    command holds until it expires. The pumps of fixed wells make their announced pauses to the
+    second, by their own programs; commands tell which rest at their time.
 
     Args:
         asset: the virtual rig.
@@ -38,6 +43,7 @@ class AssetSession:
         self._photographer = photographer
         self._interval = photo_interval
         self._safe = safe_rates(asset.rig)
+        self._pauses = FixedPauses.of(asset.rig)
         self._command = Command(self._safe, 0.0)
 
     @property
@@ -57,8 +63,7 @@ class AssetSession:
 
     def advance_with_safe_rates(self, until: float) -> None:
         """Pump the safe rates until the time `until` [s], before the twin starts."""
-        self.asset.set_rates(self._safe)
-        self.asset.advance(max(0.0, until - self.time))
+        self._pump(self._safe, until)
 
     def command(self, rates: WellRates, *, valid_until: float) -> None:
         """Command `rates` from now until `valid_until` [s].
@@ -82,14 +87,19 @@ class AssetSession:
         """
         end = self.time + self._interval
         switch = min(max(self._command.valid_until, self.time), end)
-        shares: list[tuple[float, dict[str, WellRate]]] = []
-        for rates, until in ((self._command.rates, switch), (self._safe, end)):
-            span = until - self.time
-            if span > 1e-9:
-                self.asset.set_rates(rates)
+        parts = self._pump(self._command.rates, switch) + self._pump(self._safe, end)
+        return _mean([(span / self._interval, rates) for span, rates in parts])
+
+    def _pump(self, rates: WellRates, until: float) -> list[tuple[float, dict[str, WellRate]]]:
+        """Pump `rates` with the announced pauses; return spans [s] and the metered rates."""
+        parts = []
+        for moment in [*sorted(self._pauses.moments(self.time, until)), until]:
+            span = moment - self.time
+            if span > SHORTEST_SPAN_S:
+                self.asset.set_rates(self._pauses.at(self.time + span / 2.0, rates))
                 self.asset.advance(span)
-                shares.append((span / self._interval, self.asset.measured_rates()))
-        return _mean(shares)
+                parts.append((span, self.asset.measured_rates()))
+        return parts
 
 
 def _mean(shares: list[tuple[float, dict[str, WellRate]]]) -> dict[str, WellRate]:

@@ -18,8 +18,13 @@ TOO_MUCH = rates(injector=(500.0, 1.0), control1=300.0, control2=201.0, producer
 GOOD = rates(injector=(500.0, 1.0), control1=200.0, producer=-700.0)
 
 
-def session(pumps: Pumps | None = None) -> AssetSession:
+def session(
+    pumps: Pumps | None = None, pauses: tuple[tuple[float, float], ...] = ()
+) -> AssetSession:
     rig = make_rig()
+    assert rig.control is not None
+    control = rig.control.with_pauses({'injector': pauses}, None)
+    rig = rig.model_copy(update={'control': control})
     camera = camera_before(rig, 160, 100)
     asset = VirtualRig(rig, cell=0.02, pumps=pumps)
     return AssetSession(asset, Photographer(rig, camera=camera, seed=3), photo_interval=30.0)
@@ -58,6 +63,19 @@ def test_expired_command_gives_way_to_safe_rates_at_its_time() -> None:
     # half of the second interval with the command, half without
     assert ml_h(asset.advance()) == {'injector': 500.0, 'control1': 100.0, 'producer': -600.0}
     assert ml_h(asset.advance()) == {'injector': 500.0, 'producer': -500.0}
+
+
+def test_pumps_make_the_announced_pauses_that_setpoints_do_not_know() -> None:
+    asset = session(pauses=((0.25, 0.75),))
+    asset.command(GOOD, valid_until=30.0)
+    # from 15 to 30 s with the command, from 30 to 45 s with the safe rates, the injector rests
+    assert ml_h(asset.advance()) == {'injector': 250.0, 'control1': 200.0, 'producer': -450.0}
+    assert ml_h(asset.advance()) == {'injector': 250.0, 'producer': -250.0}
+    assert ml_h(asset.advance()) == {'injector': 500.0, 'producer': -500.0}
+    early = session(pauses=((0.25, 0.75),))
+    early.advance_with_safe_rates(45.0)
+    assert early.asset.time == 45.0
+    assert ml_h(early.asset.measured_rates()) == {}
 
 
 def test_command_that_has_expired_is_refused() -> None:

@@ -37,7 +37,9 @@ class Injected(NamedTuple):
 def injected(known: Known) -> Injected:
     """Return what all wells inject until the last known time, by the delivered rates."""
     schedule = known.rates or Schedule()
-    times = [row.time for row in schedule.rows] + [photo.time for photo in known.photos]
+    told = (known.commanded, known.measured)
+    times = [row.time for rates in told if rates is not None for row in rates.rows]
+    times += [photo.time for photo in known.photos]
     end = max([*times, 0.0, *map(float, known.times[-1:])])
     volume = math.fsum(
         (high - low) * max(well.rate, 0.0)

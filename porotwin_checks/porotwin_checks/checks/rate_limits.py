@@ -36,6 +36,10 @@ def _find(known: Known) -> Iterator[Remark]:
                 why = f'control.fixed says {fixed.rate_ml_h:g} ml/h'
         elif row.well in control.wells and rate > control.max_rate_ml_h:
             why = f'control.max_rate_ml_h is {control.max_rate_ml_h:g} ml/h'
+        elif row.well == control.producer and rate > 0.0:
+            why = 'it is control.producer, which takes water out: is its minus missing?'
+        elif row.well == control.producer and -rate > (control.max_producer_rate_ml_h or math.inf):
+            why = f'control.max_producer_rate_ml_h is {control.max_producer_rate_ml_h:g} ml/h'
         if why:
             remark = Remark(f'rates.csv: well {row.well}', f'{rate:g} ml/h', why, REMEDY)
             odd.setdefault(row.well, remark)

@@ -33,9 +33,11 @@ INVERTED_LEVEL = 0.5
 
 AMOUNT = '{map} holds {held_ml:.3g} ml of tracer, and by the pumps it would be {pumped_ml:.3g} ml'
 REMEDY = (
-    '; check the rates, the clocks of pumps and camera, the sizes, depth and porosity in rig.yaml, '
-    'the baseline, and whether the calibration is of this rig'
+    '; {pumps}check the rates, the clocks of pumps and camera, the sizes, depth and porosity in '
+    'rig.yaml, the baseline, and whether the calibration is of this rig'
 )
+PUMPS = 'does the pump of {wells} deliver {change} than its rate? Else '
+
 FLUSHED = '; if the rig was flushed before, begin the rates after that'
 INVERTED = '; if 1 is water in these maps, write 1 minus their values'
 LATE = 'the clock of the camera is late, or the rig held tracer before the recording: '
@@ -59,7 +61,9 @@ LOSS = (
 )
 
 
-def amount_remark(held: float, pumped: float, pores: float, name: str) -> Remark | None:
+def amount_remark(
+    held: float, pumped: float, pores: float, name: str, rates: Schedule
+) -> Remark | None:
     """Return the remark that a map holds another volume than the pumps can have left; None if not.
 
     Args:
@@ -67,15 +71,26 @@ def amount_remark(held: float, pumped: float, pores: float, name: str) -> Remark
         pumped: stock that would be there by the pumps [m^3].
         pores: the pores of the rig [m^3].
         name: of the map, in words.
+        rates: the pumped rates; their wells with tracer are named.
     """
     if not contradict(held, pumped, pores):
         return None
     code = 'too_much_tracer' if held > pumped else 'too_little_tracer'
-    return Remark.of('maps', code, AMOUNT + REMEDY, **_volumes(held, pumped, name))
+    return Remark.of('maps', code, AMOUNT + REMEDY, **_facts(held, pumped, name, rates))
 
 
-def _volumes(held: float, pumped: float, name: str) -> dict[str, Any]:
-    return {'map': name, 'held_ml': held * ML, 'pumped_ml': pumped * ML}
+def _facts(held: float, pumped: float, name: str, rates: Schedule) -> dict[str, Any]:
+    change = 'more' if held > pumped else 'less'
+    wells = ' or '.join(tracer_wells(rates))
+    pumps = PUMPS.format(wells=wells, change=change) if wells else ''
+    volumes = {'map': name, 'held_ml': held * ML, 'pumped_ml': pumped * ML}
+    return {**volumes, 'pumps': pumps, 'wells': wells}
+
+
+def tracer_wells(rates: Schedule) -> list[str]:
+    """Return the wells that inject tracer, in the order of their first rows."""
+    found = [row.well for row in rates.rows if row.rate.rate > 0.0 and row.rate.concentration > 0.0]
+    return [*dict.fromkeys(found)]
 
 
 class _Course(NamedTuple):
@@ -111,7 +126,7 @@ def _find(known: Known) -> Iterator[Remark]:
     assert maps is not None and rates is not None
     course, pores = _course(known, maps, rates), known.rig.pore_volume
     for number, (held, injected) in enumerate(zip(course.held, course.injected, strict=True)):
-        told = amount_remark(held, injected, pores, known.name_of(number))
+        told = amount_remark(held, injected, pores, known.name_of(number), rates)
         if told is None:
             continue
         if held > injected:
@@ -127,7 +142,8 @@ def _early(known: Known, rates: Schedule, course: _Course) -> Iterator[Remark]:
     """Yield the remark about a first map with more tracer than was injected before it."""
     assert known.maps is not None
     first = float(known.times[0])
-    facts = _volumes(course.held[0], course.injected[0], known.name_of(0)) | {'time_s': first}
+    facts = _facts(course.held[0], course.injected[0], known.name_of(0), rates)
+    facts['time_s'] = first
     if np.nanmedian(known.maps[0]) > INVERTED_LEVEL:
         yield Remark.of('maps', 'inverted_maps', AMOUNT + INVERTED, **facts)
     elif _are_reversed(known, rates, course):

@@ -14,14 +14,16 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
+from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import DARCY, ML, percent, to_ml_h
+from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
@@ -281,14 +283,38 @@ def in_words(checked: CheckedRig) -> list[str]:
         )
         if checked.runs and pumped.stock > 0.0 and resting_water(checked.rig):
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
+    elif checked.data is None:
+        lines += fixed_wells_in_words(checked.rig)
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
+    if (balance := balance_of(checked)) is not None:
+        lines.append(f'water while the wells pump most, {balance}')
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def balance_of(checked: CheckedRig) -> WaterBalance | None:
+    """Return the water balance while the wells pump most; None without moving water."""
+    if not checked.runs:
+        return None
+    rig, data = checked.rig, checked.data
+    rates = (data and data.known_rates) or uncontrolled_rates(rig)
+    if not (rates.busiest or not resting_water(rig)):
+        return None
+    return water_balance(rig, checked.grid, rates.busiest)
+
+
+def fixed_wells_in_words(rig: Rig) -> list[str]:
+    """Return what the fixed wells inject by `rig.yaml` alone; nothing where it tells no end."""
+    if rig.control is None or rig.control.end_min is None:
+        return []
+    end = MINUTE_S * rig.control.end_min
+    stock = uncontrolled_rates(rig).injected_stock(0.0, end)
+    return [f'injected by the fixed wells: {stock * ML:.4g} ml of stock, until {end:g} s']
 
 
 def heads_in_words(rig: Rig, grid: Grid) -> str:

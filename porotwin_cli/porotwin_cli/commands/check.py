@@ -40,7 +40,7 @@ def command(
 
     Example: ./porotwin check rig.yaml --output check.png
     """
-    from porotwin_cli.checking.rig_check import check, in_words
+    from porotwin_cli.checking.rig_check import balance_of, check, in_words
     from porotwin_cli.pictures.check_picture import check_picture
 
     if output.is_dir():
@@ -49,7 +49,7 @@ def command(
         raise InputError(f'{output}: the picture is a PNG; give a name that ends in .png')
     check_output(output, path, command='check')  # replaces the picture of an earlier check
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
-    words = in_words(checked)
+    words, balance = in_words(checked), balance_of(checked)
     check_picture(output, checked, words)
     if as_json:
         print_json(
@@ -62,6 +62,7 @@ def command(
                 'grid': str(checked.grid),
                 'preset': preset,
                 'photo_interval_s': checked.interval.seconds,
+                'water_ml_h': None if balance is None else balance.in_ml_h,
                 'cost': None if checked.cost is None else dataclasses.asdict(checked.cost),
                 'picture': output,
             }

@@ -90,7 +90,8 @@ def command(
 
     Example: ./porotwin demo
 
-    With --rig it shows what the twin would do on your rig, before you build or fill it.
+    With --rig it shows what the twin would do on your rig, before you build or fill it. The fixed
+    wells make the pauses of rig.yaml and of a rates.csv beside it.
 
     Example: ./porotwin demo --rig rigs/two_sands --minutes 60
 
@@ -104,16 +105,18 @@ def command(
     Example: ./porotwin demo --hidden-effect surprise --ask
     """
     prepare_environment()
+    from porotwin_cli.options.planned_rig import planned_rig
     from porotwin_cli.running.closed_loop import DemoSettings, run_demo, show_figures, usual_minutes
     from porotwin_cli.running.hidden_effect import hidden_effect as draw_hidden
     from porotwin_core.rig import load_rig
 
     if ask and not hidden_effect:
         raise InputError('--ask: without a --hidden-effect there is no offer to answer; give one')
-    described = load_rig(rig or small_rig())
+    own = planned_rig(rig) if rig else None
+    described = own or load_rig(small_rig())
     hidden = draw_hidden(hidden_effect, described, seed=seed) if hidden_effect else None
     settings = DemoSettings(
-        minutes=minutes or usual_minutes(described if rig else None, hidden=hidden is not None),
+        minutes=minutes or usual_minutes(own, hidden=hidden is not None),
         speed=speed or (ASKING_SPEED if ask else 'max'),
         ask=ask,
         seed=seed,
@@ -122,7 +125,7 @@ def command(
         hidden=hidden,
         photo_width=photo_width,
         page='' if no_page else page,
-        rig=rig,
+        rig=own,
     )
     settings.check()
     folder = run_folder(output, 'demo')

@@ -12,6 +12,7 @@ from porotwin_cli.terminal import Json, print_json, print_table, progress, say, 
 
 if TYPE_CHECKING:
     from porotwin_recording.experiment.catalogue import CatalogueEntry
+    from porotwin_recording.experiment.told_lines import ToldLine
 
 RUNS = Path('runs')
 """Folder of the runs by default; it is made by the first run."""
@@ -30,6 +31,13 @@ NOTHING = '-'
 
 def command(
     folder: Annotated[Path, typer.Argument(help='Folder with recordings.')] = RUNS,
+    find: Annotated[
+        str,
+        typer.Option(
+            help='Only runs that said these words, such as control2: in remarks of their cycles, '
+            'warnings of their nodes, or the verdict. Reads the bags, which takes longer.'
+        ),
+    ] = '',
     as_json: Json = False,
 ) -> None:
     """List the bags and experiment folders below a folder, the oldest first.
@@ -39,6 +47,8 @@ def command(
     the word "virtual". An unreadable recording gives one line.
 
     Example: ./porotwin runs /data/rig1
+
+    Example: ./porotwin runs --find "control2 seems to deliver"
     """
     from porotwin_recording.experiment.catalogue import (
         catalogue_entry,
@@ -63,8 +73,19 @@ def command(
             entries.append(catalogue_entry(path, verdicts))
             bar.advance(task)
     entries.sort(key=_order)
+    told: dict[Path, list[ToldLine]] = {}
+    if find:
+        told = {entry.path: _lines_about(entry, find) for entry in entries}
+        entries = [entry for entry in entries if told[entry.path]]
     if as_json:
-        print_json({'folder': folder, 'recordings': [_as_json(entry) for entry in entries]})
+        shown = [
+            {**_as_json(entry), 'told': [one._asdict() for one in told.get(entry.path, [])]}
+            for entry in entries
+        ]
+        print_json({'folder': folder, 'recordings': shown})
+        return
+    if find and not entries:
+        print(f"{folder}: no run said '{find}'")
         return
     if not entries:
         print(f'{folder}: no bag or experiment folder' if begun else _no_runs(folder))
@@ -74,9 +95,9 @@ def command(
         (title, [words(entry) or NOTHING for entry in readable])
         for title, words in _columns(folder).items()
     ]
-    told = [(title, cells) for title, cells in columns if set(cells) != {NOTHING}]
-    if told:
-        titles, cells = zip(*told, strict=True)
+    filled = [(title, cells) for title, cells in columns if set(cells) != {NOTHING}]
+    if filled:
+        titles, cells = zip(*filled, strict=True)
         count = f'{len(readable)} recording{"s" * (len(readable) != 1)}'
         rows = zip(*cells, strict=True)
         print_table(f'{count} in {folder}', titles, rows, whole=('diagnosed', 'size'))
@@ -87,6 +108,20 @@ def command(
     for entry in entries:
         for remark in entry.remarks:
             say(remark)
+        for line in told.get(entry.path, []):
+            times = f' ({line.times} times)' if line.times > 1 else ''
+            when = clock_words(max(line.time_s, 0.0))
+            print(f'{_name(entry.path, folder)}, {when}: {line.text}{times}')
+
+
+def _lines_about(entry: 'CatalogueEntry', words: str) -> 'list[ToldLine]':
+    """Return the lines of a run with `words`, and its verdict if that has them."""
+    from porotwin_recording.experiment.told_lines import ToldLine, lines_about
+
+    verdict = [ToldLine(entry.duration_s, f'diagnosed: {entry.diagnosed}', 1)]
+    found = verdict if words.casefold() in entry.diagnosed.casefold() else []
+    readable = entry.kind == 'bag' and entry.state not in ('unreadable', 'compressed')
+    return found + (lines_about(entry.path, words) if readable else [])
 
 
 def _no_runs(folder: Path) -> str:

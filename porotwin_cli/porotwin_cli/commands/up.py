@@ -87,9 +87,9 @@ def command(
     Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
     """
     from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.options.planned_rig import planned_rig
     from porotwin_cli.running.live_twin import check_early, run_until_stopped
     from porotwin_cli.running.pace import tell_pace
-    from porotwin_core.rig import load_rig
     from porotwin_core.ros.ros_environment import (
         DomainClaim,
         domain_of,
@@ -100,6 +100,7 @@ def command(
     from porotwin_hub.launching.graph import live_graph, named_nodes
     from porotwin_hub.launching.network import network_of
     from porotwin_imaging.sources.source_registry import check_source
+    from porotwin_imaging.tracer.calibration import copy_calibration
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
@@ -108,7 +109,7 @@ def command(
     enter_domain(domain)
     prepare_environment()
     rig_file = settings.rig / 'rig.yaml' if settings.rig.is_dir() else settings.rig
-    rig = load_rig(rig_file)
+    rig = planned_rig(rig_file)
     here = named_nodes(settings.nodes)
     photos, pumps = settings.photos, settings.pumps
     sources = [photos is not None, bool(settings.camera), replay].count(True)
@@ -155,6 +156,8 @@ def command(
             diagnoses=folder / 'diagnoses' if diagnosis else None,
             page_token=folder / 'page_token' if page else None,
         )
+        if settings.calibration is not None:
+            copy_calibration(settings.calibration, folder / 'calibration')
         say(f'{rig_file}: copied into {folder / "rig"}; changes act from the next start on')
         run_until_stopped(settings, folder)
     begun = settings.record is not None and settings.record.exists()

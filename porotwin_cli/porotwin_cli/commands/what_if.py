@@ -130,6 +130,8 @@ def _show(found: 'WhatIfStudy') -> None:
         for step in outlook.plan:
             moment = unit.precise(found.start + step.start)
             print(f'{name}, from {moment}: {_in_words(step.rates)}')
+        if balance := found.balance(outlook.plan[-1].rates):
+            print(f'{name}, water at the end, {balance}')
     plans = (found.present, found.proposed)
     if not found.has_zone:
         print(f'{NO_ZONE}; forecasts computed in {found.seconds:.1f} s')
@@ -168,8 +170,8 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
 
     return {
         'at_s': found.start,
-        'present': _outlook_json(found.present, found.start),
-        'proposed': _outlook_json(found.proposed, found.start),
+        'present': _outlook_json(found, found.present),
+        'proposed': _outlook_json(found, found.proposed),
         'seen': {
             'times_s': found.seen_times.tolist(),
             'zone_ml': (found.seen_tracer * ML).tolist(),
@@ -186,8 +188,9 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     }
 
 
-def _outlook_json(outlook: 'Outlook', start: float) -> dict[str, Any]:
-    """Return an outlook from `start` [s] on."""
+def _outlook_json(found: 'WhatIfStudy', outlook: 'Outlook') -> dict[str, Any]:
+    """Return an outlook of a study."""
+    start, balance = found.start, found.balance(outlook.plan[-1].rates)
     from porotwin_core.basis.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
@@ -199,6 +202,7 @@ def _outlook_json(outlook: 'Outlook', start: float) -> dict[str, Any]:
             }
             for step in outlook.plan
         ],
+        'water_at_the_end_ml_h': None if balance is None else balance.in_ml_h,
         'times_s': (start + outlook.times).tolist(),
         'zone_ml': dict(zip(names, (outlook.zone_tracer * ML).tolist(), strict=True)),
         'zone_area_cm2': dict(zip(names, (outlook.zone_area * 1e4).tolist(), strict=True)),

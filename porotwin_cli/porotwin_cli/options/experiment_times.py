@@ -28,7 +28,7 @@ def recorded_times(recording: 'Recording', *, option: str) -> list[float]:
     photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
     if photographs:
         return photographs
-    end = max((row.time for row in recording.delivered.rows), default=0.0)
+    end = recording.last_row_time
     if not end > 0.0:
         raise InputError(
             f'{recording.source}: its rates do not say when the experiment ends; add a row with '

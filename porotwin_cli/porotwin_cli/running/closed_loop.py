@@ -28,10 +28,10 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rig import EffectDescription, Rig, load_rig, write_rig
 from porotwin_core.rig.control_zones import control_zones
 from porotwin_core.ros.ros_environment import claim_domain
-from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.launching.graph import (
     GraphSettings,
     NodeDescription,
@@ -123,8 +123,8 @@ class DemoSettings:
 
     `minutes` is the time under control [min]; `page` the HOST:PORT of the page, empty: no page.
     `hidden` is an effect of the rig that the twin is not told, and finds; None: it looks for none.
-    `rig` is the description of the rig; None: the small rig of the paper. `ask` leaves the answers
-    to offers to a person.
+    `rig` is the rig with the plan of its pumps; None: the small rig of the paper. `ask` leaves the
+    answers to offers to a person.
     """
 
     minutes: float
@@ -135,7 +135,7 @@ class DemoSettings:
     photo_width: int
     page: str
     hidden: EffectDescription | None = None
-    rig: Path | None = None
+    rig: Rig | None = None
     ask: bool = False
 
     @property
@@ -170,10 +170,17 @@ class DemoSettings:
         """
         parse_speed(self.speed)
         if self.rig is not None:
-            check_rig(load_rig(self.rig), costa=self.costa)
+            check_rig(self.rig, costa=self.costa)
         preset_named(self.preset)
         if self.page:
             listen(self.page).close()
+
+    def described(self) -> Rig:
+        """Return the description that the demo runs: until its end."""
+        rig = self.rig or load_rig(small_rig())
+        assert rig.control is not None
+        control = rig.control.until(self.start_minute + self.minutes)
+        return rig.model_copy(update={'control': control})
 
     def expected_seconds(self) -> float:
         """Return about how long the demo takes on two cores [s]."""
@@ -281,12 +288,9 @@ def _page_from_the_start(graph: GraphSettings) -> list[NodeDescription]:
 
 def _prepare_rig(folder: Path, settings: DemoSettings) -> Path:
     """Write rig.yaml with the corners of the rig in the photographs, and the end of the run."""
-    rig = load_rig(settings.rig or small_rig())
+    rig = settings.described()
     camera = camera_before(rig, settings.photo_width).description()
-    assert rig.control is not None
-    end_min = settings.start_minute + settings.minutes
-    control = rig.control.model_copy(update={'end_min': end_min})
-    write_rig(rig.model_copy(update={'camera': camera, 'control': control}), folder / 'rig.yaml')
+    write_rig(rig.model_copy(update={'camera': camera}), folder / 'rig.yaml')
     return folder / 'rig.yaml'
 
 
@@ -410,11 +414,12 @@ def _free_run(
     producer = producer_of(rig)
     pumps = Pumps({} if producer is None else {producer: PRODUCER_DELIVERY})
     asset = VirtualRig(rig, effects=effects, pumps=pumps)
-    asset.set_rates(Limits.of(rig).safe())
+    rates = uncontrolled_rates(rig)
     maps = []
     for moment in times:
-        if moment > asset.time:
-            asset.advance(moment - asset.time)
+        for _, end, held in rates.intervals(asset.time, moment):
+            asset.set_rates(held)
+            asset.advance(end - asset.time)
         maps.append(asset.concentration(grid))
     return np.array(maps)
 

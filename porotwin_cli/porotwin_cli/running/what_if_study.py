@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
-from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.rates_in_force import RatePeriod
-from porotwin_core.rates.wells import RateStep, WellRate, planned_rates
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, planned_rates
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_hub.control.setpoint_limits import Limits
@@ -103,6 +104,10 @@ class WhatIfStudy:
         """Whether the objective has a zone where no tracer must be."""
         return bool(np.isfinite(self.seen_tracer).all())
 
+    def balance(self, rates: WellRates) -> WaterBalance | None:
+        """Return the water balance at `rates` [m^3/s] on the grid of the siblings."""
+        return water_balance(self.rig, self.grid, rates)
+
     @property
     def time_unit(self) -> TimeUnit:
         """The unit of all times, by the end of the forecasts."""
@@ -157,7 +162,8 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
         if well in rates:
             raise InputError(f"rates '{text}': names {well} twice; give it one rate")
         try:
-            rate = from_ml_h(float(number))
+            told = rate_in_ml_h(number)
+            rate = from_ml_h(float(number) if told is None else told)
         except ValueError:
             rate = np.nan
         if not (well and equals and np.isfinite(rate)):
@@ -353,13 +359,11 @@ def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[Rat
 
     Where nothing was commanded these are the rates that pumps measured.
     """
-    schedule, pauses = recording.delivered, NO_PAUSES
-    if recording.commanded is not None and recording.commanded.rows:
-        schedule, pauses = recording.commanded, FixedPauses.of(recording.rig)
-    plan = [
+    commands = recording.announced
+    schedule = commands if commands is not None and commands.rows else recording.delivered
+    return tuple(
         RateStep(low - begin, rates) for low, _, rates in schedule.intervals(begin, begin + ahead)
-    ]
-    return pauses.in_plan(plan, begin, ahead)
+    )
 
 
 def _learn(

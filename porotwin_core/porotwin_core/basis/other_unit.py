@@ -1,5 +1,6 @@
 """The key that a user meant who gave it another unit, such as `width_cm` for `width_m`."""
 
+import re
 from collections.abc import Container
 
 from porotwin_core.basis.units import DARCY
@@ -25,6 +26,29 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
     ('_h', '_min', '1 h', '60 min'),
 )
 """Endings of keys with other units, the endings that are known, and what one of the unit is."""
+
+_RATE = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE)
+"""A rate with its unit."""
+
+PERCENT = 100.0
+"""Largest share that was probably written in percent."""
+
+
+def was_percent(value: float) -> str:
+    """Return "; was this in percent? ..." for a share [-] above 1; empty where it cannot be."""
+    percent = f'{value:g} percent = {value / PERCENT:g}'
+    return f'; was this in percent? {percent}' if 1.0 < value <= PERCENT else ''
+
+
+def rate_in_ml_h(text: str) -> float | None:
+    """Return the rate [ml/h] in a `text` with a unit, such as 2 l/d; None for any other text."""
+    found = _RATE.fullmatch(text)
+    if found is None:
+        return None
+    import pint  # half a second
+
+    unit = f'{found[2].lower()}/{found[3].lower()}'.replace('μ', 'u').replace('µ', 'u')
+    return float(pint.UnitRegistry().Quantity(float(found[1]), unit).to('ml/h').magnitude)
 
 
 def in_other_unit(key: str, known: Container[str]) -> str:

@@ -3,11 +3,19 @@
 State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
-from porotwin_core.rates.wells import RateStep, WellRate, WellRates, planned_rates
+from porotwin_core.rates.wells import (
+    RateStep,
+    Schedule,
+    ScheduleRow,
+    WellRate,
+    WellRates,
+    planned_rates,
+)
 from porotwin_core.rig import Rig
 
 Pause = tuple[float, float]
@@ -31,14 +39,21 @@ class FixedPauses:
 
     @classmethod
     def of(cls, rig: Rig) -> 'FixedPauses':
-        """Return the pauses in `rig.yaml`, in seconds since the start of the experiment."""
+        """Return the pauses in `rig.yaml`, in seconds since the start of the experiment.
+
+        Whoever rests at its end rests on.
+        """
         fixed = rig.control.fixed if rig.control is not None else {}
         pausing = {name: well for name, well in fixed.items() if well.pauses_min}
         if rig.control is None or not pausing:
             return cls()
+        last = rig.control.end_min
         return cls(
             {
-                name: tuple((MINUTE_S * start, MINUTE_S * end) for start, end in well.pauses_min)
+                name: tuple(
+                    (MINUTE_S * start, math.inf if end == last else MINUTE_S * end)
+                    for start, end in well.pauses_min
+                )
                 for name, well in pausing.items()
             },
             {
@@ -75,21 +90,62 @@ class FixedPauses:
         A well rests in its pauses. Outside them it runs again if `rates` let it rest. The producer
         takes out as much less or more.
         """
-        resting = self.resting(time)
-        changed: dict[str, WellRate] = {}
-        for name, usual in self.running.items():
-            before = rates.get(name, WellRate())
-            if name in resting and before.rate != 0.0:
-                changed[name] = WellRate()
-            elif name not in resting and before.rate == 0.0:
-                changed[name] = usual
+        return self._running(self.rested(time, rates), self.resting(time))
+
+    def all_running(self, rates: WellRates) -> WellRates:
+        """Return `rates` [m^3/s] with all these wells running, as outside of their pauses."""
+        return self._running(rates, frozenset())
+
+    def _running(self, rates: WellRates, resting: frozenset[str]) -> WellRates:
+        stopped = {
+            name: usual
+            for name, usual in self.running.items()
+            if name not in resting and rates.get(name, WellRate()).rate == 0.0
+        }
+        return self._changed(rates, stopped)
+
+    def rested(self, time: float, rates: WellRates) -> WellRates:
+        """Return the planned `rates` [m^3/s] with the wells at rest that pause at `time` [s].
+
+        A well that the plan lets rest stays at rest. The producer takes out as much less.
+        """
+        pumping = (name for name in self.resting(time) if rates.get(name, WellRate()).rate != 0.0)
+        return self._changed(rates, dict.fromkeys(pumping, WellRate()))
+
+    def _changed(self, rates: WellRates, changed: Mapping[str, WellRate]) -> WellRates:
+        """Return `rates` with `changed` ones; the producer balances the change, and never injects.
+
+        Plans may let a producer take out less than is injected, where water leaves by itself.
+        """
         if not changed:
             return rates
+        result = {**rates, **changed}
         if self.producer is not None:
             more = sum(new.rate - rates.get(name, WellRate()).rate for name, new in changed.items())
             producer = rates.get(self.producer, WellRate())
-            changed[self.producer] = replace(producer, rate=producer.rate - more)
-        return {**rates, **changed}
+            result[self.producer] = replace(producer, rate=min(producer.rate - more, 0.0))
+        return result
+
+    def in_schedule(self, schedule: Schedule) -> Schedule:
+        """Return the rates of a `schedule` that will be run: with the pauses, see `rested`."""
+        if not self.of_wells:
+            return schedule
+        own: dict[float, dict[str, WellRate]] = {}
+        for row in schedule.rows:
+            own.setdefault(row.time, {})[row.well] = row.rate
+        rows: list[ScheduleRow] = []
+        planned: WellRates = {}
+        before: WellRates = {}
+        for time in sorted({*own, *self.moments(min(own, default=0.0), math.inf)}):
+            planned = {**planned, **own.get(time, {})}
+            rates = self.rested(time, planned)
+            rows += [
+                ScheduleRow(time, name, rate)
+                for name, rate in rates.items()
+                if name in own.get(time, {}) or rate != before.get(name, WellRate())
+            ]
+            before = rates
+        return Schedule(tuple(rows))
 
     def in_plan(
         self, plan: Sequence[RateStep], begin: float, horizon: float

@@ -8,7 +8,7 @@ from typing import Any
 import pydantic
 
 from porotwin_core.basis.likely_name import did_you_mean
-from porotwin_core.basis.other_unit import in_other_unit
+from porotwin_core.basis.other_unit import in_other_unit, was_percent
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
@@ -79,6 +79,8 @@ def one_line(
         return f'{source}: {reason}{more}'
     if first['type'] in _BOUNDS and (meaning := KNOWN_KEYS.get(parts[-1])):
         reason = f'{reason.replace("Input should be", "write a number")} ({meaning})'
+    if (first.get('ctx') or {}).get('le') == 1:
+        reason += was_percent(float(first['input']))
     return f'{source}: {where} = {_shown(first["input"])}: {reason}{more}'
 
 

@@ -1,6 +1,7 @@
 """The section `control` of `rig.yaml`: the control wells, their limits, and the objective."""
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import pydantic
@@ -8,7 +9,14 @@ from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
-from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
+from porotwin_core.rig.numbers import (
+    NotNegative,
+    NotNegativeRate,
+    Positive,
+    PositiveRate,
+    Rate,
+    Share,
+)
 from porotwin_core.rig.sections import Point, Section, ZoneFile, check_corners, refuse_files
 
 DEFAULT_OBJECTIVE = 'keep_out'
@@ -27,17 +35,56 @@ STEP_ROUND_OFF = 1e-6
 LONGEST_EXPERIMENT_MIN = LONGEST_EXPERIMENT_S / MINUTE_S
 """Longest experiment [min]."""
 
+MOST_CYCLES = 10_000
+"""Most cycles of one well: one a minute for a week."""
+
 
 class FixedWell(Section):
     """A well whose rate the twin does not change; it injects `concentration` (0 water, 1 stock)."""
 
-    rate_ml_h: Number = Field(description='rate [ml/h]; positive injects, negative produces')
+    rate_ml_h: Rate = Field(description='rate [ml/h]; positive injects, negative produces')
     concentration: Share = Field(
         0.0, description='concentration of the injected water: 0 water, 1 tracer stock'
     )
     pauses_min: tuple[tuple[NotNegative, Positive], ...] = Field(
         (), description='announced pauses: start and end of each after the start [min]'
     )
+
+    on_min: Positive | None = Field(
+        None, description='instead of pauses_min: how long it pumps in each cycle [min]'
+    )
+    every_min: Positive | None = Field(
+        None, description='length of a cycle with on_min [min], until control.end_min'
+    )
+    from_min: NotNegative = Field(
+        0.0, description='begin of the first cycle with on_min [min]; it rests before'
+    )
+
+    @pydantic.model_validator(mode='after')
+    def _has_whole_cycles(self) -> Self:
+        if self.on_min is None and self.every_min is None:
+            return self
+        if self.on_min is None or self.every_min is None or self.on_min >= self.every_min:
+            raise ValueError('cycles need on_min and a longer every_min, such as 7 and 14')
+        if self.pauses_min:
+            raise ValueError('pauses_min and on_min both tell when it rests; keep one')
+        return self
+
+    def with_cycles_as_pauses(self, end_min: float) -> Self:
+        """Return this well with the pauses of its cycles up to `end_min`."""
+        if self.on_min is None or self.every_min is None:
+            return self
+        cycles = math.ceil((end_min - self.from_min) / self.every_min)
+        if cycles > MOST_CYCLES:
+            raise ValueError(
+                f'{cycles} cycles of {self.every_min:g} min: take at most {MOST_CYCLES}'
+            )
+        begins = [self.from_min + number * self.every_min for number in range(cycles)]
+        rests = [(0.0, self.from_min)] if self.from_min else []
+        rests += [(begin + self.on_min, begin + self.every_min) for begin in begins]
+        pauses = tuple((low, min(high, end_min)) for low, high in rests if low < end_min)
+        told = {'on_min': None, 'every_min': None, 'from_min': 0.0, 'pauses_min': pauses}
+        return self.model_copy(update=told)
 
     @pydantic.model_validator(mode='after')
     def _injects_what_has_a_concentration(self) -> Self:
@@ -116,17 +163,22 @@ class Control(Section):
     fixed: dict[str, FixedWell] = Field(
         default_factory=dict, description='wells whose rates the twin does not change, by name'
     )
-    max_rate_ml_h: Positive = Field(500.0, description='largest rate of one control well [ml/h]')
-    max_total_rate_ml_h: Positive = Field(
+    max_rate_ml_h: PositiveRate = Field(
+        500.0, description='largest rate of one control well [ml/h]'
+    )
+    max_total_rate_ml_h: PositiveRate = Field(
         500.0, description='largest sum of the rates of the control wells [ml/h]'
     )
-    rate_step_ml_h: Positive = Field(
+    max_producer_rate_ml_h: PositiveRate | None = Field(
+        None, description='largest rate that the producer takes out [ml/h]; default: no limit'
+    )
+    rate_step_ml_h: PositiveRate = Field(
         PUMP_STEP_ML_H, description='rates are multiples of it, as the pumps are set [ml/h]'
     )
-    min_rate_ml_h: NotNegative = Field(
+    min_rate_ml_h: NotNegativeRate = Field(
         0.0, description='smallest rate of a control well that pumps [ml/h]'
     )
-    max_change_ml_h: Positive | None = Field(
+    max_change_ml_h: PositiveRate | None = Field(
         None, description='largest change of one rate from one setpoint to the next [ml/h]'
     )
     change_cost_ml_min: NotNegative = Field(
@@ -162,6 +214,18 @@ class Control(Section):
         if isinstance(value, ObjectiveDescription):
             return value
         raise ValueError('give a name, or {name: keep_in, zone_m: [...]}')
+
+    @pydantic.model_validator(mode='after')
+    def _cycles_are_pauses(self) -> Self:
+        """Turn cycles into pauses, which all others know."""
+        cyclic = [name for name, well in self.fixed.items() if well.every_min is not None]
+        if cyclic and self.end_min is None:
+            raise ValueError(f'fixed.{cyclic[0]}: cycles need the end of the experiment, end_min')
+        if cyclic and self.end_min is not None:
+            wells = self.fixed.items()
+            fixed = {name: well.with_cycles_as_pauses(self.end_min) for name, well in wells}
+            object.__setattr__(self, 'fixed', fixed)
+        return self
 
     @pydantic.model_validator(mode='after')
     def _rates_can_be_set(self) -> Self:
@@ -201,6 +265,36 @@ class Control(Section):
                         f'fixed.{name}.pauses_min: a pause from {start:g} to {end:g} min ends '
                         f'after end_min {self.end_min:g}; correct one of them'
                     )
+        return self
+
+    @property
+    def most_fixed_ml_h(self) -> float:
+        """The largest sum of the rates of the fixed wells [ml/h], by their pauses."""
+        edges = {edge for w in self.fixed.values() for pause in w.pauses_min for edge in pause}
+        last = math.inf if self.end_min is None else self.end_min
+        return max(
+            math.fsum(w.rate_ml_h for w in self.fixed.values() if not w.is_paused(minute))
+            for minute in (0.0, *edges)
+            if minute < last
+        )
+
+    @property
+    def most_total_ml_h(self) -> float:
+        """The largest sum of the rates of the control wells that the producer can take [ml/h]."""
+        if self.max_producer_rate_ml_h is None:
+            return self.max_total_rate_ml_h
+        return min(self.max_total_rate_ml_h, self.max_producer_rate_ml_h - self.most_fixed_ml_h)
+
+    @pydantic.model_validator(mode='after')
+    def _spares_the_producer(self) -> Self:
+        most = self.max_producer_rate_ml_h
+        if most is not None and self.producer is None:
+            raise ValueError('max_producer_rate_ml_h: there is no producer; name one, or remove it')
+        if most is not None and self.most_fixed_ml_h > most:
+            raise ValueError(
+                f'max_producer_rate_ml_h {most:g}: the fixed wells alone inject '
+                f'{self.most_fixed_ml_h:g} ml/h, which {self.producer} must take out; correct one'
+            )
         return self
 
     @pydantic.model_validator(mode='after')
@@ -244,6 +338,29 @@ class Control(Section):
     @classmethod
     def _is_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return check_corners(points) if points else points
+
+    def with_pauses(
+        self, pauses_min: Mapping[str, Sequence[tuple[float, float]]], end_min: float | None
+    ) -> Self:
+        """Return this section with other pauses of the fixed wells, up to another end [min]."""
+        end = math.inf if end_min is None else end_min
+        fixed = {
+            name: well.model_copy(
+                update={
+                    'pauses_min': tuple(
+                        (start, min(stop, end))
+                        for start, stop in pauses_min.get(name, ())
+                        if start < end
+                    )
+                }
+            )
+            for name, well in self.fixed.items()
+        }
+        return self.model_copy(update={'fixed': fixed, 'end_min': end_min})
+
+    def until(self, end_min: float) -> Self:
+        """Return this section for an experiment that ends at `end_min`, with its pauses."""
+        return self.with_pauses({name: w.pauses_min for name, w in self.fixed.items()}, end_min)
 
     def check_wells(self, known: dict[str, Any], *, closed: bool) -> Self:
         """Return `self` after a check: all wells are `known` and each has one role.

@@ -9,6 +9,7 @@ import numpy as np
 import pydantic
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
+from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import permeability_of
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
@@ -156,8 +157,9 @@ class Rig(Section):
                     f'{self.width_m} x {self.height_m} m; {self._place_remedy(well)}'
                 )
         if isinstance(self.porosity, float) and self.porosity > 1:
-            hint = f'; was this in percent? {self.porosity:g} percent = {self.porosity / 100:g}'
-            raise ValueError(f'porosity {self.porosity}: must not exceed 1{hint}')
+            raise ValueError(
+                f'porosity {self.porosity}: must not exceed 1{was_percent(self.porosity)}'
+            )
         self._check_sands()
         self._check_water()
         if self.control is not None:
@@ -177,6 +179,8 @@ class Rig(Section):
                 f'and below {self.height_m:g}; move it into the sand by its radius of '
                 f'{well.radius_m:g} m, or describe an overflow as an open side'
             )
+        if 0 < well.z_m < self.width_m and 0 < well.x_m < self.height_m:
+            return f'were x_m and z_m exchanged? ({well.z_m:g}, {well.x_m:g}) m lies inside'
         for unit, factor in LENGTHS:
             x, z = well.x_m * factor, well.z_m * factor
             if 0 < x < self.width_m and 0 < z < self.height_m:

@@ -1,8 +1,13 @@
-"""Numbers of `rig.yaml`: texts with a unit, decimal commas and yes/no are refused by name."""
+"""Numbers of `rig.yaml`: texts, decimal commas and yes/no are refused by name.
+
+A rate may be a text with its unit.
+"""
 
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
+
+from porotwin_core.basis.other_unit import rate_in_ml_h
 
 
 def _as_number(value: Any) -> Any:
@@ -28,6 +33,12 @@ def _as_number(value: Any) -> Any:
     raise ValueError('write a decimal point instead of the comma')
 
 
+def _as_rate(value: Any) -> Any:
+    """Return the rate [ml/h] of a text with a unit, such as 2 l/d; other values stay."""
+    rate = rate_in_ml_h(value) if isinstance(value, str) else None
+    return value if rate is None else rate
+
+
 Number = Annotated[float, BeforeValidator(_as_number), Field(allow_inf_nan=False)]
 """A finite number."""
 
@@ -42,3 +53,12 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 
 PositiveShare = Annotated[Number, Field(gt=0, le=1)]
 """A number above 0, at most 1."""
+
+Rate = Annotated[Number, BeforeValidator(_as_rate)]
+"""A finite rate [ml/h], or a text with its unit."""
+
+PositiveRate = Annotated[Positive, BeforeValidator(_as_rate)]
+"""A rate above zero [ml/h]."""
+
+NotNegativeRate = Annotated[NotNegative, BeforeValidator(_as_rate)]
+"""A rate of zero or more [ml/h]."""

@@ -10,6 +10,7 @@ import numpy as np
 import pydantic
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.plausibility import WIDTH
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray
@@ -111,6 +112,10 @@ def _described(data: Any, path: Path) -> Rig:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
         raise InputError(one_line(path, error)) from None
+    for key in ('width_m', 'height_m'):  # files are compared with them
+        for remark in WIDTH.remarks(key, getattr(rig, key)):
+            if remark.refused:
+                raise InputError(f'{path}: {remark}')
     if rig.control is not None and rig.control.zone is not None:
         file = path.parent / rig.control.zone.file
         zone = read_zone(file, rig.control.zone.variable, rig.width_m, rig.height_m)

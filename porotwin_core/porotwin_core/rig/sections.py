@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
+from porotwin_core.rig.numbers import NotNegative, NotNegativeRate, Number, Positive, Share
 
 DEFAULT_WELL_RADIUS = 0.004
 """Radius of a well without `radius_m` [m]: a tube of the small rig (experiment folder format)."""
@@ -117,7 +117,7 @@ class WaterBody(Section):
     head_m: Number | None = Field(
         None, description='height of the level of the water above the lower edge of the sand [m]'
     )
-    rate_ml_h: NotNegative | None = Field(
+    rate_ml_h: NotNegativeRate | None = Field(
         None, description='instead of a head: rate of the entering water, such as rain [ml/h]'
     )
     concentration: Share = Field(

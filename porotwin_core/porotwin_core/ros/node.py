@@ -60,6 +60,9 @@ DIAGNOSTICS = '/diagnostics'
 HEARD_BY = 'heard_by'
 """Value in the diagnostics of a node that others wait for: the nodes that hear it, by name."""
 
+ENDED = 'ended'
+"""Value in the last diagnostics of a node that leaves because its work is over."""
+
 END_S = 5.0
 """Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
 takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""

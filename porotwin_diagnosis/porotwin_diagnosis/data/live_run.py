@@ -167,7 +167,11 @@ class LiveRun:
         periods = self.rates.traced(begins, math.nextafter(end, math.inf))
         schedule = Schedule.from_rates((one.start - begin, one.rates) for one in periods)
         maps = self._series(np.array(self.times) - begin)
-        write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
+        rig = self._rig
+        if rig.control is not None:  # the rates in force have its pauses, or a person's instead
+            control = rig.control.with_pauses({}, rig.control.end_min)
+            rig = rig.model_copy(update={'control': control})
+        write_folder(folder, RecordedData(rig, commanded=schedule, maps=maps))
 
     def _series(self, times: NDArray[np.float64]) -> ConcentrationMaps:
         """Return the maps with `times` [s], and their deviations where they are known."""

@@ -32,7 +32,8 @@ class Limits:
     `max_rate` [m^3/s] bounds the rate of each control well, `max_total_rate` [m^3/s] their sum.
     Rates are multiples of `step` [m^3/s]. A control well that pumps has at least `min_rate`
     [m^3/s]. `max_change` [m^3/s] bounds the change of one rate from one setpoint to the next; the
-    safe rates are always allowed.
+    safe rates are always allowed. The producer takes out at most `max_producer_rate` [m^3/s];
+    `max_total_rate` allows for it. `pausing` wells are fixed ones with announced pauses.
     """
 
     wells: tuple[str, ...]
@@ -44,6 +45,8 @@ class Limits:
     step: float = from_ml_h(PUMP_STEP_ML_H)
     min_rate: float = 0.0
     max_change: float = math.inf
+    max_producer_rate: float = math.inf
+    pausing: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, rig: Rig) -> 'Limits':
@@ -63,11 +66,13 @@ class Limits:
                 for name, well in control.fixed.items()
             },
             max_rate=from_ml_h(control.max_rate_ml_h),
-            max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+            max_total_rate=from_ml_h(control.most_total_ml_h),
             all_wells=tuple(rig.wells),
             step=from_ml_h(control.rate_step_ml_h),
             min_rate=from_ml_h(control.min_rate_ml_h),
             max_change=from_ml_h(control.max_change_ml_h or math.inf),
+            max_producer_rate=from_ml_h(control.max_producer_rate_ml_h or math.inf),
+            pausing=frozenset(n for n, well in control.fixed.items() if well.pauses_min),
         )
 
     def setpoint(
@@ -204,6 +209,11 @@ class Limits:
                 lines.append(
                     f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but the producer never injects"
                 )
+            if name == self.producer and -well.rate > self.max_producer_rate + RATE_TOLERANCE:
+                lines.append(
+                    f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but it takes out at most "
+                    f'{to_ml_h(self.max_producer_rate):g} ml/h'
+                )
             fluid = self.fixed.get(name, WellRate()).concentration
             if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
                 lines.append(
@@ -217,6 +227,7 @@ class Limits:
             f'{to_ml_h(well.rate):.1f} ml/h'
             for name, well in self.fixed.items()
             if abs((given := rates.get(name, WellRate()).rate) - well.rate) > RATE_TOLERANCE
+            and not (name in self.pausing and abs(given) <= RATE_TOLERANCE)
         ]
 
     def _imbalance(self, rates: WellRates) -> list[str]:

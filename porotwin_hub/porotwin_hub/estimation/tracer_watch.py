@@ -99,4 +99,5 @@ class TracerWatch:
         seen = np.isfinite(observed)
         found = float(np.sum((self._pores * observed)[seen]))
         expected = share * float(np.sum((self._pores * predicted)[seen]))
-        return amount_remark(found, expected, self._rig.pore_volume, 'the photograph')
+        rates = Schedule.from_rates(self._changes)
+        return amount_remark(found, expected, self._rig.pore_volume, 'the photograph', rates)

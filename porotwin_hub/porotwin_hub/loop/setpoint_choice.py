@@ -1,4 +1,7 @@
-"""The choice of a setpoint: by the planner, or without a model the last or the safe rates."""
+"""The choice of a setpoint: by the planner, or without a model the last or the safe rates.
+
+A fixed well that pauses at its time rests in it.
+"""
 
 import math
 import time
@@ -56,6 +59,7 @@ class SetpointChoice:
         begin, now = time.perf_counter(), cycle.observation.time
         plant = replace(plant, ahead=self._rates.ahead(now, cycle.pumped))
         chosen = self._planned(cycle, self.planner, physics, began, plant)
+        chosen = replace(chosen, rates=dict(self._rates.pauses.at(now, chosen.rates)))
         self._rates.add_commanded(now, chosen.rates, chosen.valid_until)
         cycle.setpoint = chosen
         cycle.durations['optimise'] = time.perf_counter() - begin
@@ -81,7 +85,8 @@ class SetpointChoice:
             cycle.remarks.append(f'not optimised: {error}')
             return self._without_model(planner, now, str(error))
         cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
-        rates, reason = cycle.decision.rates, planner.objective.goal
+        rates = dict(self._rates.pauses.at(now, cycle.decision.rates))
+        reason = planner.objective.goal
         broken = planner.limits.violations(rates, self._commanded(planner, now))
         if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
             cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')

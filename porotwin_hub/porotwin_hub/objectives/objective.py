@@ -182,8 +182,8 @@ class WeightedSum:
 
     @property
     def goal(self) -> str:
-        """The goals of all parts."""
-        return ', '.join(part.goal for _, part in self.parts)
+        """The goals of all parts, each once."""
+        return ', '.join(dict.fromkeys(part.goal for _, part in self.parts))
 
     @property
     def water_cost(self) -> float:

@@ -121,8 +121,9 @@ def _place(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Rema
         yield _remark(
             'misplaced_plume',
             'the plume lies {apart:.0%} of the width of the rig away from well {wells}, which '
-            'injects in the pump log{elsewhere}; likely: photographs that are turned or mirrored, '
-            'camera.corners_px in another order, the well in {file}, or the wells in rig.yaml; '
+            'injects in the pump log{elsewhere}; likely: a baseline that shows tracer already, '
+            'photographs that are turned or mirrored, camera.corners_px in another order, the well '
+            'in {file}, or the wells in rig.yaml; '
             'correct these until the plume begins at its well, and calibrate again',
             apart=plume.apart,
             wells=' and '.join(plume.told_wells),
@@ -145,13 +146,14 @@ def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Rem
     yield _remark(
         'less_tracer_than_log' if more else 'more_tracer_than_log',
         'the pump log injected {ratio:.2f} times {sense} tracer than the plume holds ({volumes}); '
-        'likely: {small}rates, unit or times in {file}, stamps of the photographs, {well}, '
-        'porosity or depth in rig.yaml{elsewhere}; weigh the stock before and after, correct '
-        '{file} or rig.yaml, and calibrate again',
+        'likely: {small}{baseline}rates, unit or times in {file}, stamps of the photographs, '
+        '{well}, porosity or depth in rig.yaml{elsewhere}; weigh the stock before and after, '
+        'correct {file} or rig.yaml, and calibrate again',
         ratio=1 / factor if more else factor,
         sense='more' if more else 'less',
         volumes=volumes,
         small='' if measured else 'a plume too small to have a core of stock, ',
+        baseline='a baseline that shows tracer already, ' if more else '',
         well='a leaking well' if more else 'another well that injects',
         elsewhere=_elsewhere(plume),
         file=evidence.rates_file,

@@ -21,6 +21,7 @@ deviation of the blur of tracer in a photograph, in pixels of the file; without 
 """
 
 import hashlib
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
@@ -277,6 +278,20 @@ def load_calibration(path: Path | str) -> Calibration:
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
     return calibration
+
+
+def copy_calibration(path: Path, folder: Path) -> None:
+    """Copy the file of a calibration, and its pictures, into the new `folder`.
+
+    Raises:
+        InputError: the file is missing or wrong.
+        OSError: a file cannot be copied.
+    """
+    data = read_content(path)
+    named = [data.get(key, {}).get('file') for key in ('sands', 'hidden')]
+    folder.mkdir(parents=True)
+    for file in (path, *(path.parent / name for name in named if name)):
+        shutil.copyfile(file, folder / file.name)
 
 
 def save_calibration(calibration: Calibration, path: Path | str) -> None:

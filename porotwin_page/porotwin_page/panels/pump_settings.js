@@ -38,6 +38,7 @@ const BODY = `
     <button type="submit">Use it</button>
   </form>
   <p id="answer" role="status" aria-live="assertive"></p>
+  <p id="next-change" role="timer" hidden></p>
   <p id="reason"></p>`;
 
 export function create(root, declaration, page) {
@@ -53,6 +54,7 @@ export function create(root, declaration, page) {
     for (const id of ['#rates', '#validity', '#confirmation']) find(id, root).hidden = !setpoint;
     setText(find('.caption', root), setpoint ? `setpoint ${setpoint.sequence}` : '');
     setText(find('#reason', root), setpoint ? reason(setpoint) : '');
+    renderLine(find('#next-change', root), setpoint ? nextChange(setpoint) : '');
     renderLine(find('#order-doubt', root), setpoint ? setpoint.doubt : '');
     renderLine(find('#safe-title', root), setpoint ? safeTitle(setpoint) : '');
     if (!setpoint) return;
@@ -115,7 +117,17 @@ function renderLine(target, text) {
 /* The setpoint as it is after `silence` seconds without a connection. */
 export function later(setpoint, silence) {
   if (!silence || setpoint.remaining_s === null) return setpoint;
-  return { ...setpoint, remaining_s: setpoint.remaining_s - silence };
+  const next = setpoint.next_change;
+  const next_change = next && { ...next, in_s: next.in_s - silence };
+  return { ...setpoint, next_change, remaining_s: setpoint.remaining_s - silence };
+}
+
+/* The next begin or end of an announced pause, in words. */
+export function nextChange(setpoint) {
+  const next = setpoint.next_change;
+  if (!next) return '';
+  const told = [...next.rest.map((well) => `${well} rests`), ...next.run.map((well) => `${well} runs`)];
+  return `In ${duration(next.in_s)}: ${told.join(', ')}.`;
 }
 
 /* Title of the browser's tab, with the number of pumps to set. */

@@ -3,6 +3,7 @@
 The rates to set are those of a valid setpoint, and the safe rates after its expiry.
 """
 
+import math
 from collections.abc import Mapping
 
 from porotwin_core.basis.units import to_ml_h
@@ -35,6 +36,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
         'validity_s': finite(setpoint.valid_until - setpoint.time),
         'expired': expired,
         'safe': safe,
+        'next_change': next_change(snapshot, moment.graph),
         'doubt': setpoint.doubt,
         'confirmed': snapshot.confirmed == (setpoint.sequence, safe),
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,
@@ -42,6 +44,23 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
             _well_view(well, rate, before, snapshot.measured)
             for well, rate in snapshot.orders(moment.graph).items()
         ],
+    }
+
+
+def next_change(snapshot: GraphSnapshot, graph: float | None) -> Json | None:
+    """Return the wells that next begin or end an announced pause, and in how many seconds.
+
+    None without one, and before the start of the experiment is known.
+    """
+    pauses = snapshot.pauses
+    moment = None if graph is None else min(pauses.moments(graph, math.inf), default=None)
+    if graph is None or moment is None:
+        return None
+    before, after = pauses.resting(math.nextafter(moment, -math.inf)), pauses.resting(moment)
+    return {
+        'in_s': finite(moment - graph),
+        'rest': sorted(after - before),
+        'run': sorted(before - after),
     }
 
 

@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import {
-  action, later, netText, pageTitle, safeTitle, validityText,
+  action, later, netText, nextChange, pageTitle, safeTitle, validityText,
 } from '../../porotwin_page/panels/pump_settings.js';
 
 const setpoint = (properties) => ({
@@ -52,4 +52,12 @@ test('the validity goes on without a connection', () => {
 test('the sum of rates is told when it does not balance', () => {
   assert.match(netText({ injector: 500, producer: -500.1 }), /The rates balance/);
   assert.match(netText({ injector: 850, producer: -500 }), /\+350\.0 ml\/h, not balanced/);
+});
+
+test('the next pause counts down, also without a connection', () => {
+  const next_change = { in_s: 80, rest: ['injector1'], run: ['injector2'] };
+  const shown = setpoint({ next_change });
+  assert.equal(nextChange(shown), 'In 1:20 min: injector1 rests, injector2 runs.');
+  assert.equal(nextChange(later(shown, 30)), 'In 50 s: injector1 rests, injector2 runs.');
+  assert.equal(nextChange(setpoint({ next_change: null })), '');
 });

@@ -4,12 +4,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.other_unit import rate_in_ml_h, was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
-
-PERCENT = 100.0
-"""Largest concentration that was probably written in percent."""
 
 ROUND_OFF = 1e-15
 """Relative round-off of a sum of rates and of a change of units [-]: some last binary digits."""
@@ -62,18 +60,19 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
     well = words[1]
     if well not in wells:
         raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")
-    rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
+    rate_ml_h = rate_in_ml_h(words[2])
+    if rate_ml_h is None:
+        rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
     if rate_ml_h > 0 and not words[3]:
         raise InputError(
             f"{where}: well '{well}' injects but its concentration is empty; "
-            'write 0 for water, 1 for tracer stock'
+            'write 0 for water, 1 for tracer stock, or a minus if it takes water out'
         )
     concentration = parse_number(words[3], f'{where}: concentration') if words[3] else 0.0
     if not 0.0 <= concentration <= 1.0:
-        percent = '; was this in percent?' if 1.0 < concentration <= PERCENT else ''
         raise InputError(
             f'{where}: concentration {concentration:g}; must lie between 0 (water) and 1 (stock)'
-            f'{percent}'
+            f'{was_percent(concentration)}'
         )
     return ScheduleRow(
         time, well, WellRate(from_ml_h(rate_ml_h), 0.0 if rate_ml_h < 0 else concentration)

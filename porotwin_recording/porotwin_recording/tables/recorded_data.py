@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porotwin_checks.known import Known
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import balanced
 from porotwin_core.rates.wells import Schedule, later_commands
 from porotwin_core.rig import Rig
@@ -36,22 +37,36 @@ class RecordedData:
     replaced_rig: Rig | None = None
 
     @property
-    def known_rates(self) -> Schedule | None:
-        """Measured rates where they exist, commanded rates elsewhere, well by well.
+    def announced(self) -> Schedule | None:
+        """The commanded rates with the announced pauses of the rig; None where there are none."""
+        if self.commanded is None:
+            return None
+        return FixedPauses.of(self.rig).in_schedule(self.commanded)
 
-        The commanded rates of a well count before its first measured row, from the last measured
+    @property
+    def last_row_time(self) -> float:
+        """Time of the last row of all rates [s]; 0 without any."""
+        told = (self.commanded, self.measured)
+        return max((row.time for rates in told if rates for row in rates.rows), default=0.0)
+
+    @property
+    def known_rates(self) -> Schedule | None:
+        """Measured rates where they exist, announced rates elsewhere, well by well.
+
+        The announced rates of a well count before its first measured row, from the last measured
         row of all wells on, and always if the well is not measured. In a closed rig the producer
         balances all others, as in the hub, because measured rates never add up to zero exactly.
         None if there are neither.
         """
+        commanded = self.announced
         if self.measured is None or not self.measured.rows:
-            return self.commanded
+            return commanded
         rows = self.measured.rows
         begin = {row.well: row.time for row in reversed(rows)}
-        later = later_commands(self.commanded, self.measured)
+        later = later_commands(commanded, self.measured)
         earlier = [
             row
-            for row in (() if self.commanded is None else self.commanded.rows)
+            for row in (() if commanded is None else commanded.rows)
             if row.time < begin.get(row.well, rows[-1].time)
         ]
         return self._balanced(Schedule((*rows, *earlier, *later)))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
+from porotwin_core.basis.units import HOUR_S, MINUTE_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
 from porotwin_core.model.effect_limits import MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
 from porotwin_core.model.effect_parameter import Parameter, Values
@@ -35,7 +36,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
                     '1/s',
                     0.0,
                     0.03 / context.duration,
-                    -MOST_LIGHT_DRIFT,
+                    -1.0 / context.duration,  # the signal would be gone at the end
                     MOST_LIGHT_DRIFT,
                 ),
                 FitParameter(
@@ -48,9 +49,13 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how the signal changes in time and across the rig."""
+    hourly = abs(values['drift']) * HOUR_S
+    # more than all of it within an hour is a change within minutes
+    drift = f'{number(100.0 * hourly)} %/h'
+    if hourly > 1.0:
+        drift = f'{number(100.0 * hourly * MINUTE_S / HOUR_S)} %/min'
     return (
-        f'the tracer’s signal {"grows" if values["drift"] >= 0 else "falls"} by '
-        f'{number(3.6e5 * abs(values["drift"]))} %/h, and is '
+        f'the tracer’s signal {"grows" if values["drift"] >= 0 else "falls"} by {drift}, and is '
         f'{direction(values["gradient"], "stronger", "weaker", "% per 10 cm", 10)} to the right'
     )
 

@@ -11,10 +11,12 @@ from porotwin_core.geometry.polygons import inside
 from porotwin_core.rig.checks.heads import MOST_GRADIENT, STEEP
 from porotwin_core.rig.description import Rig
 from porotwin_core.rig.outlines import outline_remarks
+from porotwin_core.rig.sand_drawing import sand_raster
+from porotwin_core.rig.sections import WaterBody
 
 
 def _water(rig: Rig) -> Iterator[Remark]:
-    """Yield remarks about canals outside the sand, wells in them, heads far apart, and rates."""
+    """Yield remarks about canals outside the sand, wells in them, their levels, and rates."""
     heads = {name: b.head_m for name, b in rig.water_bodies.items() if b.head_m is not None}
     if rig.water and heads:
         low, high = min(heads, key=heads.__getitem__), max(heads, key=heads.__getitem__)
@@ -32,11 +34,54 @@ def _water(rig: Rig) -> Iterator[Remark]:
         if body.corners_m is None:
             continue
         yield from outline_remarks(rig, f'{key}.corners_m', body.corners_m)
+        yield from _drawn_level(rig, key, body)
         wells = np.array([(well.x_m, well.z_m) for well in rig.wells.values()]).reshape(-1, 2)
         for well, within in zip(rig.wells, inside(wells, np.array(body.corners_m)), strict=True):
             if within:
                 why = f"it lies in the open water '{name}'"
                 yield Remark(f'wells.{well}', '', why, 'move it into the sand', refused=True)
+
+    if rig.water or rig.water_table:  # only then are heads heights above the lower edge
+        for name, body in rig.water_bodies.items():
+            yield from _level_at_side(rig, name, body)
+    if rig.water_table and heads:
+        yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
+
+
+def _drawn_level(rig: Rig, key: str, body: WaterBody) -> Iterator[Remark]:
+    """Yield a remark about open water that is drawn above its level by more than a square."""
+    assert body.corners_m is not None
+    top = max(z for _, z in body.corners_m)
+    square = sand_raster(rig.width_m, rig.height_m).dz
+    if body.head_m is not None and top > body.head_m + square:
+        why = f'it is drawn up to {top:g} m, above its level; were two heads exchanged?'
+        yield Remark(f'{key}.head_m', f'{body.head_m:g} m', why, 'correct the head or the corners')
+
+
+def _level_at_side(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
+    """Yield a remark about water that does not reach its side, or not all of it."""
+    if body.side is None or body.head_m is None:
+        return
+    upright = body.side in ('left', 'right')
+    low = body.from_m if upright else rig.height_m if body.side == 'top' else 0.0
+    high = (body.to_m or rig.height_m) if upright else low
+    key = f'water.{name}.head_m' if name in rig.water else f'boundaries.heads_m.{name}'
+    shown, place = f'{body.head_m:g} m', f'{body.side} side'
+    if body.head_m < low:
+        why = f'its water stands below the {place}, which begins at {low:g} m'
+        yield Remark(key, shown, why, 'correct the head, in m above the lower edge of the sand')
+    elif body.head_m < high and rig.water_table is None:
+        why = f'the {place} reaches to {high:g} m, and the sand above the level counts as full'
+        yield Remark(key, shown, why, 'end it at the level (to_m), or give a water_table')
+
+
+def _dry_wells(rig: Rig, wet_m: float) -> Iterator[Remark]:
+    """Yield a remark about every well that lies above all levels and the fringe, at `wet_m`."""
+    for name, well in rig.wells.items():
+        if well.z_m - well.radius_m > wet_m:
+            why = f'no water level and its fringe reach above {wet_m:g} m, so that it lies dry'
+            shown = f'({well.x_m:g}, {well.z_m:g}) m'
+            yield Remark(f'wells.{name}', shown, why, 'correct its place or the heads')
 
 
 CHECK = Check(find=_water)

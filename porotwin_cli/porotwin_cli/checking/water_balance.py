@@ -1,0 +1,121 @@
+"""Where water enters and leaves a rig, and through which sand it flows, for constant rates."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.basis.units import to_ml_h
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.polygons import inside
+from porotwin_core.rates.rates_in_force import SAME_RATE
+from porotwin_core.rates.wells import WellRates
+from porotwin_core.rig import Rig
+from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.physics import Physics
+from porotwin_solver.coefficients.water_contact import entering
+from porotwin_solver.effects import described_physics
+from porotwin_solver.flow.background_flux import background_flux
+from porotwin_solver.flow.flow import SHARED_FLOWS
+from porotwin_solver.flow.water_table import TableFlow
+from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
+
+SIDES = ('left', 'right', 'bottom', 'top')
+"""The sides in the order of an `Outline`."""
+
+
+@dataclass(frozen=True)
+class WaterBalance:
+    """Rates [m^3/s] of pure water, positive into the sand.
+
+    Attributes:
+        wells: of wells and leaks, by name.
+        places: of open sides and open water, by name.
+        sands: through the sands of the middle of the rig, positive to the right; empty for one.
+    """
+
+    wells: Mapping[str, float]
+    places: Mapping[str, float]
+    sands: Mapping[str, float]
+
+    @property
+    def in_ml_h(self) -> dict[str, dict[str, float]]:
+        """All rates in ml/h."""
+        return {
+            part: {name: to_ml_h(rate) for name, rate in getattr(self, part).items()}
+            for part in ('wells', 'places', 'sands')
+        }
+
+    def __str__(self) -> str:
+        """Return the balance on one line."""
+        wells, places, sands = (_in_words(rates) for rates in self.in_ml_h.values())
+        told = f'into the sand [ml/h]: {"; ".join(filter(None, (wells, places)))}'
+        return told if not sands else f'{told}; to the right through the middle: {sands}'
+
+
+def _in_words(rates_ml_h: Mapping[str, float]) -> str:
+    """Return rates [ml/h] in words, without round-off."""
+    return ', '.join(f'{name} {round(rate, 3) + 0.0:+.4g}' for name, rate in rates_ml_h.items())
+
+
+def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None:
+    """Return the balance of `rig` with its effects at `rates` [m^3/s].
+
+    None where it has none: wells that do not balance in a closed rig.
+    """
+    physics = described_physics(rig, grid)
+    delivered = {name: rate for name, rate in physics.delivered(rates).items() if rate}
+    wells = {**delivered, **({'leaks': leaks} if (leaks := _leaks(physics)) else {})}
+    if rig.closed and abs(math.fsum(wells.values())) > SAME_RATE:
+        return None
+    flux = _flux(physics, rates)
+    sides = {
+        name: float(side.sum())
+        for name, side in zip(SIDES, entering(flux), strict=True)
+        if np.any(side)
+    }
+    canals = {
+        name: float(flux.divergence()[_within(body.corners_m, grid)].sum())
+        for name, body in rig.water.items()
+        if body.corners_m is not None
+    }
+    return WaterBalance(wells, {**sides, **canals}, _through_sands(rig, grid, flux))
+
+
+def _leaks(physics: Physics) -> float:
+    return math.fsum(leak.rate for leak in physics.leaks)
+
+
+def _flux(physics: Physics, rates: WellRates) -> FaceField:
+    """Return the flux [m^3/s] of pure water."""
+    source = SourcesAndSinks(physics).sources(rates).net
+    if physics.fringe is not None:
+        return TableFlow(physics, source).flux
+    flow = SHARED_FLOWS.flow(physics.grid, physics.mobility_thickness, physics.contact)
+    by_wells, background = flow.flux(source), background_flux(physics)
+    return by_wells if background is None else by_wells + background
+
+
+def _within(corners: object, grid: Grid) -> NDArray[np.bool_]:
+    """Return True in the cells (nz, nx) whose centre lies in the polygon."""
+    x, z = np.meshgrid(grid.x, grid.z)
+    points = np.column_stack([x.ravel(), z.ravel()])
+    return np.asarray(inside(points, np.array(corners))).reshape(grid.shape)
+
+
+def _through_sands(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
+    """Return the flux [m^3/s] to the right through the middle of the rig, by sand."""
+    if len(rig.sands) < 2:
+        return {}
+    middle = grid.nx // 2
+    porosity, permeability = rig.nominal_map('porosity'), rig.nominal_map('permeability_m2')
+    found = {}
+    for name, sand in rig.sands.items():
+        here = (porosity == sand.porosity) & (permeability == rig.permeability_of_sand(name))
+        share = conservative_resample(np.asarray(here, dtype=float), grid.shape)
+        column = share[:, max(middle - 1, 0) : middle + 1].mean(axis=1)
+        if column.any():
+            found[name] = float(flux.x[:, middle] @ column)
+    return found

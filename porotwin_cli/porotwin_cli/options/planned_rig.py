@@ -1,0 +1,47 @@
+"""The rig of a live experiment, with the plan of its pumps that lies beside it."""
+
+from pathlib import Path
+
+from porotwin_cli.terminal import say
+from porotwin_core.rates.announced_rates import with_plan
+from porotwin_core.rig import Rig, load_rig
+from porotwin_recording.experiment.experiment_folder import (
+    COMMANDED_FILE,
+    IMAGING_FILE,
+    MAPS_FILE,
+    MEASURED_FILE,
+)
+from porotwin_recording.tables.rates import read_rates
+
+
+def planned_rig(path: Path) -> Rig:
+    """Return the rig at `path`, a `rig.yaml` or a folder, with the pauses of a rates.csv beside it.
+
+    A rates.csv beside maps, photographs or measured rates is the past of a recording, and no plan.
+    One line tells what the plan changes.
+
+    Raises:
+        InputError: a file is wrong, or the plan contradicts the control section.
+    """
+    rig = load_rig(path)
+    folder = path if path.is_dir() else path.parent
+    file = folder / COMMANDED_FILE
+    recorded = any((folder / name).exists() for name in (MEASURED_FILE, MAPS_FILE, IMAGING_FILE))
+    if rig.control is None or not file.is_file() or recorded:
+        return rig
+    plan = read_rates(file, rig.wells)
+    planned = with_plan(rig, plan, str(file))
+    say(f'{file}: {_in_words(planned)}')
+    return planned
+
+
+def _in_words(rig: Rig) -> str:
+    """Return in words when the fixed wells of a plan pump, and who chooses all other rates."""
+    assert rig.control is not None
+    pauses = {
+        name: ', '.join(f'{low:g} to {high:g} min' for low, high in well.pauses_min)
+        for name, well in rig.control.fixed.items()
+    }
+    resting = [f'{name} rests from {told}' for name, told in pauses.items() if told]
+    told = '; '.join(resting) or f'{", ".join(rig.control.fixed) or "no well"} pumps throughout'
+    return f'{told}; the twin chooses the rates of all other wells'

@@ -1,0 +1,50 @@
+"""The plan of the pumps beside a rig that runs live."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from porotwin_cli.options.planned_rig import planned_rig
+from porotwin_cli.running.closed_loop import usual_minutes
+from porotwin_cli.workspace import ROOT
+from porotwin_core.basis.errors import InputError
+
+FOLDER = ROOT / 'rigs' / 'two_sands'
+RESTS = """time_s,well,rate_ml_h,concentration
+0,injector,300,1
+600,injector,0,1
+1200,injector,300,1
+2400,injector,0,1
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(FOLDER, tmp_path / 'rig'))
+
+
+@pytest.mark.parametrize('name', ['', 'rig.yaml'])
+def test_a_plan_beside_the_rig_is_followed_and_told(
+    folder: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / 'rates.csv').write_text(RESTS)
+    planned = planned_rig(folder / name)
+    assert planned.control is not None
+    assert planned.control.fixed['injector'].pauses_min == ((10.0, 20.0),)
+    assert usual_minutes(planned, hidden=False) == 40.0
+    assert 'injector rests from 10 to 20 min' in capsys.readouterr().err
+
+
+def test_the_rates_of_a_recording_are_no_plan(folder: Path) -> None:
+    (folder / 'rates.csv').write_text(RESTS)
+    (folder / 'rates_measured.csv').write_text(RESTS)
+    planned = planned_rig(folder)
+    assert planned.control is not None
+    assert planned.control.fixed['injector'].pauses_min == ()
+
+
+def test_a_plan_with_another_rate_than_the_rig_is_refused(folder: Path) -> None:
+    (folder / 'rates.csv').write_text(RESTS.replace('1200,injector,300', '1200,injector,200'))
+    with pytest.raises(InputError, match=r'rates\.csv: injector pumps 200 ml/h at 1200 s'):
+        planned_rig(folder)
