@@ -100,13 +100,9 @@ def step_adjoint(
     with_tensor = bool(varied) or engine.physics.disperses
     # the same diffusion everywhere is its own adjoint, for any state
     symmetric = coefficients.exchanges.to_neighbours and not with_tensor
-    tapes = StepTapes.empty(coefficients, diffuses=not symmetric)
     state = first.copy()
     engine.react(state, half)
-    if symmetric:
-        engine.begin_transport(state, coefficients, tapes)
-    else:
-        engine.transport(state, coefficients, tapes)
+    tapes = engine.recorded_transport(state, coefficients, diffusion=not symmetric)
     by_parameter = _reaction_derivatives(varied, bar, state, half)
     engine.react_adjoint(bar, half)
     derivatives = StepDerivatives.zeros(engine.grid)

@@ -222,7 +222,8 @@ def advection_adjoint(
 ):
     """Turn `bar` in place from dJ/d(concentration after `advection`) into dJ/d(the one before).
 
-    `c` is the concentration after it and becomes the one before it, read from `tape`. dJ/dflux,
+    `c` is the concentration after it and becomes the one before it, read from the `tape`, an
+    `AdvectionTape`. The cells that sleep keep theirs; their derivatives take all substeps. dJ/dflux,
     dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into the range
     from `least` to `most` before every substep (see `adjoint_state`).
     """
@@ -231,11 +232,13 @@ def advection_adjoint(
         FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))),
         FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))),
     )
-    taped = len(tape)
+    is_awake, awake_at_least, values = tape
+    taped = len(values)
     highest = len(levels.count_at_least) - 1
     for substep in range((1 << highest) - 1, -1, -1):
-        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
-        taped -= ending
+        lowest = lowest_starting_level(substep + 1, highest)
+        ending = levels.count_at_least[lowest]
+        taped -= awake_at_least[lowest]
         update_cells_adjoint(
             c,
             bar,
@@ -243,7 +246,9 @@ def advection_adjoint(
             sources,
             storage,
             levels,
-            tape[taped : taped + ending],
+            ending,
+            is_awake,
+            values[taped:],
             accumulator_bars,
             derivatives,
             least,
@@ -266,13 +271,25 @@ def advection_adjoint(
 
 @compiled
 def update_cells_adjoint(
-    c, bar, flux, sources, storage, levels, tape, accumulator_bars, derivatives, least, most
+    c,
+    bar,
+    flux,
+    sources,
+    storage,
+    levels,
+    active,
+    is_awake,
+    tape,
+    accumulator_bars,
+    derivatives,
+    least,
+    most,
 ):
-    """Apply the adjoint of `update_cells` to the first len(tape) cells of `levels.order`.
+    """Apply the adjoint of `update_cells` to the first `active` cells of `levels.order`.
 
-    `tape` holds the concentration of each before the update. In place: `c` (nz, nx) goes back to
-    it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars` and
-    `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
+    `tape` holds the concentration of those that are awake before the update. In place: `c` (nz, nx)
+    goes back to it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars`
+    and `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
     Other arguments are as in `transport_kernels`.
     """
     nz, nx = c.shape
@@ -284,7 +301,8 @@ def update_cells_adjoint(
     outflow = sources.outflow
     tracer_bar, outflow_bar = derivatives.sources.tracer, derivatives.sources.outflow
     storage_bar = derivatives.storage
-    for place in range(len(tape)):
+    taped = 0
+    for place in range(active):
         i, j = divmod(order[place], nx)
         own = level[i, j]
         length = duration / (1 << own)
@@ -292,8 +310,10 @@ def update_cells_adjoint(
         if gain_bar < least or gain_bar > most:
             gain_bar = min(max(gain_bar, least), most)
             bar[i, j] = gain_bar * storage[i, j]
-        storage_bar[i, j] -= gain_bar * (c[i, j] - tape[place])
-        c[i, j] = tape[place]
+        if is_awake[order[place]]:
+            storage_bar[i, j] -= gain_bar * (c[i, j] - tape[taped])
+            c[i, j] = tape[taped]
+            taped += 1
         tracer_bar[i, j] += length * gain_bar
         outflow_bar[i, j] -= length * gain_bar * c[i, j]
         bar[i, j] -= length * gain_bar * outflow[i, j]

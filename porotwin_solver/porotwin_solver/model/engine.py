@@ -25,10 +25,16 @@ from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport.diffusion import Exchanges, diffuse, dispersive_exchanges
-from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels, tape_length
+from porotwin_solver.transport.local_time_steps import TimeStepLevels, tape_length
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks, with_water
-from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
+from porotwin_solver.transport.transport import (
+    AdvectionTape,
+    FluxAccumulators,
+    Sources,
+    advect,
+    advection_levels,
+)
 
 LONGEST_STEP = 60.0
 """Longest splitting step [s]: between advection, diffusion and reaction, and between two solutions
@@ -87,26 +93,16 @@ class StepCoefficients(NamedTuple):
 class StepTapes(NamedTuple):
     """Concentrations [-] before every substep of the three parts of `Engine.transport`.
 
-    Each tape has one number per cell and substep (see `tape_length`), or none to record nothing.
+    The tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
     """
 
-    first_diffusion: FloatArray = NO_TAPE
-    advection: FloatArray = NO_TAPE
-    second_diffusion: FloatArray = NO_TAPE
-
-    @classmethod
-    def empty(cls, coefficients: StepCoefficients, *, diffuses: bool = True) -> 'StepTapes':
-        """Return tapes with room for one step; those of diffusion only where it `diffuses`."""
-        diffusion = coefficients.exchanges.tape_length if diffuses else 0
-        advection = tape_length(coefficients.levels)
-        return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
+    first_diffusion: FloatArray
+    advection: AdvectionTape
+    second_diffusion: FloatArray
 
 
 DURATION_DIGITS = 6
 """Digits of a duration [s] that matter for its cost."""
-
-NO_TAPES = StepTapes()
-"""The tapes of a step that records nothing."""
 
 
 class Engine:
@@ -464,35 +460,48 @@ class Engine:
         self.transport(state, coefficients)
         self.react(state, half)
 
-    def transport(
-        self, state: State, coefficients: StepCoefficients, tapes: StepTapes = NO_TAPES
-    ) -> None:
+    def transport(self, state: State, coefficients: StepCoefficients) -> None:
         """Advance the mobile water in place: diffusion, advection, diffusion."""
         flux, sources, levels, exchanges = coefficients
-        if self._on_device is not None and tapes is NO_TAPES:
+        if self._on_device is not None:
             self._on_device.advance(
                 state.mobile, self.storage, flux, sources, levels, exchanges, state.tracer_lost
             )
             return
-        self.begin_transport(state, coefficients, tapes)
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
+        diffuse(state.mobile, self.storage, exchanges)
+        self._advect(state, coefficients)
+        diffuse(state.mobile, self.storage, exchanges)
 
-    def begin_transport(
-        self, state: State, coefficients: StepCoefficients, tapes: StepTapes
-    ) -> None:
-        """Do all of `transport` but the second diffusion, on the processor."""
-        flux, sources, levels, exchanges = coefficients
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
-        advect(
+    def recorded_transport(
+        self, state: State, coefficients: StepCoefficients, *, diffusion: bool
+    ) -> StepTapes:
+        """Do as `transport` on the processor, and return what the adjoint needs.
+
+        Without `diffusion`, only the advection is recorded, and the second diffusion is left out.
+        """
+        exchanges = coefficients.exchanges
+        room = exchanges.tape_length if diffusion else 0
+        first, second = np.empty(room), np.empty(room)
+        diffuse(state.mobile, self.storage, exchanges, tape=first)
+        advection = self._advect(state, coefficients, record=True)
+        if diffusion:
+            diffuse(state.mobile, self.storage, exchanges, tape=second)
+        assert advection is not None
+        return StepTapes(first, advection, second)
+
+    def _advect(
+        self, state: State, coefficients: StepCoefficients, *, record: bool = False
+    ) -> AdvectionTape | None:
+        return advect(
             state.mobile,
-            flux,
-            sources=sources,
+            coefficients.flux,
+            sources=coefficients.sources,
             storage=self.storage,
-            levels=levels,
+            levels=coefficients.levels,
             scheme=self.scheme,
             accumulators=self._accumulators,
             tracer_lost=state.tracer_lost,
-            tape=tapes.advection,
+            record=record,
         )
 
     def exchanges(self, flux: FaceField, duration: float) -> Exchanges:

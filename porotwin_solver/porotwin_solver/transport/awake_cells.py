@@ -1,0 +1,214 @@
+"""The cells whose concentration may change in one call of `advect`; all others sleep.
+
+A cell that has the concentration of all water that enters it keeps it: the scheme adds no
+correction on its faces, and the water balance does the rest. So it needs no substep. A cell wakes
+where water of another concentration enters, or may arrive within the step. Tracer passes through a
+cell in one of its own substeps at the soonest, and never against the flow.
+
+The volume that passes through sleeping cells is their constant flux. They are compared to the
+round-off of the stock concentration, which is the error of the map and of the balance.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.transport.local_time_steps import TimeStepLevels
+
+AT_ONCE, ASLEEP = np.float32(0.0), np.float32(1.0)
+AT_THE_END = np.nextafter(ASLEEP, AT_ONCE)
+"""Shares of the step after which other water enters a cell: none, nearly all, never. A cell that
+loses tracer is awake until the end, so that the loss is counted."""
+
+LEAVING_WEST, LEAVING_EAST, LEAVING_SOUTH, LEAVING_NORTH = 1, 2, 4, 8
+"""Flags of an awake cell: the sides through which water leaves it."""
+
+SUMMED_WEST, SUMMED_EAST, SUMMED_SOUTH, SUMMED_NORTH = 16, 32, 64, 128
+"""Flags: the sides where the upstream cell takes more substeps than the cell downstream. The volume
+of tracer is summed there."""
+
+SUMMED = SUMMED_WEST | SUMMED_EAST | SUMMED_SOUTH | SUMMED_NORTH
+
+PUMPED, OUTER = 256, 512
+"""Flags: a well, a leak or a water body acts in the cell; it lies at a side of the rig."""
+
+
+class AwakeCells(NamedTuple):
+    """The awake cells in the order of `TimeStepLevels`, and what their substeps need.
+
+    first_change: (nz * nx,); the share of the step after which other water may enter a cell, or
+        ASLEEP.
+    order: (awake,); flat indices of the cells, the highest level first.
+    row: (awake,); their rows.
+    count_at_least: (levels,); the number of awake cells with level l or a higher one.
+    per_storage: (awake,); length of their substeps divided by their storage [s/m^3].
+    flags: (awake,); sums of the flags above.
+    """
+
+    first_change: NDArray[np.float32]
+    order: NDArray[np.int32]
+    row: NDArray[np.int32]
+    count_at_least: NDArray[np.int64]
+    per_storage: FloatArray
+    flags: NDArray[np.int16]
+
+
+@compiled
+def differs(one, another):
+    """Return whether two concentrations differ by more than round-off."""
+    return abs(one - another) > NEGLIGIBLE
+
+
+@compiled
+def wake(c, flux, sources, first_change, first, last):
+    """Fill the rows `first` to `last` - 1 of `first_change` as if nothing passed between cells."""
+    nz, nx = c.shape
+    flux_x, flux_z = flux
+    inflow, tracer, outflow = sources
+    for i in range(first, last):
+        for j in range(nx):
+            here = c[i, j]
+            west = c[i, j - 1] if j > 0 else 0.0
+            east = c[i, j + 1] if j < nx - 1 else 0.0
+            south = c[i - 1, j] if i > 0 else 0.0
+            north = c[i + 1, j] if i < nz - 1 else 0.0
+            found = ASLEEP
+            if (
+                (differs(west, here) and flux_x[i, j] > 0.0)
+                or (differs(east, here) and flux_x[i, j + 1] < 0.0)
+                or (differs(south, here) and flux_z[i, j] > 0.0)
+                or (differs(north, here) and flux_z[i + 1, j] < 0.0)
+                or abs(tracer[i, j] - inflow[i, j] * here) > NEGLIGIBLE * inflow[i, j]
+            ):
+                found = AT_ONCE
+            elif here >= NEGLIGIBLE and (
+                outflow[i, j] > 0.0 or i == 0 or j == 0 or i == nz - 1 or j == nx - 1
+            ):
+                found = AT_THE_END
+            first_change[i * nx + j] = found
+
+
+@compiled
+def spread(flux, level, first_change):
+    """Lower `first_change` where water may bring a change from other cells.
+
+    A change enters a cell, acts at the end of its substep, and enters the next cells downstream.
+    """
+    nz, nx = level.shape
+    flux_x, flux_z = flux
+    size = nz * nx
+    waiting, is_waiting = np.empty(size, np.int32), np.zeros(size, np.bool_)
+    count = 0
+    for k in range(size):
+        if first_change[k] == AT_ONCE:
+            waiting[count] = k
+            is_waiting[k] = True
+            count += 1
+    place = 0
+    while count > 0:
+        k = waiting[place]
+        place = place + 1 if place + 1 < size else 0
+        count -= 1
+        is_waiting[k] = False
+        i = k // nx
+        j = k - i * nx
+        parts = np.float32(1 << level[i, j])
+        change = np.float32((np.floor(first_change[k] * parts) + np.float32(1.0)) / parts)
+        if change >= AT_THE_END:
+            continue
+        for side in range(4):
+            if side == 0:
+                reaches, other = j > 0 and flux_x[i, j] < 0.0, k - 1
+            elif side == 1:
+                reaches, other = j < nx - 1 and flux_x[i, j + 1] > 0.0, k + 1
+            elif side == 2:
+                reaches, other = i > 0 and flux_z[i, j] < 0.0, k - nx
+            else:
+                reaches, other = i < nz - 1 and flux_z[i + 1, j] > 0.0, k + nx
+            if reaches and change < first_change[other]:
+                first_change[other] = change
+                if not is_waiting[other]:
+                    end = place + count
+                    waiting[end if end < size else end - size] = other
+                    is_waiting[other] = True
+                    count += 1
+
+
+@compiled
+def sort_awake(first_change, level, levels):
+    """Return `order` and `count_at_least` of AwakeCells for a number of `levels`."""
+    flat = level.ravel()
+    count_at_least = np.zeros(levels, np.int64)
+    for k in range(len(flat)):
+        if first_change[k] < ASLEEP:
+            count_at_least[flat[k]] += 1
+    place = np.zeros(levels, np.int64)
+    for own in range(levels - 2, -1, -1):
+        place[own] = count_at_least[own + 1]
+        count_at_least[own] += count_at_least[own + 1]
+    order = np.empty(count_at_least[0], np.int32)
+    for k in range(len(flat)):
+        if first_change[k] < ASLEEP:
+            order[place[flat[k]]] = k
+            place[flat[k]] += 1
+    return order, count_at_least
+
+
+@compiled
+def prepare(c, flux, sources, storage, levels, awake, accumulators, first, last):
+    """Fill the rest of `awake` for its cells `first` to `last` - 1.
+
+    The accumulators get the constant rates at which sleeping cells send tracer to these cells.
+    """
+    nz, nx = c.shape
+    flux_x, flux_z = flux
+    inflow, tracer, outflow = sources
+    duration, level, _, _ = levels
+    first_change, order, row, _, per_storage, flags = awake
+    rate_x, rate_z = accumulators.rate
+    for place in range(first, last):
+        k = order[place]
+        i = k // nx
+        j = k - i * nx
+        own = level[i, j]
+        flag = 0
+        for side in range(4):
+            face_i = i + 1 if side == 3 else i
+            face_j = j + 1 if side == 1 else j
+            if side < 2:
+                water = flux_x[face_i, face_j]
+                is_outer = face_j == 0 or face_j == nx
+                other = k - 1 if side == 0 else k + 1
+            else:
+                water = flux_z[face_i, face_j]
+                is_outer = face_i == 0 or face_i == nz
+                other = k - nx if side == 2 else k + nx
+            leaves = water > 0.0 if side % 2 == 1 else water < 0.0
+            if leaves:
+                flag |= LEAVING_WEST << side
+            if is_outer:
+                flag |= OUTER
+            elif water != 0.0 and first_change[other] < ASLEEP:
+                beside = level[other // nx, other % nx]
+                if (beside < own) if leaves else (beside > own):
+                    flag |= SUMMED_WEST << side
+                continue
+            if not leaves:
+                rate = 0.0
+                if not is_outer:
+                    sent = c[other // nx, other % nx]
+                    rate = water * sent if sent >= NEGLIGIBLE else 0.0
+                if side < 2:
+                    rate_x[face_i, face_j] = rate
+                else:
+                    rate_z[face_i, face_j] = rate
+        if inflow[i, j] > 0.0 or tracer[i, j] > 0.0 or outflow[i, j] > 0.0:
+            flag |= PUMPED
+        row[place] = i
+        flags[place] = flag
+        per_storage[place] = duration / (1 << own) / storage[i, j]
