@@ -15,7 +15,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
-from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.face_field import FaceField, weighted_sum
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.coefficients.water_contact import WaterContact
@@ -209,7 +209,7 @@ class Engine:
         for source in active:
             pumped[self.sources_and_sinks.all.index(source.source_sink)] += source.rate
         if self.grid.nx * self.grid.nz < THREADED_CELLS:
-            flux = FaceField(*(_weighted_sum(pumped, units) for units in self.unit_fluxes))
+            flux = FaceField(*(weighted_sum(pumped, units) for units in self.unit_fluxes))
         else:  # a second copy of all unit flows would take more memory than all the rest
             flux = FaceField.zeros(self.grid)
             for source_sink, rate in zip(self.sources_and_sinks.all, pumped, strict=True):
@@ -561,11 +561,3 @@ class Engine:
         physics = self.physics
         exchanged = physics.exchange_rate * duration / (1.0 - physics.immobile_fraction)
         return math.exp(-physics.decay_rate * duration), math.exp(-exchanged)
-
-
-def _weighted_sum(weights: FloatArray, fields: FloatArray) -> FloatArray:
-    """Return the sum of weight times field over the first axis (a fast np.tensordot)."""
-    count = len(weights)
-    rows = fields.reshape(count, math.prod(fields.shape[1:]))
-    total: FloatArray = np.dot(weights.reshape(1, count), rows)
-    return total.reshape(fields.shape[1:])

@@ -177,38 +177,59 @@ def prepare(c, flux, sources, storage, levels, awake, accumulators, first, last)
         j = k - i * nx
         own = level[i, j]
         flag = 0
-        for side in range(4):
-            face_i = i + 1 if side == 3 else i
-            face_j = j + 1 if side == 1 else j
-            if side < 2:
-                water = flux_x[face_i, face_j]
-                is_outer = face_j == 0 or face_j == nx
-                other = k - 1 if side == 0 else k + 1
-            else:
-                water = flux_z[face_i, face_j]
-                is_outer = face_i == 0 or face_i == nz
-                other = k - nx if side == 2 else k + nx
-            leaves = water > 0.0 if side % 2 == 1 else water < 0.0
-            if leaves:
-                flag |= LEAVING_WEST << side
-            if is_outer:
-                flag |= OUTER
-            elif water != 0.0 and first_change[other] < ASLEEP:
-                beside = level[other // nx, other % nx]
-                if (beside < own) if leaves else (beside > own):
-                    flag |= SUMMED_WEST << side
-                continue
-            if not leaves:
-                rate = 0.0
-                if not is_outer:
-                    sent = c[other // nx, other % nx]
-                    rate = water * sent if sent >= NEGLIGIBLE else 0.0
-                if side < 2:
-                    rate_x[face_i, face_j] = rate
-                else:
-                    rate_z[face_i, face_j] = rate
+        water = -flux_x[i, j]
+        if j == 0:
+            flag |= OUTER
+        if j > 0 and water != 0.0 and first_change[k - 1] < ASLEEP:
+            flag |= summed(water, level[i, j - 1], own) * SUMMED_WEST
+        elif water <= 0.0:
+            rate_x[i, j] = -water * sent(c[i, j - 1]) if j > 0 else 0.0
+        if water > 0.0:
+            flag |= LEAVING_WEST
+        water = flux_x[i, j + 1]
+        if j == nx - 1:
+            flag |= OUTER
+        if j < nx - 1 and water != 0.0 and first_change[k + 1] < ASLEEP:
+            flag |= summed(water, level[i, j + 1], own) * SUMMED_EAST
+        elif water <= 0.0:
+            rate_x[i, j + 1] = water * sent(c[i, j + 1]) if j < nx - 1 else 0.0
+        if water > 0.0:
+            flag |= LEAVING_EAST
+        water = -flux_z[i, j]
+        if i == 0:
+            flag |= OUTER
+        if i > 0 and water != 0.0 and first_change[k - nx] < ASLEEP:
+            flag |= summed(water, level[i - 1, j], own) * SUMMED_SOUTH
+        elif water <= 0.0:
+            rate_z[i, j] = -water * sent(c[i - 1, j]) if i > 0 else 0.0
+        if water > 0.0:
+            flag |= LEAVING_SOUTH
+        water = flux_z[i + 1, j]
+        if i == nz - 1:
+            flag |= OUTER
+        if i < nz - 1 and water != 0.0 and first_change[k + nx] < ASLEEP:
+            flag |= summed(water, level[i + 1, j], own) * SUMMED_NORTH
+        elif water <= 0.0:
+            rate_z[i + 1, j] = water * sent(c[i + 1, j]) if i < nz - 1 else 0.0
+        if water > 0.0:
+            flag |= LEAVING_NORTH
         if inflow[i, j] > 0.0 or tracer[i, j] > 0.0 or outflow[i, j] > 0.0:
             flag |= PUMPED
         row[place] = i
         flags[place] = flag
         per_storage[place] = duration / (1 << own) / storage[i, j]
+
+
+@compiled
+def summed(water, beside, own):
+    """Return whether tracer is summed on a face: the upstream cell takes more substeps.
+
+    `water` leaves the cell, or enters it if negative; `beside` and `own` are levels.
+    """
+    return beside < own if water > 0.0 else beside > own
+
+
+@compiled
+def sent(concentration):
+    """Return the concentration that a sleeping cell sends on."""
+    return concentration if concentration >= NEGLIGIBLE else 0.0

@@ -201,7 +201,9 @@ def awake_cells(
         np.empty(count),
         np.empty(count, np.int16),
     )
-    in_blocks(
-        prepare, count, (concentration, flux, sources, storage, levels, awake, accumulators)
-    )
+    fields = (concentration, flux, sources, storage, levels, awake, accumulators)
+    if size < THREADED_CELLS:
+        prepare(*fields, 0, count)
+    else:
+        in_blocks(prepare, count, fields)
     return awake
