@@ -15,6 +15,7 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.compiled import compiled
 from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.transport.awake_cells import differs
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.transport import FluxAccumulators, Sources
@@ -447,14 +448,14 @@ def evaluate_faces_adjoint(
 
 @compiled
 def is_flat(c, i, j):
-    """Return whether cell (i, j) and its neighbours have the same concentration."""
+    """Return whether cell (i, j) and its neighbours have the same concentration, to round-off."""
     nz, nx = c.shape
     here = c[i, j]
-    return (
-        (j == 0 or c[i, j - 1] == here)
-        and (j == nx - 1 or c[i, j + 1] == here)
-        and (i == 0 or c[i - 1, j] == here)
-        and (i == nz - 1 or c[i + 1, j] == here)
+    return not (
+        (j > 0 and differs(c[i, j - 1], here))
+        or (j < nx - 1 and differs(c[i, j + 1], here))
+        or (i > 0 and differs(c[i - 1, j], here))
+        or (i < nz - 1 and differs(c[i + 1, j], here))
     )
 
 
