@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.transport.diffusion_kernels import reach
 from porotwin_solver.transport.local_time_steps import TimeStepLevels
 
 AT_ONCE, ASLEEP = np.float32(0.0), np.float32(1.0)
@@ -65,19 +66,38 @@ def differs(one, another):
 
 
 @compiled
-def wake(c, flux, sources, first_change, first, last):
-    """Fill the rows `first` to `last` - 1 of `first_change` as if nothing passed between cells."""
+def ends_with_sources(c, tracer, ends, first, last):
+    """Fill `ends` as `diffusion_kernels.ends_of_tracer`; injected tracer counts too."""
+    nx = c.shape[1]
+    for i in range(first, last):
+        low, high = 0, nx
+        while low < nx and c[i, low] == 0.0 and tracer[i, low] == 0.0:
+            low += 1
+        while high > low and c[i, high - 1] == 0.0 and tracer[i, high - 1] == 0.0:
+            high -= 1
+        ends[i, 0], ends[i, 1] = low, high
+
+
+@compiled
+def wake(c, flux, sources, ends, first_change, extent, first, last):
+    """Fill the rows `first` to `last` - 1 of `first_change` as if nothing passed between cells.
+
+    `ends` as of `ends_with_sources`. `extent` (nz, 2) gets the columns of each row outside which
+    all cells sleep: the first one, and one after the last.
+    """
     nz, nx = c.shape
     flux_x, flux_z = flux
     inflow, tracer, outflow = sources
     for i in range(first, last):
-        for j in range(nx):
+        first_change[i * nx : (i + 1) * nx] = ASLEEP
+        low, high = reach(ends, i, nx)
+        extent[i, 0], extent[i, 1] = low, high
+        for j in range(low, high):
             here = c[i, j]
             west = c[i, j - 1] if j > 0 else 0.0
             east = c[i, j + 1] if j < nx - 1 else 0.0
             south = c[i - 1, j] if i > 0 else 0.0
             north = c[i + 1, j] if i < nz - 1 else 0.0
-            found = ASLEEP
             if (
                 (differs(west, here) and flux_x[i, j] > 0.0)
                 or (differs(east, here) and flux_x[i, j + 1] < 0.0)
@@ -85,17 +105,16 @@ def wake(c, flux, sources, first_change, first, last):
                 or (differs(north, here) and flux_z[i + 1, j] < 0.0)
                 or abs(tracer[i, j] - inflow[i, j] * here) > NEGLIGIBLE * inflow[i, j]
             ):
-                found = AT_ONCE
+                first_change[i * nx + j] = AT_ONCE
             elif here >= NEGLIGIBLE and (
                 outflow[i, j] > 0.0 or i == 0 or j == 0 or i == nz - 1 or j == nx - 1
             ):
-                found = AT_THE_END
-            first_change[i * nx + j] = found
+                first_change[i * nx + j] = AT_THE_END
 
 
 @compiled
-def spread(flux, level, first_change):
-    """Lower `first_change` where water may bring a change from other cells.
+def spread(flux, level, first_change, extent):
+    """Lower `first_change` where water may bring a change from other cells, and widen `extent`.
 
     A change enters a cell, acts at the end of its substep, and enters the next cells downstream.
     """
@@ -104,11 +123,12 @@ def spread(flux, level, first_change):
     size = nz * nx
     waiting, is_waiting = np.empty(size, np.int32), np.zeros(size, np.bool_)
     count = 0
-    for k in range(size):
-        if first_change[k] == AT_ONCE:
-            waiting[count] = k
-            is_waiting[k] = True
-            count += 1
+    for i in range(nz):
+        for k in range(i * nx + extent[i, 0], i * nx + extent[i, 1]):
+            if first_change[k] == AT_ONCE:
+                waiting[count] = k
+                is_waiting[k] = True
+                count += 1
     place = 0
     while count > 0:
         k = waiting[place]
@@ -123,15 +143,18 @@ def spread(flux, level, first_change):
             continue
         for side in range(4):
             if side == 0:
-                reaches, other = j > 0 and flux_x[i, j] < 0.0, k - 1
+                reaches, row, column = j > 0 and flux_x[i, j] < 0.0, i, j - 1
             elif side == 1:
-                reaches, other = j < nx - 1 and flux_x[i, j + 1] > 0.0, k + 1
+                reaches, row, column = j < nx - 1 and flux_x[i, j + 1] > 0.0, i, j + 1
             elif side == 2:
-                reaches, other = i > 0 and flux_z[i, j] < 0.0, k - nx
+                reaches, row, column = i > 0 and flux_z[i, j] < 0.0, i - 1, j
             else:
-                reaches, other = i < nz - 1 and flux_z[i + 1, j] > 0.0, k + nx
+                reaches, row, column = i < nz - 1 and flux_z[i + 1, j] > 0.0, i + 1, j
+            other = row * nx + column
             if reaches and change < first_change[other]:
                 first_change[other] = change
+                extent[row, 0] = min(extent[row, 0], column)
+                extent[row, 1] = max(extent[row, 1], column + 1)
                 if not is_waiting[other]:
                     end = place + count
                     waiting[end if end < size else end - size] = other
@@ -140,22 +163,25 @@ def spread(flux, level, first_change):
 
 
 @compiled
-def sort_awake(first_change, level, levels):
+def sort_awake(first_change, level, extent, levels):
     """Return `order` and `count_at_least` of AwakeCells for a number of `levels`."""
-    flat = level.ravel()
+    nz, nx = level.shape
     count_at_least = np.zeros(levels, np.int64)
-    for k in range(len(flat)):
-        if first_change[k] < ASLEEP:
-            count_at_least[flat[k]] += 1
+    for i in range(nz):
+        for j in range(extent[i, 0], extent[i, 1]):
+            if first_change[i * nx + j] < ASLEEP:
+                count_at_least[level[i, j]] += 1
     place = np.zeros(levels, np.int64)
     for own in range(levels - 2, -1, -1):
         place[own] = count_at_least[own + 1]
         count_at_least[own] += count_at_least[own + 1]
     order = np.empty(count_at_least[0], np.int32)
-    for k in range(len(flat)):
-        if first_change[k] < ASLEEP:
-            order[place[flat[k]]] = k
-            place[flat[k]] += 1
+    for i in range(nz):
+        for j in range(extent[i, 0], extent[i, 1]):
+            if first_change[i * nx + j] < ASLEEP:
+                own = level[i, j]
+                order[place[own]] = i * nx + j
+                place[own] += 1
     return order, count_at_least
 
 

@@ -34,6 +34,7 @@ from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.transport.awake_cells import (
     ASLEEP,
     AwakeCells,
+    ends_with_sources,
     prepare,
     sort_awake,
     spread,
@@ -189,9 +190,12 @@ def awake_cells(
     """
     rows, size = len(concentration), concentration.size
     first_change = np.empty(size, np.float32)
-    in_rows(wake, rows, size, concentration, flux, sources, first_change)
-    spread(flux, levels.level, first_change)
-    order, count_at_least = sort_awake(first_change, levels.level, len(levels.count_at_least))
+    ends, extent = np.empty((rows, 2), np.int64), np.empty((rows, 2), np.int64)
+    in_rows(ends_with_sources, rows, size, concentration, sources.tracer, ends)
+    in_rows(wake, rows, size, concentration, flux, sources, ends, first_change, extent)
+    spread(flux, levels.level, first_change, extent)
+    highest = len(levels.count_at_least)
+    order, count_at_least = sort_awake(first_change, levels.level, extent, highest)
     count = len(order)
     awake = AwakeCells(
         first_change,
