@@ -137,9 +137,7 @@ def corrections(c, near, cfl_out, cfl_in, cfl_well, well, low, high, scheme):
 
 
 @compiled
-def advection(
-    c, flux, sources, storage, levels, awake, scheme, accumulators, tracer_lost, tape
-):
+def advection(c, flux, sources, storage, levels, awake, scheme, accumulators, tracer_lost, tape):
     """Advance `c` in place by `levels.duration`.
 
     `tape` receives the concentration of every awake cell before each of its substeps, unless it has
@@ -156,9 +154,7 @@ def advection(
                 i = awake.row[place]
                 tape[taped] = c[i, awake.order[place] - i * c.shape[1]]
                 taped += 1
-        update_cells(
-            c, flux, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending
-        )
+        update_cells(c, flux, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending)
 
 
 @compiled
@@ -238,9 +234,7 @@ def evaluate_faces(c, flux, sources, levels, awake, scheme, accumulators, first,
 
 
 @compiled
-def cell_corrections(
-    here, near, flux, is_outer, inside, cfl_per_flux, cfl_well, well, scheme
-):
+def cell_corrections(here, near, flux, is_outer, inside, cfl_per_flux, cfl_well, well, scheme):
     """Return the corrections of a cell with the concentration `here` and the neighbours `near`.
 
     `flux`: the water flux through its four sides [m^3/s]; `inside`: whether a neighbour lies there;
