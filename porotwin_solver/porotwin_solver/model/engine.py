@@ -90,15 +90,24 @@ class StepCoefficients(NamedTuple):
     exchanges: Exchanges
 
 
-class StepTapes(NamedTuple):
-    """Concentrations [-] before every substep of the three parts of `Engine.transport`.
+class StepRecord(NamedTuple):
+    """What the adjoint of `Engine.step` needs.
 
-    The tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
+    last: the state after the last recorded part: after the second diffusion, or the advection.
+    first_diffusion, advection, second_diffusion: the concentrations [-] before every substep. The
+        tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
     """
 
+    last: State
     first_diffusion: FloatArray
     advection: AdvectionTape
     second_diffusion: FloatArray
+
+    @property
+    def size(self) -> int:
+        """The memory of the record of an advection [B]."""
+        last, tape = self.last, self.advection
+        return last.mobile.nbytes + last.immobile.nbytes + tape.values.nbytes + tape.is_awake.nbytes
 
 
 DURATION_DIGITS = 6
@@ -472,22 +481,31 @@ class Engine:
         self._advect(state, coefficients)
         diffuse(state.mobile, self.storage, exchanges)
 
-    def recorded_transport(
-        self, state: State, coefficients: StepCoefficients, *, diffusion: bool
-    ) -> StepTapes:
-        """Do as `transport` on the processor, and return what the adjoint needs.
+    @property
+    def on_device(self) -> bool:
+        """Whether the tracer moves on a device of PyTorch."""
+        return self._on_device is not None
 
-        Without `diffusion`, only the advection is recorded, and the second diffusion is left out.
+    def recorded_step(
+        self, state: State, coefficients: StepCoefficients, *, diffusion: bool
+    ) -> StepRecord:
+        """Do as `step` on the processor, and return what the adjoint needs.
+
+        Without `diffusion`, only the advection is recorded.
         """
         exchanges = coefficients.exchanges
+        half = exchanges.levels.duration
         room = exchanges.tape_length if diffusion else 0
         first, second = np.empty(room), np.empty(room)
+        self.react(state, half)
         diffuse(state.mobile, self.storage, exchanges, tape=first)
         advection = self._advect(state, coefficients, record=True)
-        if diffusion:
-            diffuse(state.mobile, self.storage, exchanges, tape=second)
         assert advection is not None
-        return StepTapes(first, advection, second)
+        advected = state.copy()
+        diffuse(state.mobile, self.storage, exchanges, tape=second)
+        last = state.copy() if diffusion else advected
+        self.react(state, half)
+        return StepRecord(last, first, advection, second)
 
     def _advect(
         self, state: State, coefficients: StepCoefficients, *, record: bool = False
