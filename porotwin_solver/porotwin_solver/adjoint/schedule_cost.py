@@ -23,7 +23,7 @@ from porotwin_solver.model.engine import State, StepCoefficients, StepRecord
 from porotwin_solver.model.model import Model, validated_duration
 
 ADJOINT_RUNS = 5
-"""Cost of a gradient in simulations, roughly: the run, its repetition where nothing is recorded, and the adjoint."""
+"""Cost of a gradient in simulations, at most: the run, its repetition, and the adjoint."""
 
 
 @dataclass(frozen=True)

@@ -224,9 +224,9 @@ def advection_adjoint(
     """Turn `bar` in place from dJ/d(concentration after `advection`) into dJ/d(the one before).
 
     `c` is the concentration after it and becomes the one before it, read from the `tape`, an
-    `AdvectionTape`. The cells that sleep keep theirs; their derivatives take all substeps. dJ/dflux,
-    dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into the range
-    from `least` to `most` before every substep (see `adjoint_state`).
+    `AdvectionTape`. The cells that sleep keep theirs; their derivatives take all substeps.
+    dJ/dflux, dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into
+    the range from `least` to `most` before every substep (see `adjoint_state`).
     """
     nz, nx = c.shape
     accumulator_bars = FluxAccumulators(

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
 from porotwin_solver.transport.diffusion_kernels import reach
-from porotwin_solver.transport.local_time_steps import TimeStepLevels
 
 AT_ONCE, ASLEEP = np.float32(0.0), np.float32(1.0)
 AT_THE_END = np.nextafter(ASLEEP, AT_ONCE)

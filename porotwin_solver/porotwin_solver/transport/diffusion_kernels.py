@@ -279,7 +279,7 @@ def gains_from_neighbours(c, exchanges, ends, gain, negligible, first, last):
             north = c[i + 1, j] - here if i < nz - 1 else 0.0
             east = c[i, j + 1] - here if j < nx - 1 else 0.0
             gain[i, j] = 0.0
-            if max(max(abs(south), abs(west)), max(abs(north), abs(east))) <= negligible:
+            if max(abs(south), abs(west), abs(north), abs(east)) <= negligible:
                 continue  # most cells: their weights need not be read
             total = 0.0
             if i > 0:

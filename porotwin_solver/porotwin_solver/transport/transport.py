@@ -168,11 +168,11 @@ def advect(
     highest = len(awake.count_at_least) - 1
     for substep in range(1 << highest):
         starting = awake.count_at_least[lowest_starting_level(substep, highest)]
-        fields = (concentration, flux, sources, levels, awake, int(scheme), accumulators)
-        in_blocks(evaluate_faces, starting, fields)
+        faces = (concentration, flux, sources, levels, awake, int(scheme), accumulators)
+        in_blocks(evaluate_faces, starting, faces)
         ending = awake.count_at_least[lowest_starting_level(substep + 1, highest)]
-        fields = (concentration, flux, sources, storage, levels, awake, accumulators)
-        in_blocks(update_cells, ending, fields, lost)
+        cells = (concentration, sources, storage, levels, awake, accumulators)
+        in_blocks(update_cells, ending, cells, lost)
     return None
 
 

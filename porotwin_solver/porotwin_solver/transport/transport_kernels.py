@@ -1,8 +1,8 @@
 """Compiled kernels of `transport`: the levels of the cells, and the tracer across their faces.
 
 Arguments that recur: `c` concentration (nz, nx), `flux` a FaceField of water [m^3/s], `sources` as
-`transport.Sources`, `storage` (nz, nx) [m^3], `levels` as `TimeStepLevels`, `awake` as `AwakeCells`,
-`accumulators` as `transport.FluxAccumulators`.
+`transport.Sources`, `storage` (nz, nx) [m^3], `levels` as `TimeStepLevels`, `awake` as
+`AwakeCells`, `accumulators` as `transport.FluxAccumulators`.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -154,7 +154,7 @@ def advection(c, flux, sources, storage, levels, awake, scheme, accumulators, tr
                 i = awake.row[place]
                 tape[taped] = c[i, awake.order[place] - i * c.shape[1]]
                 taped += 1
-        update_cells(c, flux, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending)
+        update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending)
 
 
 @compiled
@@ -280,7 +280,7 @@ def cell_corrections(here, near, flux, is_outer, inside, cfl_per_flux, cfl_well,
 
 
 @compiled
-def update_cells(c, flux, sources, storage, levels, awake, accumulators, tracer_lost, first, last):
+def update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, first, last):
     """End one substep of the awake cells `first` to `last` - 1: add the tracer that has moved.
 
     Threads may work on different cells.
