@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from lab.benches.kept_table import keep_table
 from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
@@ -76,7 +77,8 @@ def bench(context: typer.Context, as_json: Json = False) -> None:
     """Measure speed and accuracy on this machine.
 
     Without a part: all that are quick, solver to diagnosis. Some figures are ratios to a baseline
-    method, which runs on the same data. loop, mend, physics, faults and fuzz take an hour or more.
+    method, which runs on the same data. Tables are kept in runs/bench, and a row that became slower
+    is named. loop, mend, physics, faults and fuzz take an hour or more.
 
     Example: ./porotwin bench solver
 
@@ -100,6 +102,9 @@ def _figures(part: str, *, as_json: bool, **options: Any) -> Any:
     say(f'measuring {part} ...')
     module = importlib.import_module({**BENCHES, **LONG}[part])
     figures = module.run(**options)
+    if isinstance(figures, list):
+        for line in keep_table(part, figures):
+            say(line)
     if not as_json:
         getattr(module, 'show', partial(_show, part))(figures)
     return figures

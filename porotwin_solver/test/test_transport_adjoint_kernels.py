@@ -12,9 +12,14 @@ from porotwin_solver.adjoint.transport_adjoint_kernels import (
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.model.engine import Engine
-from porotwin_solver.transport.local_time_steps import NO_TAPE, tape_length
 from porotwin_solver.transport.scheme import Scheme
-from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
+from porotwin_solver.transport.transport import (
+    AdvectionTape,
+    FluxAccumulators,
+    Sources,
+    advect,
+    advection_levels,
+)
 
 
 @pytest.mark.parametrize('scheme', list(Scheme))
@@ -27,7 +32,6 @@ def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme)
     flux, storage = engine.water_flux(rates), physics.storage
     sources = engine.sources_and_sinks.sources(rates)
     levels = advection_levels(flux, sources, storage, 30.0)
-    tape = np.empty(tape_length(levels))
     direction = {
         'c': rng.normal(size=start.shape),
         'flux': engine.water_flux({'control1': WellRate(1e-7), 'producer': WellRate(-3e-8)}),
@@ -37,9 +41,9 @@ def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme)
         'storage': storage * rng.normal(size=start.shape),
     }
 
-    def run(size: float, record: FloatArray = NO_TAPE) -> FloatArray:
+    def run(size: float) -> tuple[FloatArray, AdvectionTape]:
         c = start + size * direction['c']
-        advect(
+        tape = advect(
             c,
             flux + direction['flux'] * size,
             sources=Sources(
@@ -52,14 +56,15 @@ def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme)
             levels=levels,
             scheme=scheme,
             accumulators=FluxAccumulators.zeros(physics.grid),
-            tape=record,
+            record=True,
         )
-        return c
+        assert tape is not None
+        return c, tape
 
     bar = rng.normal(size=start.shape)
     size = 1e-7
-    forward = np.vdot(bar, (run(size) - run(-size)) / (2.0 * size))
-    after = run(0.0, tape)
+    forward = np.vdot(bar, (run(size)[0] - run(-size)[0]) / (2.0 * size))
+    after, tape = run(0.0)
     back = bar.copy()
     by_flux = FaceField.zeros(physics.grid)
     by = {name: np.zeros(start.shape) for name in ('inflow', 'tracer', 'outflow', 'storage')}

@@ -61,7 +61,8 @@ def sweep_backward(
         _, length = engine.splitting(interval.end - interval.start, interval.longest_step)
         while interval.states:
             first = interval.states.pop()
-            step = step_adjoint(engine, first, rates, length, bar, varied)
+            record = interval.records.pop()
+            step = step_adjoint(engine, first, rates, length, bar, varied, record=record)
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)

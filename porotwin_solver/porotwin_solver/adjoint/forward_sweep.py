@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_solver.adjoint.step_recorder import StepRecorder
 from porotwin_solver.coefficients.refinement import refine
-from porotwin_solver.model.engine import State
+from porotwin_solver.model.engine import State, StepRecord
 from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
 
@@ -21,6 +22,7 @@ class Interval:
     longest_step: bound of its splitting steps [s].
     observed: indices of the times whose map shows its last state.
     states: the state before every splitting step, and the last one if it is observed.
+    records: of every splitting step, where it was recorded.
     """
 
     start: float
@@ -29,6 +31,7 @@ class Interval:
     longest_step: float
     observed: list[int] = field(default_factory=list)
     states: list[State] = field(default_factory=list)
+    records: list[StepRecord | None] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,17 @@ class ForwardSweep:
 
 
 def sweep_forward(
-    model: Model, schedule: Schedule, times: FloatArray, start: float, cost: Cost
+    model: Model,
+    schedule: Schedule,
+    times: FloatArray,
+    start: float,
+    cost: Cost,
+    *,
+    varied: bool = False,
 ) -> ForwardSweep:
     """Simulate from `start` [s] and return the sum of `cost` over the maps at `times` [s].
+
+    `varied` tells that derivatives by parameters are wanted.
 
     Raises:
         InputError: an unknown well, or rates that do not balance in a closed rig.
@@ -55,6 +66,7 @@ def sweep_forward(
     intervals, observed_before = _intervals(model, schedule, times, start)
     state = State.equilibrium(refine(model.initial_condition(), engine.grid.shape))
     total, map_bars = 0.0, {}
+    recorder = StepRecorder(engine, varied=varied)
 
     def observe(indices: Iterable[int]) -> None:
         nonlocal total
@@ -70,7 +82,7 @@ def sweep_forward(
         longest_step = interval.longest_step
         for coefficients in engine.interval(state, interval.rates, duration, longest_step):
             interval.states.append(state.copy())
-            engine.step(state, coefficients)
+            interval.records.append(recorder.step(state, coefficients))
         if interval.observed:
             interval.states.append(state.copy())
             observe(interval.observed)

@@ -65,7 +65,7 @@ def gradient(
     refuse_unavailable(parameters, model.engine.physics)
     varied = [ParameterDifference(rig, grid, preset, described, name) for name in parameters]
     moments = np.asarray(times, dtype=float)
-    forward = sweep_forward(model, schedule, moments, start, cost)
+    forward = sweep_forward(model, schedule, moments, start, cost, varied=bool(varied))
     derivatives = sweep_backward(model, moments, forward, varied)
     by_well = (*derivatives.rate.values(), *derivatives.concentration.values())
     refuse_not_finite(forward.cost, *by_well, derivatives.parameters)

@@ -17,15 +17,13 @@ from porotwin_core.rates.wells import RateStep, check_plan, plan_intervals
 from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
 from porotwin_solver.adjoint.backward_sweep import well_derivatives
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
+from porotwin_solver.adjoint.step_recorder import MOST_KEPT_BYTES, StepRecorder
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint, refine
-from porotwin_solver.model.engine import State, StepCoefficients
+from porotwin_solver.model.engine import State, StepCoefficients, StepRecord
 from porotwin_solver.model.model import Model, validated_duration
 
-MOST_KEPT_BYTES = 1e9
-"""Most memory for the states that the adjoint keeps [B]."""
-
 ADJOINT_RUNS = 5
-"""Cost of a gradient in simulations, roughly: the run, its repetition, and the adjoint."""
+"""Cost of a gradient in simulations, at most: the run, its repetition, and the adjoint."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class _KeptStep(NamedTuple):
     coefficients: StepCoefficients
     length: float
     number: int
+    record: StepRecord | None
 
 
 class _Weight(NamedTuple):
@@ -122,14 +121,18 @@ class _Run:
         self.weights = list(self._weights())
         cost = self._cost(state, 0)
         kept: list[_KeptStep] = []
+        recorder = StepRecorder(engine)
         count = 0
         for low, high, number in self._intervals():
             _, length = engine.splitting(high - low)
             rates = self.plan[number].rates
             for coefficients in engine.supervised_interval(state, rates, high - low):
                 if keep:
-                    kept.append(_KeptStep(state.copy(), coefficients, length, number))
-                engine.step(state, coefficients)
+                    first = state.copy()
+                    record = recorder.step(state, coefficients)
+                    kept.append(_KeptStep(first, coefficients, length, number, record))
+                else:
+                    engine.step(state, coefficients)
                 count += 1
                 cost += self._cost(state, count)
         return cost, kept
@@ -147,9 +150,11 @@ class _Run:
         self._add_cost_derivative(bar, last, len(kept))
         while kept:
             engine.supervision.check()
-            first, coefficients, length, number = kept.pop()
+            first, coefficients, length, number, record = kept.pop()
             rates = self.plan[number].rates
-            step = step_adjoint(engine, first, rates, length, bar, coefficients=coefficients)
+            step = step_adjoint(
+                engine, first, rates, length, bar, coefficients=coefficients, record=record
+            )
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
             by_rate, _ = well_derivatives(engine, rates, step.derivatives, by_source)
             found[number] += [by_rate[name] for name in wells]

@@ -14,13 +14,14 @@ from porotwin_solver.adjoint.diffusion_adjoint_kernels import (
     weights_adjoint,
 )
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
+from porotwin_solver.adjoint.step_recorder import is_symmetric
 from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
     advection_adjoint,
 )
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.water_contact import WaterContact
-from porotwin_solver.model.engine import Engine, State, StepCoefficients, StepTapes
+from porotwin_solver.model.engine import Engine, State, StepCoefficients, StepRecord
 from porotwin_solver.model.model import Model
 from porotwin_solver.transport.diffusion import (
     DispersionTensor,
@@ -83,13 +84,14 @@ def step_adjoint(
     varied: Sequence[ParameterDifference] = (),
     *,
     coefficients: StepCoefficients | None = None,
+    record: StepRecord | None = None,
 ) -> StepAdjoint:
-    """Run the step of `length` [s] from `first` again and apply its adjoint.
+    """Apply the adjoint of the step of `length` [s] from `first`, and consume its `record`.
 
     The derivatives by the parameters `varied` are part of the result. `rates` are [m^3/s] by well.
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
     part through the tracer-driven flow (`flow_adjoint`). Without given `coefficients` those of the
-    step are computed.
+    step are computed. Without a `record` the step is run again.
 
     Raises:
         InputError: as `Engine.coefficients`.
@@ -98,24 +100,17 @@ def step_adjoint(
         coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration
     with_tensor = bool(varied) or engine.physics.disperses
-    # the same diffusion everywhere is its own adjoint, for any state
-    symmetric = coefficients.exchanges.to_neighbours and not with_tensor
-    tapes = StepTapes.empty(coefficients, diffuses=not symmetric)
-    state = first.copy()
-    engine.react(state, half)
-    if symmetric:
-        engine.begin_transport(state, coefficients, tapes)
-    else:
-        engine.transport(state, coefficients, tapes)
-    by_parameter = _reaction_derivatives(varied, bar, state, half)
+    if record is None:
+        diffusion = not is_symmetric(engine, coefficients, varied=bool(varied))
+        record = engine.recorded_step(first.copy(), coefficients, diffusion=diffusion)
+    by_parameter = _reaction_derivatives(varied, bar, record.last, half)
     engine.react_adjoint(bar, half)
     derivatives = StepDerivatives.zeros(engine.grid)
     _transport_adjoint(
         engine,
-        state.mobile,
         bar,
         coefficients,
-        tapes,
+        record,
         derivatives,
         engine.contact(rates),
         with_tensor=with_tensor,
@@ -128,19 +123,16 @@ def step_adjoint(
 
 def _transport_adjoint(
     engine: Engine,
-    c: FloatArray,
     bar: AdjointState,
     coefficients: StepCoefficients,
-    tapes: StepTapes,
+    record: StepRecord,
     derivatives: StepDerivatives,
     contact: WaterContact,
     *,
     with_tensor: bool,
 ) -> None:
-    """Apply the adjoint of `Engine.transport`; `c` is the concentration after it, then before.
-
-    Without a tape of the diffusions, `c` is the concentration after the advection.
-    """
+    """Apply the adjoint of `Engine.transport`; the last state of `record` becomes the first."""
+    c = record.last.mobile
     flux, sources, levels, exchanges = coefficients
     weight_bar = np.zeros_like(exchanges.weight)
 
@@ -158,7 +150,7 @@ def _transport_adjoint(
         length = exchanges.levels.duration / exchanges.lines.steps
         exchange_along_lines_adjoint(*cells, exchanges.lines, length, tape, *bars)
 
-    diffusion_adjoint(tapes.second_diffusion)
+    diffusion_adjoint(record.second_diffusion)
     advection_adjoint(
         c,
         bar.mobile,
@@ -167,11 +159,11 @@ def _transport_adjoint(
         engine.storage,
         levels,
         int(engine.scheme),
-        tapes.advection,
+        record.advection,
         derivatives.advection,
         *bar.bounds,
     )
-    diffusion_adjoint(tapes.first_diffusion)
+    diffusion_adjoint(record.first_diffusion)
     with_water_adjoint(contact, flux, derivatives.advection.sources, derivatives.advection.flux)
     if with_tensor:
         _add_tensor_derivatives(engine, flux, exchanges, weight_bar, derivatives)

@@ -15,10 +15,11 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.coefficients.compiled import compiled
 from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.transport.awake_cells import differs
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.transport import FluxAccumulators, Sources
-from porotwin_solver.transport.transport_kernels import slope
+from porotwin_solver.transport.transport_kernels import Sides, slope
 
 CELL, WELL = -1, 4
 """The bound of a cell's range that is the cell itself, or its well, instead of a side."""
@@ -222,20 +223,23 @@ def advection_adjoint(
 ):
     """Turn `bar` in place from dJ/d(concentration after `advection`) into dJ/d(the one before).
 
-    `c` is the concentration after it and becomes the one before it, read from `tape`. dJ/dflux,
-    dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into the range
-    from `least` to `most` before every substep (see `adjoint_state`).
+    `c` is the concentration after it and becomes the one before it, read from the `tape`, an
+    `AdvectionTape`. The cells that sleep keep theirs; their derivatives take all substeps.
+    dJ/dflux, dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into
+    the range from `least` to `most` before every substep (see `adjoint_state`).
     """
     nz, nx = c.shape
     accumulator_bars = FluxAccumulators(
         FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))),
         FaceField(np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))),
     )
-    taped = len(tape)
+    is_awake, awake_at_least, values = tape
+    taped = len(values)
     highest = len(levels.count_at_least) - 1
     for substep in range((1 << highest) - 1, -1, -1):
-        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
-        taped -= ending
+        lowest = lowest_starting_level(substep + 1, highest)
+        ending = levels.count_at_least[lowest]
+        taped -= awake_at_least[lowest]
         update_cells_adjoint(
             c,
             bar,
@@ -243,7 +247,9 @@ def advection_adjoint(
             sources,
             storage,
             levels,
-            tape[taped : taped + ending],
+            ending,
+            is_awake,
+            values[taped:],
             accumulator_bars,
             derivatives,
             least,
@@ -266,13 +272,25 @@ def advection_adjoint(
 
 @compiled
 def update_cells_adjoint(
-    c, bar, flux, sources, storage, levels, tape, accumulator_bars, derivatives, least, most
+    c,
+    bar,
+    flux,
+    sources,
+    storage,
+    levels,
+    active,
+    is_awake,
+    tape,
+    accumulator_bars,
+    derivatives,
+    least,
+    most,
 ):
-    """Apply the adjoint of `update_cells` to the first len(tape) cells of `levels.order`.
+    """Apply the adjoint of `update_cells` to the first `active` cells of `levels.order`.
 
-    `tape` holds the concentration of each before the update. In place: `c` (nz, nx) goes back to
-    it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars` and
-    `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
+    `tape` holds the concentration of those that are awake before the update. In place: `c` (nz, nx)
+    goes back to it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars`
+    and `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
     Other arguments are as in `transport_kernels`.
     """
     nz, nx = c.shape
@@ -284,16 +302,21 @@ def update_cells_adjoint(
     outflow = sources.outflow
     tracer_bar, outflow_bar = derivatives.sources.tracer, derivatives.sources.outflow
     storage_bar = derivatives.storage
-    for place in range(len(tape)):
-        i, j = divmod(order[place], nx)
+    taped = 0
+    for place in range(active):
+        k = order[place]
+        i = k // nx
+        j = k - i * nx
         own = level[i, j]
         length = duration / (1 << own)
         gain_bar = bar[i, j] / storage[i, j]
         if gain_bar < least or gain_bar > most:
             gain_bar = min(max(gain_bar, least), most)
             bar[i, j] = gain_bar * storage[i, j]
-        storage_bar[i, j] -= gain_bar * (c[i, j] - tape[place])
-        c[i, j] = tape[place]
+        if is_awake[k]:
+            storage_bar[i, j] -= gain_bar * (c[i, j] - tape[taped])
+            c[i, j] = tape[taped]
+            taped += 1
         tracer_bar[i, j] += length * gain_bar
         outflow_bar[i, j] -= length * gain_bar * c[i, j]
         bar[i, j] -= length * gain_bar * outflow[i, j]
@@ -343,54 +366,54 @@ def evaluate_faces_adjoint(
     inflow_bar, tracer_bar, _ = source_bars
     cfl_out_bar, cfl_in_bar = stencil_bar.cfl_out, stencil_bar.cfl_in
     for place in range(active):
-        i, j = divmod(order[place], nx)
+        k = order[place]
+        i = k // nx
+        j = k - i * nx
         own = level[i, j]
         length = duration / (1 << own)
         # water through each side, outward positive
-        leaving[0], leaving[1] = -flux_x[i, j], flux_x[i, j + 1]
-        leaving[2], leaving[3] = -flux_z[i, j], flux_z[i + 1, j]
-        # dJ/d(tracer flux through each side, outward)
-        carried_bar[0] = -rate_x_bar[i, j]
-        carried_bar[1] = rate_x_bar[i, j + 1]
-        carried_bar[2] = -rate_z_bar[i, j]
-        carried_bar[3] = rate_z_bar[i + 1, j]
-        if j > 0 and level[i, j - 1] < own:
-            carried_bar[0] -= length * amount_x_bar[i, j]
-        if j < nx - 1 and level[i, j + 1] < own:
-            carried_bar[1] += length * amount_x_bar[i, j + 1]
-        if i > 0 and level[i - 1, j] < own:
-            carried_bar[2] -= length * amount_z_bar[i, j]
-        if i < nz - 1 and level[i + 1, j] < own:
-            carried_bar[3] += length * amount_z_bar[i + 1, j]
-        # this cell has set the rates of its outflow faces; earlier values have no effect
-        if leaving[0] > 0.0:
+        water = Sides(-flux_x[i, j], flux_x[i, j + 1], -flux_z[i, j], flux_z[i + 1, j])
+        # dJ/d(tracer flux through each side, outward); this cell has set the rates of its outflow
+        # faces, and earlier values have no effect
+        west, east, south, north = 0.0, 0.0, 0.0, 0.0
+        if water.west > 0.0:
+            west = -rate_x_bar[i, j]
             rate_x_bar[i, j] = 0.0
-        if leaving[1] > 0.0:
+            if j > 0 and level[i, j - 1] < own:
+                west -= length * amount_x_bar[i, j]
+        if water.east > 0.0:
+            east = rate_x_bar[i, j + 1]
             rate_x_bar[i, j + 1] = 0.0
-        if leaving[2] > 0.0:
+            if j < nx - 1 and level[i, j + 1] < own:
+                east += length * amount_x_bar[i, j + 1]
+        if water.south > 0.0:
+            south = -rate_z_bar[i, j]
             rate_z_bar[i, j] = 0.0
-        if leaving[3] > 0.0:
+            if i > 0 and level[i - 1, j] < own:
+                south -= length * amount_z_bar[i, j]
+        if water.north > 0.0:
+            north = rate_z_bar[i + 1, j]
             rate_z_bar[i + 1, j] = 0.0
-        any_bar = False
-        for k in range(4):
-            if leaving[k] <= 0.0:
-                carried_bar[k] = 0.0
-            if carried_bar[k] != 0.0:
-                any_bar = True
-            correction_bar[k] = carried_bar[k] * leaving[k]
-        if not any_bar:
+            if i < nz - 1 and level[i + 1, j] < own:
+                north += length * amount_z_bar[i + 1, j]
+        if west == 0.0 and east == 0.0 and south == 0.0 and north == 0.0:
             continue
         here = c[i, j]
         cfl_per_flux = length / storage[i, j]
         if scheme != Scheme.UPWIND and is_flat(c, i, j):
-            for k in range(4):
-                flow_bar[k] = carried_bar[k] * here
-            flat_cell_adjoint(bar, i, j, leaving, cfl_per_flux, correction_bar)
-            flux_x_bar[i, j] -= flow_bar[0]
-            flux_x_bar[i, j + 1] += flow_bar[1]
-            flux_z_bar[i, j] -= flow_bar[2]
-            flux_z_bar[i + 1, j] += flow_bar[3]
+            if here != 0.0:
+                flux_x_bar[i, j] -= west * here
+                flux_x_bar[i, j + 1] += east * here
+                flux_z_bar[i, j] -= south * here
+                flux_z_bar[i + 1, j] += north * here
+            across = west * water.west + east * water.east
+            upward = south * water.south + north * water.north
+            flat_cell_adjoint(bar, i, j, water, cfl_per_flux, across, upward)
             continue
+        leaving[0], leaving[1], leaving[2], leaving[3] = water
+        carried_bar[0], carried_bar[1], carried_bar[2], carried_bar[3] = west, east, south, north
+        for k in range(4):
+            correction_bar[k] = carried_bar[k] * leaving[k]
         well = tracer[i, j] / inflow[i, j] if inflow[i, j] > 0.0 else 0.0
         cfl_well = inflow[i, j] * cfl_per_flux
         here_bar, cfl_well_bar, well_bar = 0.0, 0.0, 0.0
@@ -427,42 +450,42 @@ def evaluate_faces_adjoint(
 
 @compiled
 def is_flat(c, i, j):
-    """Return whether cell (i, j) and its neighbours have the same concentration."""
+    """Return whether cell (i, j) and its neighbours have the same concentration, to round-off."""
     nz, nx = c.shape
     here = c[i, j]
-    return (
-        (j == 0 or c[i, j - 1] == here)
-        and (j == nx - 1 or c[i, j + 1] == here)
-        and (i == 0 or c[i - 1, j] == here)
-        and (i == nz - 1 or c[i + 1, j] == here)
+    return not (
+        (j > 0 and differs(c[i, j - 1], here))
+        or (j < nx - 1 and differs(c[i, j + 1], here))
+        or (i > 0 and differs(c[i - 1, j], here))
+        or (i < nz - 1 and differs(c[i + 1, j], here))
     )
 
 
 @compiled
-def flat_cell_adjoint(bar, i, j, leaving, cfl_per_flux, correction_bar):
+def flat_cell_adjoint(bar, i, j, water, cfl_per_flux, across, upward):
     """Do as `evaluate_faces_adjoint` to `bar`, where `is_flat`: the corrections are zero.
 
-    Only the transverse parts of them have a derivative. `leaving` (4,) [m^3/s]
-    is the water through the sides, `correction_bar` (4,) the derivative by the corrections.
+    Only the transverse parts of them have a derivative. `water` [m^3/s] leaves through the sides,
+    `across` and `upward` are the derivatives by the corrections on the sides west and east, and on
+    the others.
     """
     nz, nx = bar.shape
-    across = correction_bar[0] + correction_bar[1]
-    upward = correction_bar[2] + correction_bar[3]
-    bar[i, j] += across + upward
+    own = across + upward
     # the water that enters through the other sides
     half_x, half_z = 0.5 * upward * cfl_per_flux, 0.5 * across * cfl_per_flux
-    if j > 0 and leaving[0] < 0.0:
-        bar[i, j - 1] -= half_x * leaving[0]
-        bar[i, j] += half_x * leaving[0]
-    if j < nx - 1 and leaving[1] < 0.0:
-        bar[i, j + 1] -= half_x * leaving[1]
-        bar[i, j] += half_x * leaving[1]
-    if i > 0 and leaving[2] < 0.0:
-        bar[i - 1, j] -= half_z * leaving[2]
-        bar[i, j] += half_z * leaving[2]
-    if i < nz - 1 and leaving[3] < 0.0:
-        bar[i, j] += half_z * leaving[3]
-        bar[i + 1, j] -= half_z * leaving[3]
+    if j > 0 and water.west < 0.0:
+        bar[i, j - 1] -= half_x * water.west
+        own += half_x * water.west
+    if j < nx - 1 and water.east < 0.0:
+        bar[i, j + 1] -= half_x * water.east
+        own += half_x * water.east
+    if i > 0 and water.south < 0.0:
+        bar[i - 1, j] -= half_z * water.south
+        own += half_z * water.south
+    if i < nz - 1 and water.north < 0.0:
+        bar[i + 1, j] -= half_z * water.north
+        own += half_z * water.north
+    bar[i, j] += own
 
 
 @compiled

@@ -15,7 +15,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
-from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.coefficients.face_field import FaceField, weighted_sum
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.coefficients.water_contact import WaterContact
@@ -25,10 +25,16 @@ from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.coupling import Coupling
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport.diffusion import Exchanges, diffuse, dispersive_exchanges
-from porotwin_solver.transport.local_time_steps import NO_TAPE, TimeStepLevels, tape_length
+from porotwin_solver.transport.local_time_steps import TimeStepLevels, tape_length
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks, with_water
-from porotwin_solver.transport.transport import FluxAccumulators, Sources, advect, advection_levels
+from porotwin_solver.transport.transport import (
+    AdvectionTape,
+    FluxAccumulators,
+    Sources,
+    advect,
+    advection_levels,
+)
 
 LONGEST_STEP = 60.0
 """Longest splitting step [s]: between advection, diffusion and reaction, and between two solutions
@@ -84,29 +90,28 @@ class StepCoefficients(NamedTuple):
     exchanges: Exchanges
 
 
-class StepTapes(NamedTuple):
-    """Concentrations [-] before every substep of the three parts of `Engine.transport`.
+class StepRecord(NamedTuple):
+    """What the adjoint of `Engine.step` needs.
 
-    Each tape has one number per cell and substep (see `tape_length`), or none to record nothing.
+    last: the state after the last recorded part: after the second diffusion, or the advection.
+    first_diffusion, advection, second_diffusion: the concentrations [-] before every substep. The
+        tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
     """
 
-    first_diffusion: FloatArray = NO_TAPE
-    advection: FloatArray = NO_TAPE
-    second_diffusion: FloatArray = NO_TAPE
+    last: State
+    first_diffusion: FloatArray
+    advection: AdvectionTape
+    second_diffusion: FloatArray
 
-    @classmethod
-    def empty(cls, coefficients: StepCoefficients, *, diffuses: bool = True) -> 'StepTapes':
-        """Return tapes with room for one step; those of diffusion only where it `diffuses`."""
-        diffusion = coefficients.exchanges.tape_length if diffuses else 0
-        advection = tape_length(coefficients.levels)
-        return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
+    @property
+    def size(self) -> int:
+        """The memory of the record of an advection [B]."""
+        last, tape = self.last, self.advection
+        return last.mobile.nbytes + last.immobile.nbytes + tape.values.nbytes + tape.is_awake.nbytes
 
 
 DURATION_DIGITS = 6
 """Digits of a duration [s] that matter for its cost."""
-
-NO_TAPES = StepTapes()
-"""The tapes of a step that records nothing."""
 
 
 class Engine:
@@ -213,7 +218,7 @@ class Engine:
         for source in active:
             pumped[self.sources_and_sinks.all.index(source.source_sink)] += source.rate
         if self.grid.nx * self.grid.nz < THREADED_CELLS:
-            flux = FaceField(*(_weighted_sum(pumped, units) for units in self.unit_fluxes))
+            flux = FaceField(*(weighted_sum(pumped, units) for units in self.unit_fluxes))
         else:  # a second copy of all unit flows would take more memory than all the rest
             flux = FaceField.zeros(self.grid)
             for source_sink, rate in zip(self.sources_and_sinks.all, pumped, strict=True):
@@ -464,35 +469,57 @@ class Engine:
         self.transport(state, coefficients)
         self.react(state, half)
 
-    def transport(
-        self, state: State, coefficients: StepCoefficients, tapes: StepTapes = NO_TAPES
-    ) -> None:
+    def transport(self, state: State, coefficients: StepCoefficients) -> None:
         """Advance the mobile water in place: diffusion, advection, diffusion."""
         flux, sources, levels, exchanges = coefficients
-        if self._on_device is not None and tapes is NO_TAPES:
+        if self._on_device is not None:
             self._on_device.advance(
                 state.mobile, self.storage, flux, sources, levels, exchanges, state.tracer_lost
             )
             return
-        self.begin_transport(state, coefficients, tapes)
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
+        diffuse(state.mobile, self.storage, exchanges)
+        self._advect(state, coefficients)
+        diffuse(state.mobile, self.storage, exchanges)
 
-    def begin_transport(
-        self, state: State, coefficients: StepCoefficients, tapes: StepTapes
-    ) -> None:
-        """Do all of `transport` but the second diffusion, on the processor."""
-        flux, sources, levels, exchanges = coefficients
-        diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
-        advect(
+    @property
+    def on_device(self) -> bool:
+        """Whether the tracer moves on a device of PyTorch."""
+        return self._on_device is not None
+
+    def recorded_step(
+        self, state: State, coefficients: StepCoefficients, *, diffusion: bool
+    ) -> StepRecord:
+        """Do as `step` on the processor, and return what the adjoint needs.
+
+        Without `diffusion`, only the advection is recorded.
+        """
+        exchanges = coefficients.exchanges
+        half = exchanges.levels.duration
+        room = exchanges.tape_length if diffusion else 0
+        first, second = np.empty(room), np.empty(room)
+        self.react(state, half)
+        diffuse(state.mobile, self.storage, exchanges, tape=first)
+        advection = self._advect(state, coefficients, record=True)
+        assert advection is not None
+        advected = state.copy()
+        diffuse(state.mobile, self.storage, exchanges, tape=second)
+        last = state.copy() if diffusion else advected
+        self.react(state, half)
+        return StepRecord(last, first, advection, second)
+
+    def _advect(
+        self, state: State, coefficients: StepCoefficients, *, record: bool = False
+    ) -> AdvectionTape | None:
+        return advect(
             state.mobile,
-            flux,
-            sources=sources,
+            coefficients.flux,
+            sources=coefficients.sources,
             storage=self.storage,
-            levels=levels,
+            levels=coefficients.levels,
             scheme=self.scheme,
             accumulators=self._accumulators,
             tracer_lost=state.tracer_lost,
-            tape=tapes.advection,
+            record=record,
         )
 
     def exchanges(self, flux: FaceField, duration: float) -> Exchanges:
@@ -552,11 +579,3 @@ class Engine:
         physics = self.physics
         exchanged = physics.exchange_rate * duration / (1.0 - physics.immobile_fraction)
         return math.exp(-physics.decay_rate * duration), math.exp(-exchanged)
-
-
-def _weighted_sum(weights: FloatArray, fields: FloatArray) -> FloatArray:
-    """Return the sum of weight times field over the first axis (a fast np.tensordot)."""
-    count = len(weights)
-    rows = fields.reshape(count, math.prod(fields.shape[1:]))
-    total: FloatArray = np.dot(weights.reshape(1, count), rows)
-    return total.reshape(fields.shape[1:])

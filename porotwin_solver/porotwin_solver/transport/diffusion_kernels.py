@@ -267,26 +267,29 @@ def gains_from_neighbours(c, exchanges, ends, gain, negligible, first, last):
     """
     nz, nx = c.shape
     levels, start, _, weight, _, _ = exchanges
-    duration, no = levels.duration, negligible
+    duration = levels.duration
     for i in range(first, last):
         low, high = reach(ends, i, nx)
         to_right = 1 if i < nz - 1 else 0
         for j in range(low, high):
             k = i * nx + j
             here = c[i, j]
+            south = here - c[i - 1, j] if i > 0 else 0.0
+            west = here - c[i, j - 1] if j > 0 else 0.0
+            north = c[i + 1, j] - here if i < nz - 1 else 0.0
+            east = c[i, j + 1] - here if j < nx - 1 else 0.0
+            gain[i, j] = 0.0
+            if max(abs(south), abs(west), abs(north), abs(east)) <= negligible:
+                continue  # most cells: their weights need not be read
             total = 0.0
             if i > 0:
-                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]], no)
+                total -= moved(south, duration * weight[start[k - nx]], negligible)
             if j > 0:
-                total -= moved(
-                    here - c[i, j - 1], duration * weight[start[k - 1] + to_right], negligible
-                )
+                total -= moved(west, duration * weight[start[k - 1] + to_right], negligible)
             if i < nz - 1:
-                total += moved(c[i + 1, j] - here, duration * weight[start[k]], no)
+                total += moved(north, duration * weight[start[k]], negligible)
             if j < nx - 1:
-                total += moved(
-                    c[i, j + 1] - here, duration * weight[start[k] + to_right], negligible
-                )
+                total += moved(east, duration * weight[start[k] + to_right], negligible)
             gain[i, j] = total
 
 

@@ -38,7 +38,12 @@ class TimeStepLevels(NamedTuple):
 
 def tape_length(levels: TimeStepLevels) -> int:
     """Return the number of substeps of all cells together: the length of the tape of a run."""
-    first, *higher = levels.count_at_least.tolist()
+    return substeps(levels.count_at_least)
+
+
+def substeps(count_at_least: NDArray[np.int64]) -> int:
+    """Return the substeps of all cells together, as `tape_length`."""
+    first, *higher = count_at_least.tolist()
     # 2**l = 1 + 1 + 2 + 4 ... + 2**(l - 1); integers of Python, which cannot overflow
     return int(first + sum(cells << below for below, cells in enumerate(higher)))
 

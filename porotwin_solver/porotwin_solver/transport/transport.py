@@ -16,6 +16,8 @@ leaves cell i through a face is
   together such that the cell stays within the range of itself, its upstream neighbours and the
   injected concentration, as in Zalesak, J. Comput. Phys. 31 (1979) 335-362. Nothing is clipped.
 
+Cells whose concentration cannot change are left out (`awake_cells`).
+
 Local time steps: a cell of level l takes 2^l substeps of dt / 2^l, so that its CFL number is at
 most CFL_LIMIT. A face is evaluated at the level of its upstream cell. Both sides receive the same
 volume of tracer, so the scheme conserves tracer to round-off.
@@ -24,20 +26,30 @@ volume of tracer, so the scheme conserves tracer to round-off.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS, in_blocks, in_rows
 from porotwin_solver.coefficients.face_field import FaceField
+from porotwin_solver.transport.awake_cells import (
+    ASLEEP,
+    AwakeCells,
+    ends_with_sources,
+    prepare,
+    sort_awake,
+    spread,
+    wake,
+)
 from porotwin_solver.transport.local_time_steps import (
     NO_TAPE,
     TimeStepLevels,
     assign_levels,
     lowest_starting_level,
+    substeps,
 )
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.transport_kernels import (
     advection,
-    begin,
     cfl_rates,
     evaluate_faces,
     update_cells,
@@ -83,6 +95,19 @@ class FluxAccumulators(NamedTuple):
         return cls(FaceField.zeros(grid), FaceField.zeros(grid))
 
 
+class AdvectionTape(NamedTuple):
+    """What the adjoint of `advect` needs.
+
+    is_awake: (nz * nx,); the cells that changed.
+    count_at_least: (levels,); how many of them have level l or a higher one.
+    values: their concentrations [-] before each of their substeps.
+    """
+
+    is_awake: NDArray[np.bool_]
+    count_at_least: NDArray[np.int64]
+    values: FloatArray
+
+
 def advection_levels(
     flux: FaceField, sources: Sources, storage: FloatArray, duration: float
 ) -> TimeStepLevels:
@@ -109,8 +134,8 @@ def advect(
     scheme: Scheme,
     accumulators: FluxAccumulators,
     tracer_lost: FloatArray | None = None,
-    tape: FloatArray = NO_TAPE,
-) -> None:
+    record: bool = False,
+) -> AdvectionTape | None:
     """Advance `concentration` (nz, nx) in place by `levels.duration`.
 
     The divergence of `flux` must equal `sources.net`. Then a constant concentration stays constant,
@@ -118,22 +143,71 @@ def advect(
     through open sides carries no tracer.
 
     `tracer_lost` (2,) [m^3] grows by the tracer that left: through wells and leaks, through open
-    sides. `tape`, of length `tape_length(levels)`, records the values that the adjoint needs.
+    sides. The tape that the adjoint needs is returned if it is to `record` one.
     Threads share the cells of a large grid, unless a tape is recorded.
     """
     lost = np.zeros(2) if tracer_lost is None else tracer_lost
-    if len(tape) or concentration.size < THREADED_CELLS:
+    awake = awake_cells(concentration, flux, sources, storage, levels, accumulators)
+    if record or concentration.size < THREADED_CELLS:
+        tape = np.empty(substeps(awake.count_at_least)) if record else NO_TAPE
         advection(
-            concentration, flux, sources, storage, levels, int(scheme), accumulators, lost, tape
+            concentration,
+            flux,
+            sources,
+            storage,
+            levels,
+            awake,
+            int(scheme),
+            accumulators,
+            lost,
+            tape,
         )
-        return
-    reached = np.empty(concentration.size, np.uint8)
-    rows = len(concentration)
-    in_rows(begin, rows, concentration.size, concentration, sources, accumulators, reached)
-    fields = (concentration, reached, flux, sources, storage, levels)
-    highest = len(levels.count_at_least) - 1
+        if not record:
+            return None
+        return AdvectionTape(awake.first_change < ASLEEP, awake.count_at_least, tape)
+    highest = len(awake.count_at_least) - 1
     for substep in range(1 << highest):
-        starting = levels.count_at_least[lowest_starting_level(substep, highest)]
-        in_blocks(evaluate_faces, starting, (*fields, int(scheme), accumulators))
-        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
-        in_blocks(update_cells, ending, (*fields, accumulators), lost)
+        starting = awake.count_at_least[lowest_starting_level(substep, highest)]
+        faces = (concentration, flux, sources, levels, awake, int(scheme), accumulators)
+        in_blocks(evaluate_faces, starting, faces)
+        ending = awake.count_at_least[lowest_starting_level(substep + 1, highest)]
+        cells = (concentration, sources, storage, levels, awake, accumulators)
+        in_blocks(update_cells, ending, cells, lost)
+    return None
+
+
+def awake_cells(
+    concentration: FloatArray,
+    flux: FaceField,
+    sources: Sources,
+    storage: FloatArray,
+    levels: TimeStepLevels,
+    accumulators: FluxAccumulators,
+) -> AwakeCells:
+    """Return the cells that `advect` moves; the arguments are its own.
+
+    The `accumulators` get what the other cells send to these.
+    """
+    rows, size = len(concentration), concentration.size
+    first_change = np.empty(size, np.float32)
+    ends, extent = np.empty((rows, 2), np.int64), np.empty((rows, 2), np.int64)
+    in_rows(ends_with_sources, rows, size, concentration, sources.tracer, ends)
+    in_rows(wake, rows, size, concentration, flux, sources, ends, first_change, extent)
+    spread(flux, levels.level, first_change, extent)
+    highest = len(levels.count_at_least)
+    order, count_at_least = sort_awake(first_change, levels.level, extent, highest)
+    count = len(order)
+    awake = AwakeCells(
+        first_change,
+        order,
+        np.empty(count, np.int32),
+        count_at_least,
+        np.empty(count),
+        np.empty(count, np.int16),
+    )
+    fields = (concentration, flux, sources, storage, levels, awake, accumulators)
+    if size < THREADED_CELLS:
+        prepare(*fields, 0, count)
+    else:
+        in_blocks(prepare, count, fields)
+    return awake

@@ -1,17 +1,28 @@
 """Compiled kernels of `transport`: the levels of the cells, and the tracer across their faces.
 
 Arguments that recur: `c` concentration (nz, nx), `flux` a FaceField of water [m^3/s], `sources` as
-`transport.Sources`, `storage` (nz, nx) [m^3], `levels` as `TimeStepLevels`, `accumulators` as
-`transport.FluxAccumulators`.
+`transport.Sources`, `storage` (nz, nx) [m^3], `levels` as `TimeStepLevels`, `awake` as
+`AwakeCells`, `accumulators` as `transport.FluxAccumulators`.
 """
 
 # mypy: disable-error-code="no-untyped-def"
 
 from typing import NamedTuple
 
-import numpy as np
-
 from porotwin_solver.coefficients.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.transport.awake_cells import (
+    LEAVING_EAST,
+    LEAVING_NORTH,
+    LEAVING_SOUTH,
+    LEAVING_WEST,
+    OUTER,
+    PUMPED,
+    SUMMED,
+    SUMMED_EAST,
+    SUMMED_NORTH,
+    SUMMED_SOUTH,
+    SUMMED_WEST,
+)
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
 from porotwin_solver.transport.scheme import Scheme
 
@@ -126,149 +137,128 @@ def corrections(c, near, cfl_out, cfl_in, cfl_well, well, low, high, scheme):
 
 
 @compiled
-def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lost, tape):
+def advection(c, flux, sources, storage, levels, awake, scheme, accumulators, tracer_lost, tape):
     """Advance `c` in place by `levels.duration`.
 
-    `tape` receives the concentration of every cell before each of its substeps, unless it has no
-    room at all. `tracer_lost` as in `update_cells`.
+    `tape` receives the concentration of every awake cell before each of its substeps, unless it has
+    no room at all. `tracer_lost` as in `update_cells`.
     """
-    highest = len(levels.count_at_least) - 1
+    highest = len(awake.count_at_least) - 1
     taped = 0
-    reached = np.empty(c.size, np.uint8)
-    begin(c, sources, accumulators, reached, 0, len(c))
     for substep in range(1 << highest):
-        starting = levels.count_at_least[lowest_starting_level(substep, highest)]
-        evaluate_faces(
-            c, reached, flux, sources, storage, levels, scheme, accumulators, 0, starting
-        )
-        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
+        starting = awake.count_at_least[lowest_starting_level(substep, highest)]
+        evaluate_faces(c, flux, sources, levels, awake, scheme, accumulators, 0, starting)
+        ending = awake.count_at_least[lowest_starting_level(substep + 1, highest)]
         if len(tape) > 0:
             for place in range(ending):
-                i, j = divmod(levels.order[place], c.shape[1])
-                tape[taped] = c[i, j]
+                i = awake.row[place]
+                tape[taped] = c[i, awake.order[place] - i * c.shape[1]]
                 taped += 1
-        update_cells(
-            c, reached, flux, sources, storage, levels, accumulators, tracer_lost, 0, ending
-        )
+        update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending)
 
 
 @compiled
-def begin(c, sources, accumulators, reached, first, last):
-    """Prepare the rows `first` to `last` - 1 for a call of `advect`: no tracer crosses a face yet.
+def evaluate_faces(c, flux, sources, levels, awake, scheme, accumulators, first, last):
+    """Compute the tracer flux through the outflow faces of the awake cells `first` to `last` - 1.
 
-    `reached` (nz * nx,) becomes 1 where a cell holds or receives tracer, 0 elsewhere.
-    `evaluate_faces` adds the cells that the tracer reaches. The kernels skip all others.
-    """
-    nz, nx = c.shape
-    rate_x, rate_z = accumulators.rate
-    rate_x[first:last] = 0.0
-    rate_z[first : last if last < nz else nz + 1] = 0.0
-    for i in range(first, last):
-        for j in range(nx):
-            found = c[i, j] >= NEGLIGIBLE or sources.tracer[i, j] > 0.0
-            reached[i * nx + j] = 1 if found else 0
-
-
-@compiled
-def evaluate_faces(c, reached, flux, sources, storage, levels, scheme, accumulators, first, last):
-    """Compute the tracer flux through the outflow faces of the cells `first` to `last` - 1.
-
-    The cells count in the order of `levels`. Threads may work on different cells: a face is
-    written by its upstream cell alone, and a cell that another one reaches meanwhile is empty.
+    Threads may work on different cells: a face is written by its upstream cell alone.
 
     The upstream cell of a face sets its rate, once per substep of that cell. Where the downstream
     cell has a lower level, the volume of tracer is accumulated until that cell is updated.
     """
     nz, nx = c.shape
-    duration, level, order, _ = levels
+    duration, level, _, _ = levels
+    _, order, row, _, per_storage, flags = awake
     flux_x, flux_z = flux
+    inflow, tracer, _ = sources
     rate, amount = accumulators
     rate_x, rate_z = rate
     amount_x, amount_z = amount
     for place in range(first, last):
-        k = order[place]
-        if reached[k] == 0:
-            continue
-        i = k // nx
-        j = k - i * nx
+        i = row[place]
+        j = order[place] - i * nx
+        flag = flags[place]
         here = c[i, j]
-        fw, fe, fs, fn = flux_x[i, j], flux_x[i, j + 1], flux_z[i, j], flux_z[i + 1, j]
         if here < NEGLIGIBLE:
-            if fw < 0.0:
+            if flag & LEAVING_WEST:
                 rate_x[i, j] = 0.0
-            if fe > 0.0:
+            if flag & LEAVING_EAST:
                 rate_x[i, j + 1] = 0.0
-            if fs < 0.0:
+            if flag & LEAVING_SOUTH:
                 rate_z[i, j] = 0.0
-            if fn > 0.0:
+            if flag & LEAVING_NORTH:
                 rate_z[i + 1, j] = 0.0
             continue
-        own = level[i, j]
-        length = duration / (1 << own)
+        fw, fe, fs, fn = flux_x[i, j], flux_x[i, j + 1], flux_z[i, j], flux_z[i + 1, j]
         added = Sides(0.0, 0.0, 0.0, 0.0)
         if scheme != Scheme.UPWIND:
-            added = cell_corrections(
-                c, i, j, Sides(fw, fe, fs, fn), sources, length / storage[i, j], scheme
-            )
-        if fw < 0.0:
+            # beyond a side of the rig lies a copy of the cell
+            west = c[i, j - 1] if j > 0 else here
+            east = c[i, j + 1] if j < nx - 1 else here
+            south = c[i - 1, j] if i > 0 else here
+            north = c[i + 1, j] if i < nz - 1 else here
+            if west != here or east != here or south != here or north != here:
+                cfl_well, well = 0.0, 0.0
+                if flag & PUMPED and inflow[i, j] > 0.0:
+                    cfl_well = inflow[i, j] * per_storage[place]
+                    well = tracer[i, j] / inflow[i, j]
+                added = cell_corrections(
+                    here,
+                    Sides(west, east, south, north),
+                    Sides(fw, fe, fs, fn),
+                    flag & OUTER,
+                    Sides(j > 0, j < nx - 1, i > 0, i < nz - 1),
+                    per_storage[place],
+                    cfl_well,
+                    well,
+                    scheme,
+                )
+        if flag & LEAVING_WEST:
             rate_x[i, j] = fw * (here + added.west)
-            if j > 0:
-                reached[k - 1] = 1
-                if level[i, j - 1] < own:
-                    amount_x[i, j] += length * rate_x[i, j]
-        if fe > 0.0:
+        if flag & LEAVING_EAST:
             rate_x[i, j + 1] = fe * (here + added.east)
-            if j < nx - 1:
-                reached[k + 1] = 1
-                if level[i, j + 1] < own:
-                    amount_x[i, j + 1] += length * rate_x[i, j + 1]
-        if fs < 0.0:
+        if flag & LEAVING_SOUTH:
             rate_z[i, j] = fs * (here + added.south)
-            if i > 0:
-                reached[k - nx] = 1
-                if level[i - 1, j] < own:
-                    amount_z[i, j] += length * rate_z[i, j]
-        if fn > 0.0:
+        if flag & LEAVING_NORTH:
             rate_z[i + 1, j] = fn * (here + added.north)
-            if i < nz - 1:
-                reached[k + nx] = 1
-                if level[i + 1, j] < own:
-                    amount_z[i + 1, j] += length * rate_z[i + 1, j]
+        if flag & SUMMED:
+            length = duration / (1 << level[i, j])
+            if flag & LEAVING_WEST and flag & SUMMED_WEST:
+                amount_x[i, j] += length * rate_x[i, j]
+            if flag & LEAVING_EAST and flag & SUMMED_EAST:
+                amount_x[i, j + 1] += length * rate_x[i, j + 1]
+            if flag & LEAVING_SOUTH and flag & SUMMED_SOUTH:
+                amount_z[i, j] += length * rate_z[i, j]
+            if flag & LEAVING_NORTH and flag & SUMMED_NORTH:
+                amount_z[i + 1, j] += length * rate_z[i + 1, j]
 
 
 @compiled
-def cell_corrections(c, i, j, flux, sources, cfl_per_flux, scheme):
-    """Return the corrections of cell (i, j); beyond a side of the rig lies a copy of the cell.
+def cell_corrections(here, near, flux, is_outer, inside, cfl_per_flux, cfl_well, well, scheme):
+    """Return the corrections of a cell with the concentration `here` and the neighbours `near`.
 
-    `flux`: the water flux through its four sides [m^3/s]; `cfl_per_flux`: substep length divided by
-    storage [s/m^3].
+    `flux`: the water flux through its four sides [m^3/s]; `inside`: whether a neighbour lies there;
+    `cfl_per_flux`: substep length divided by storage [s/m^3].
     """
-    nz, nx = c.shape
-    here = c[i, j]
-    west = c[i, j - 1] if j > 0 else here
-    east = c[i, j + 1] if j < nx - 1 else here
-    south = c[i - 1, j] if i > 0 else here
-    north = c[i + 1, j] if i < nz - 1 else here
-    if west == here and east == here and south == here and north == here:
-        return Sides(0.0, 0.0, 0.0, 0.0)
     low, high = here, here
     if flux.west > 0.0:
-        upstream = west if j > 0 else 0.0
-        low, high = min(low, upstream), max(high, upstream)
+        low, high = min(low, near.west), max(high, near.west)
     if flux.east < 0.0:
-        upstream = east if j < nx - 1 else 0.0
-        low, high = min(low, upstream), max(high, upstream)
+        low, high = min(low, near.east), max(high, near.east)
     if flux.south > 0.0:
-        upstream = south if i > 0 else 0.0
-        low, high = min(low, upstream), max(high, upstream)
+        low, high = min(low, near.south), max(high, near.south)
     if flux.north < 0.0:
-        upstream = north if i < nz - 1 else 0.0
-        low, high = min(low, upstream), max(high, upstream)
-    inflow = sources.inflow[i, j]
-    well = sources.tracer[i, j] / inflow if inflow > 0.0 else 0.0
+        low, high = min(low, near.north), max(high, near.north)
+    if is_outer and (
+        (flux.west > 0.0 and not inside.west)
+        or (flux.east < 0.0 and not inside.east)
+        or (flux.south > 0.0 and not inside.south)
+        or (flux.north < 0.0 and not inside.north)
+    ):
+        low, high = min(low, 0.0), max(high, 0.0)
     return corrections(
         here,
-        Sides(west, east, south, north),
+        near,
         Sides(
             max(-flux.west, 0.0) * cfl_per_flux,
             max(flux.east, 0.0) * cfl_per_flux,
@@ -281,7 +271,7 @@ def cell_corrections(c, i, j, flux, sources, cfl_per_flux, scheme):
             max(flux.south, 0.0) * cfl_per_flux,
             max(-flux.north, 0.0) * cfl_per_flux,
         ),
-        inflow * cfl_per_flux,
+        cfl_well,
         well,
         low,
         high,
@@ -290,60 +280,53 @@ def cell_corrections(c, i, j, flux, sources, cfl_per_flux, scheme):
 
 
 @compiled
-def update_cells(
-    c, reached, flux, sources, storage, levels, accumulators, tracer_lost, first, last
-):
-    """End one substep of the cells `first` to `last` - 1: add the tracer that entered and left.
+def update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, first, last):
+    """End one substep of the awake cells `first` to `last` - 1: add the tracer that has moved.
 
-    The cells count in the order of `levels`. Threads may work on different cells.
+    Threads may work on different cells.
 
     `tracer_lost` (2,) [m^3] grows by the tracer that left the rig: first through wells and leaks,
     second through open sides.
     """
     nz, nx = c.shape
-    duration, level, order, _ = levels
-    flux_x, flux_z = flux
+    duration, level, _, _ = levels
+    _, order, row, _, per_storage, flags = awake
     _, tracer, outflow = sources
     rate, amount = accumulators
     rate_x, rate_z = rate
     amount_x, amount_z = amount
     for place in range(first, last):
-        k = order[place]
-        if reached[k] == 0:
-            continue
-        i = k // nx
-        j = k - i * nx
-        own = level[i, j]
-        length = duration / (1 << own)
-        gain = length * (tracer[i, j] - outflow[i, j] * c[i, j])
-        tracer_lost[0] += length * outflow[i, j] * c[i, j]
-        if j == 0:
-            tracer_lost[1] -= length * rate_x[i, j]
-        if j == nx - 1:
-            tracer_lost[1] += length * rate_x[i, j + 1]
-        if i == 0:
-            tracer_lost[1] -= length * rate_z[i, j]
-        if i == nz - 1:
-            tracer_lost[1] += length * rate_z[i + 1, j]
-        if flux_x[i, j] > 0.0 and j > 0 and level[i, j - 1] > own:
-            gain += amount_x[i, j]
-            amount_x[i, j] = 0.0
-        else:
-            gain += length * rate_x[i, j]
-        if flux_x[i, j + 1] < 0.0 and j < nx - 1 and level[i, j + 1] > own:
-            gain -= amount_x[i, j + 1]
-            amount_x[i, j + 1] = 0.0
-        else:
-            gain -= length * rate_x[i, j + 1]
-        if flux_z[i, j] > 0.0 and i > 0 and level[i - 1, j] > own:
-            gain += amount_z[i, j]
-            amount_z[i, j] = 0.0
-        else:
-            gain += length * rate_z[i, j]
-        if flux_z[i + 1, j] < 0.0 and i < nz - 1 and level[i + 1, j] > own:
-            gain -= amount_z[i + 1, j]
-            amount_z[i + 1, j] = 0.0
-        else:
-            gain -= length * rate_z[i + 1, j]
-        if gain != 0.0:
-            c[i, j] += gain / storage[i, j]
+        i = row[place]
+        j = order[place] - i * nx
+        flag = flags[place]
+        west, east, south, north = rate_x[i, j], rate_x[i, j + 1], rate_z[i, j], rate_z[i + 1, j]
+        summed = 0.0
+        if flag & SUMMED:
+            if flag & SUMMED_WEST and not flag & LEAVING_WEST:
+                summed, west = summed + amount_x[i, j], 0.0
+                amount_x[i, j] = 0.0
+            if flag & SUMMED_EAST and not flag & LEAVING_EAST:
+                summed, east = summed - amount_x[i, j + 1], 0.0
+                amount_x[i, j + 1] = 0.0
+            if flag & SUMMED_SOUTH and not flag & LEAVING_SOUTH:
+                summed, south = summed + amount_z[i, j], 0.0
+                amount_z[i, j] = 0.0
+            if flag & SUMMED_NORTH and not flag & LEAVING_NORTH:
+                summed, north = summed - amount_z[i + 1, j], 0.0
+                amount_z[i + 1, j] = 0.0
+            summed /= storage[i, j]
+        gain = west - east + south - north
+        if flag & (PUMPED | OUTER):
+            length = duration / (1 << level[i, j])
+            lost = outflow[i, j] * c[i, j]
+            gain += tracer[i, j] - lost
+            tracer_lost[0] += length * lost
+            if j == 0:
+                tracer_lost[1] -= length * rate_x[i, j]
+            if j == nx - 1:
+                tracer_lost[1] += length * rate_x[i, j + 1]
+            if i == 0:
+                tracer_lost[1] -= length * rate_z[i, j]
+            if i == nz - 1:
+                tracer_lost[1] += length * rate_z[i + 1, j]
+        c[i, j] += per_storage[place] * gain + summed

@@ -1,0 +1,40 @@
+"""Tables of benches on disk: what stands beside them, and which rows are named."""
+
+import json
+from pathlib import Path
+
+from lab.benches.kept_table import keep_table, slower_rows
+
+
+def table(**seconds: float) -> list[dict[str, object]]:
+    return [{'stage': name, 'median_s': value, 'memory_mb': ''} for name, value in seconds.items()]
+
+
+def test_a_table_is_kept_with_its_machine_versions_and_date(tmp_path: Path) -> None:
+    (line,) = keep_table('imaging', table(decode=0.1), tmp_path)
+    (file,) = tmp_path.glob('imaging-*.json')
+    assert str(file) in line
+    kept = json.loads(file.read_text())
+    assert kept['rows'] == table(decode=0.1)
+    assert kept['date'] and kept['machine'] and kept['versions']['numba']
+
+
+def test_the_next_table_is_compared_with_the_last_one(tmp_path: Path) -> None:
+    older = {'date': '2026-01-01', 'machine': 'another', 'rows': table(a=1.0, b=1.0, c=1.0)}
+    (tmp_path / 'imaging-20260101-000000.json').write_text(json.dumps(older))
+    about, slower = keep_table('imaging', table(a=1.0, b=1.5, c=1.0), tmp_path)
+    assert 'another' in about
+    assert 'b' in slower
+    assert '50 %' in slower
+
+
+def test_a_busy_machine_makes_no_row_slower() -> None:
+    assert slower_rows(table(a=2.0, b=2.1, c=1.9), table(a=1.0, b=1.0, c=1.0)) == []
+
+
+def test_a_ratio_to_a_baseline_of_the_same_run_counts_alone() -> None:
+    before = [{'model': 'fast', 'cpu_s': 1.0, 'ratio_to_plain': 0.1}]
+    after = [{'model': 'fast', 'cpu_s': 9.0, 'ratio_to_plain': 0.11}]
+    assert slower_rows(after, before) == []
+    assert len(slower_rows([{**after[0], 'ratio_to_plain': 0.13}], before)) == 1
+    assert slower_rows([{**after[0], 'ratio_to_plain': None}], before) == []
