@@ -29,6 +29,7 @@ VENV = ROOT / '.venv'
 PYTHON = VENV / 'bin' / 'python'
 STAMPS = VENV / 'porotwin'
 REQUIREMENTS = SETUP / 'requirements'
+REQUIRED = sorted(path.stem for path in REQUIREMENTS.glob('*.txt') if path.stem != 'ros')
 LOG = STAMPS / 'setup.log'
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 
@@ -128,7 +129,7 @@ def install_ros() -> None:
 
 
 def install_packages() -> None:
-    install('runtime', 'test')
+    install(*REQUIRED)
 
 
 def mend_cmake_paths() -> None:
@@ -259,7 +260,7 @@ BESIDE = (
             'packages',
             'Python packages from wheels (about 2 minutes)',
             install_packages,
-            ('setup/requirements/runtime.txt', 'setup/requirements/test.txt', PINS),
+            (*(f'setup/requirements/{name}.txt' for name in REQUIRED), PINS),
         ),
         Step('links', 'our packages on its path', link_packages, tuple(PACKAGES)),
         Step(

@@ -118,6 +118,9 @@ def refuse_unreadable_names(arguments: Sequence[str]) -> None:
             raise InputError(f'{shown}: this name is not UTF-8; rename the file or folder')
 
 
+INSTALL_ALL = 'install what is missing: pip install "porotwin[all]"'
+
+
 def _divided(word: str) -> list[str]:
     """Return --option=value as two words, and other words as they are."""
     name, equals, value = word.partition('=')
@@ -143,7 +146,7 @@ def run() -> None:
         print('porotwin: the memory is full; give less at once, or more memory', file=sys.stderr)
         sys.exit(1)
     except ModuleNotFoundError as error:
-        print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
+        print(f'porotwin: {error}; {INSTALL_ALL}', file=sys.stderr)
         sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
         print(f'porotwin: {plain(_failure_words(error))}', file=sys.stderr)

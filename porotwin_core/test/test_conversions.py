@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-pytest.importorskip('porotwin_msgs.msg', reason='needs ROS 2 and the built interfaces')
+pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.serialization import deserialize_message, serialize_message
 

@@ -9,6 +9,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter as ParameterMessage

@@ -14,6 +14,7 @@ from porotwin_core.ros.ros_environment import (
     LEAST_SHARED_BYTES,
     DomainClaim,
     check_environment,
+    check_keys,
     check_shared_memory,
     claim_domain,
     domain_of,
@@ -99,3 +100,19 @@ def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeyp
         monkeypatch.setattr(shutil, 'disk_usage', lambda _, usage=usage: usage)
         with nullcontext() if fits else pytest.raises(InputError, match='MB left, and nodes need'):
             check_shared_memory(tmp_path)
+
+
+def test_a_missing_enclave_is_one_line_with_the_command(tmp_path: Path) -> None:
+    strict = {
+        'ROS_SECURITY_ENABLE': 'true',
+        'ROS_SECURITY_STRATEGY': 'Enforce',
+        'ROS_SECURITY_KEYSTORE': str(tmp_path),
+    }
+    words = ['guard_node', '--ros-args', '--enclave', '/porotwin/guard', '-r', '__node:=guard']
+    with pytest.raises(InputError, match=r'/porotwin/guard; make them: ros2 security generate'):
+        check_keys(strict, words)
+    with pytest.raises(InputError, match='not set'):
+        check_keys({**strict, 'ROS_SECURITY_KEYSTORE': ''}, words)
+    check_keys({**strict, 'ROS_SECURITY_STRATEGY': 'Permissive'}, words)
+    (tmp_path / 'enclaves' / 'porotwin' / 'guard').mkdir(parents=True)
+    check_keys(strict, words)

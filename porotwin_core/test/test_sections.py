@@ -4,6 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
 from rclpy.serialization import deserialize_message, serialize_message
 
 from porotwin_core.basis.errors import InputError

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig, load_rig, write_rig

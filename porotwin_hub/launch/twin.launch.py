@@ -7,11 +7,13 @@ import typing
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
-from porotwin_core.basis.parent import PARENT
+from porotwin_core.basis.parent import PARENT, WRONG_PARAMETERS
 from porotwin_hub.launching.graph import GraphSettings, description_of, live_graph
 
 RESTART_PAUSE_S = 1.0
@@ -27,6 +29,18 @@ def converted(text: str, hint: object) -> object:
     return typing.cast(type, hint)(text)
 
 
+def as_it_is(value: object) -> object:
+    """Return the value of a parameter such that launch does not read a text as YAML."""
+    return ParameterValue(value, value_type=str) if isinstance(value, str) else value
+
+
+def end_if_refused(event: ProcessExited, _context: LaunchContext) -> list[Shutdown] | None:
+    """End the launch if a node refused its parameters: it would refuse them for ever."""
+    if event.returncode != WRONG_PARAMETERS:
+        return None
+    return [Shutdown(reason=f'{event.process_name} refuses its parameters; its line says why')]
+
+
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the launch actions of all nodes for the arguments in `context`."""
     hints = typing.get_type_hints(GraphSettings)
@@ -40,7 +54,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             executable=node.executable,
             name=node.name,
             namespace=node.namespace,
-            parameters=[dict(node.parameters)],
+            parameters=[{name: as_it_is(value) for name, value in node.parameters.items()}],
             remappings=list(node.remappings.items()),
             # logs go to the screen and launch's own log, so a third copy is not needed
             ros_arguments=[
@@ -53,6 +67,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             emulate_tty=True,
             respawn=True,
             respawn_delay=RESTART_PAUSE_S,
+            on_exit=end_if_refused,
         )
         for node in live_graph(GraphSettings(**values))
     ]

@@ -66,6 +66,21 @@ def test_a_parameter_in_a_section_has_a_point_in_its_name(tmp_path: Path) -> Non
     assert nodes['camera']['light.gain'] == 2.0
 
 
+def test_what_ros2_param_dump_writes_is_accepted(tmp_path: Path) -> None:
+    dump = """
+/porotwin/hub:
+  ros__parameters:
+    horizon_s: 900.0
+    photo_interval_s: 30.0
+    qos_overrides:
+      /parameter_events:
+        publisher: {depth: 1000, durability: volatile, history: keep_last, reliability: reliable}
+    start_type_description_service: true
+    use_sim_time: false
+"""
+    assert given(tmp_path, dump)['hub'] == {'photo_interval_s': 30.0, 'horizon_s': 900.0}
+
+
 def test_a_node_that_does_not_run_is_checked_and_not_used(tmp_path: Path) -> None:
     assert set(given(tmp_path, 'trainer: {ros__parameters: {seed: 3}}')) == {'hub', 'camera'}
     with pytest.raises(InputError, match="'seed' of trainer is 'x'; give a whole number"):

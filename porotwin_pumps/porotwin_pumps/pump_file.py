@@ -117,12 +117,19 @@ def _baud(entry: PumpEntry) -> int:
     return entry.baud or PROTOCOLS[entry.protocol].baud
 
 
-def pump_openers(pumps: dict[str, PumpEntry]) -> dict[str, Callable[[], Pump]]:
+def serial_line(entry: PumpEntry) -> SerialLine:
+    """Return the line of a pump; the first question opens it."""
+    return SerialLine(entry.port, _baud(entry))
+
+
+def pump_openers(
+    pumps: dict[str, PumpEntry], line_of: Callable[[PumpEntry], SerialLine] = serial_line
+) -> dict[str, Callable[[], Pump]]:
     """Return, for every well, a function that opens its pump; pumps on one line share it."""
     lines: dict[str, SerialLine] = {}
 
     def opener(entry: PumpEntry) -> Callable[[], Pump]:
-        line = lines.setdefault(entry.port, SerialLine(entry.port, _baud(entry)))
+        line = lines.setdefault(entry.port, line_of(entry))
         protocol = PROTOCOLS[entry.protocol]
         return lambda: protocol.open(line, entry.address, **entry.options)
 

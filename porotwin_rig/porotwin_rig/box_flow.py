@@ -6,6 +6,7 @@ The potential of a well is singular. Its singular part, h_w = -Q ln(r) / (2 pi T
 Only the smooth remainder is computed, so a well keeps its exact place within a cell.
 """
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ MOST_ITERATIONS = 1000
 
 TOLERANCE = 1e-8
 """Relative residual at which conjugate gradients stop; far below the error of the mesh."""
+
+RELATIVE = 'rtol' if 'rtol' in inspect.signature(cg).parameters else 'tol'
+"""Name of the tolerance: SciPy renamed it in 1.12."""
 
 LEAST_DISTANCE_M = 1e-9
 """Distance from a well at which its logarithm is cut off [m]."""
@@ -346,8 +350,8 @@ class BoxFlow:
         solution, unfinished = cg(
             LinearOperator((size, size), outflow, dtype=float),
             demand,
-            rtol=TOLERANCE,
             atol=0.0,
+            **{RELATIVE: TOLERANCE},
             maxiter=self._most_iterations,
             M=LinearOperator((size, size), self._factor, dtype=float),
         )

@@ -1,9 +1,15 @@
-"""Extension points: finds every module in the folder of a package."""
+"""Extension points: every module in the folder of a package, and what other packages add to it.
+
+Another distribution adds to the folder `porotwin_solver.effects`, for example, by an entry point of
+this group: `wedge = "my_package.wedge:EFFECT"`. examples/extension is one.
+"""
 
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import TypeVar
 
 from porotwin_core.basis.errors import InputError
@@ -34,8 +40,9 @@ def discovered(
 ) -> dict[str, T]:
     """Return the object `attribute` of every module in the folder of `package`, by name.
 
-    The order follows the module names. If the object has an attribute `name`, it is the name of
-    the module, perhaps with dashes instead of underscores. Otherwise the module's name counts.
+    Entry points of the group `package` follow. The order is that of the names. If the object has an
+    attribute `name`, it is the name of the module, perhaps with dashes instead of underscores.
+    Otherwise the module's name counts.
 
     Args:
         package: dotted name of the package.
@@ -46,28 +53,52 @@ def discovered(
 
     Raises:
         InputError: a module cannot be imported, does not define the object, defines it
-            incompletely, or gives it another name than its own; one line that names the module, the
-            fault and the guide.
+            incompletely, gives it another name than its own, or the name of another one; one line
+            that names the module, the fault and the guide.
     """
     found: dict[str, T] = {}
-    for name in module_names(package):
-        if name in helpers:
-            continue
-        try:
-            value = getattr(importlib.import_module(f'{package}.{name}'), attribute, None)
-        except InputError:
-            raise
-        except Exception as error:  # whatever is wrong in a new module, its author gets one line
-            fault = ' '.join(f'{type(error).__name__}: {error}'.split())
-            raise InputError(f'{package}.{name}: {fault}; see {guide}') from error
+    places = [
+        (name, f'{package}.{name}', f'{package}.{name}:{attribute}')
+        for name in module_names(package)
+        if name not in helpers
+    ]
+    places += [(one.name, f'{one.value} of {one.group}', one.value) for one in installed(package)]
+    for name, where, place in places:
+        if name in found:
+            raise InputError(f'{where}: there is a {name} already; give it another name')
+        value = _loaded(place, where, guide)
         if not isinstance(value, kind):
             raise InputError(
-                f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
+                f'{where}: must define {attribute} = {kind.__name__}(...); see {guide}'
             )
         own_name = getattr(value, 'name', name)
         if str(own_name).replace('-', '_') != name:
-            raise InputError(
-                f'{package}.{name}: its {attribute} has the name {own_name!r}; see {guide}'
-            )
+            raise InputError(f'{where}: its {attribute} has the name {own_name!r}; see {guide}')
         found[own_name] = value
     return found
+
+
+@cache
+def _all_entry_points() -> EntryPoints:
+    return entry_points()
+
+
+def installed(package: str) -> Iterable[EntryPoint]:
+    """Return the entry points of other distributions for the extension point `package`."""
+    return sorted(_all_entry_points().select(group=package), key=lambda one: one.name)
+
+
+def _loaded(place: str, where: str, guide: str) -> object:
+    """Return the object at `place`, MODULE:NAME; None if the module lacks it.
+
+    Raises:
+        InputError: the module cannot be imported.
+    """
+    module, _, name = place.partition(':')
+    try:
+        return getattr(importlib.import_module(module), name, None)
+    except InputError:
+        raise
+    except Exception as error:  # whatever is wrong in a new module, its author gets one line
+        fault = ' '.join(f'{type(error).__name__}: {error}'.split())
+        raise InputError(f'{where}: {fault}; see {guide}') from error

@@ -51,7 +51,7 @@ from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import check_environment, check_shared_memory
+from porotwin_core.ros.ros_environment import check_environment, check_keys, check_shared_memory
 from porotwin_core.ros.senders import LEASE_S, hearers
 
 DIAGNOSTICS = '/diagnostics'
@@ -384,6 +384,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     share_heap()
     try:
         check_environment(os.environ)
+        check_keys(os.environ, sys.argv)
     except InputError as error:
         _refuse(error)
     try:

@@ -9,7 +9,7 @@ import re
 import shutil
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
@@ -20,6 +20,10 @@ DOMAIN = 'ROS_DOMAIN_ID'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 MIDDLEWARE = 'RMW_IMPLEMENTATION'
 PEERS = 'ROS_STATIC_PEERS'
+SECURITY = 'ROS_SECURITY_ENABLE'
+STRATEGY = 'ROS_SECURITY_STRATEGY'
+KEYSTORE = 'ROS_SECURITY_KEYSTORE'
+ENCLAVE = 'ROS_SECURITY_ENCLAVE_OVERRIDE'
 
 NAMESPACE_NAME = re.compile(r'(/[A-Za-z][A-Za-z0-9_]*)+')
 
@@ -81,6 +85,30 @@ def check_environment(environ: Mapping[str, str]) -> None:
         raise InputError(f'{RANGE} is {found}: {why}; set it to one of {", ".join(RANGES)}')
     _check_middleware(environ)
     _check_peers(environ.get(PEERS, ''))
+
+
+def check_keys(environ: Mapping[str, str], arguments: Sequence[str]) -> None:
+    """Check that a node which must be protected has keys. ROS ends it with a traceback otherwise.
+
+    Args:
+        environ: the environment variables.
+        arguments: the arguments of the program; the word after --enclave names its enclave.
+
+    Raises:
+        InputError: the keystore lacks the enclave; the line has the command that makes it.
+    """
+    if environ.get(SECURITY) != 'true' or environ.get(STRATEGY) != 'Enforce':
+        return
+    _, _, given = ' '.join(arguments).partition('--enclave ')
+    enclave = environ.get(ENCLAVE) or (given.split() or ['/'])[0]
+    store = environ.get(KEYSTORE, '')
+    folder = Path(store, 'enclaves', enclave.strip('/'))
+    if not store or not folder.is_dir():
+        raise InputError(
+            f'{KEYSTORE}: {folder if store else "not set"}: no keys for the enclave {enclave}; '
+            f'make them: ros2 security generate_artifacts -k {store or "keystore"} '
+            '-p porotwin_guard/config/porotwin.policy.xml (docs/security.md)'
+        )
 
 
 def check_shared_memory(folder: Path = SHARED_MEMORY) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from scipy.optimize import minimize
 
 from porotwin_core.geometry.grid import FloatArray
@@ -26,7 +27,8 @@ def search(
 
     The variables are the rates divided by the largest rate, the cost is divided by `typical_cost`.
     The constraints are 0 <= rate <= max_rate for every well and sum(rates) <= max_total_rate.
-    COBYLA may end on a worse point than it saw, so the caller keeps the best.
+    COBYLA may end on a worse point than it saw, so the caller keeps the best. Before SciPy 1.16 it
+    could end at once where constraints tie, as in the corner of no flow, so it starts beside it.
     """
     scale = limits.max_rate
     wells = range(len(limits.wells))
@@ -35,7 +37,7 @@ def search(
     total = {'type': 'ineq', 'fun': lambda c: limits.max_total_rate / scale - c.sum()}
     minimize(
         lambda c: cost(c * scale) / typical_cost,
-        start / scale,
+        np.clip(start / scale, LAST_STEP, 1.0 - LAST_STEP),
         method='COBYLA',
         constraints=[*lower, *upper, total],
         options={'rhobeg': FIRST_STEP, 'tol': LAST_STEP, 'maxiter': evaluations},

@@ -32,6 +32,9 @@ NETWORK = 'network'
 KEY = 'ros__parameters'
 """Key of the parameters of a node in a parameter file."""
 
+OF_ROS = ('qos_overrides.', 'start_type_description_service')
+"""Beginnings of the parameters that ROS itself gives a node, as `ros2 param dump` writes them."""
+
 SHARED = {
     'rig': '--rig',
     'grid': '--grid',
@@ -101,6 +104,8 @@ def with_parameters(
         for pattern, parameters in _entries(content):
             matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
+                if name.startswith(OF_ROS):
+                    continue
                 for node in _nodes_with(name, pattern, matched, rules):
                     if name in SHARED:
                         default = rules[node][name].default if name in rules[node] else False

@@ -55,9 +55,12 @@ class PumpProtocol:
             raises InputError for a wrong option and PumpError for a pump that does not answer.
         baud: default speed of the line [bit/s].
         options: keyword arguments of `open` with their meanings; each is a number.
+        pretend: makes what answers a question like faultless pumps of any address on one line, for
+            a dry run; None: there is no dry run.
     """
 
     name: str
     open: Callable[..., Pump]
     baud: int
     options: dict[str, str]
+    pretend: Callable[[], Callable[[bytes], bytes]] | None = None

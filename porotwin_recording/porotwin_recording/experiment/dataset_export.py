@@ -2,37 +2,31 @@
 
 `xarray.open_dataset` and `xarray.open_zarr` open them. Each is written by its library: zarr as
 version 2 with joined metadata, which every zarr reads.
-
-Conventions: https://cfconventions.org
 """
 
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import netCDF4
 import numpy as np
-from numpy.typing import NDArray
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError, write_error
-from porotwin_core.basis.units import to_ml_h
+from porotwin_recording.experiment.dataset_variables import (
+    Maps,
+    Variable,
+    about,
+    maps_between,
+    variables,
+)
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.one_writer import one_writer
 
 Format = Literal['zarr', 'netcdf']
-
-CONVENTIONS = 'CF-1.11'
-
-_FIELDS = {
-    'concentration': ('tracer concentration, 1 = stock, NaN = not seen', '1'),
-    'deviation': ('standard deviation of the concentration', '1'),
-    'systematic': ('part of the standard deviation that is the same at all times', '1'),
-}
 
 ZLIB_LEVEL: Final = 4
 """Level of the compression, from 1 (fastest) to 9 (smallest)."""
@@ -43,9 +37,6 @@ export goes on behind them."""
 
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps, and their total."""
-
-Maps = dict[str, NDArray[np.float32]]
-"""Maps (times, nz, nx) by the name of their variable."""
 
 
 def export_dataset(
@@ -165,11 +156,10 @@ class _Begun:
         if (found := self._interrupted()) is not None:
             return found
         self.remove()
-        variables, about = _variables(self._recording), _about(self._recording)
-        if self._kind == 'zarr':
-            _define_zarr(self.path, variables, about)
-        else:
-            _define_netcdf(self.path, variables, about)
+        recording, maps = self._recording, self._recording.present_maps
+        define = _define_zarr if self._kind == 'zarr' else _define_netcdf
+        words = about(recording.rig, maps, recording.source.name)
+        define(self.path, variables(recording, maps), words)
         return _WrittenMaps(self.path, self._kind)
 
     def _interrupted(self) -> _WrittenMaps | None:
@@ -183,7 +173,7 @@ class _Begun:
                 return None
             done, found = int(count), _WrittenMaps(self.path, self._kind)
             first = max(0, done - MAPS_AT_ONCE)
-            if found.holds(first, _maps_between(self._recording, first, done)):
+            if found.holds(first, maps_between(self._recording.present_maps, first, done)):
                 self.done = done
                 return found
             found.close()
@@ -210,88 +200,10 @@ def _blocks(recording: Recording, first: int) -> Iterator[tuple[int, Maps]]:
     """Yield the maps from number `first` on, MAPS_AT_ONCE at a time, with their first number."""
     count = len(recording.times)
     for start in range(first, count, MAPS_AT_ONCE):
-        yield start, _maps_between(recording, start, min(start + MAPS_AT_ONCE, count))
+        yield start, maps_between(recording.present_maps, start, min(start + MAPS_AT_ONCE, count))
 
 
-def _maps_between(recording: Recording, first: int, last: int) -> Maps:
-    """Return the maps from number `first` to before `last`."""
-    maps = recording.maps
-    assert maps is not None
-    series = {'concentration': maps, 'deviation': maps.deviation, 'systematic': maps.systematic}
-    return {name: each[first:last] for name, each in series.items() if each is not None}
-
-
-@dataclass(frozen=True)
-class _Variable:
-    """A variable of the dataset; without values it is a map for every time."""
-
-    dimensions: tuple[str, ...]
-    attributes: dict[str, str]
-    values: NDArray[Any] | None = None
-
-
-def _about(recording: Recording) -> dict[str, Any]:
-    """Return the attributes of the whole dataset."""
-    rig, maps = recording.rig, recording.present_maps
-    return {
-        'Conventions': CONVENTIONS,
-        'title': f'tracer experiment on the rig {rig.name}',
-        'source': recording.source.name,
-        'history': f'written by {PROGRAM}',
-        'rig': rig.name,
-        'viscosity_pa_s': rig.viscosity_pa_s,
-        'density_kg_m3': rig.density_kg_m3,
-        'calibration': maps.origin.calibration or 'not known',
-    }
-
-
-def _variables(recording: Recording) -> dict[str, _Variable]:
-    """Return all variables; the maps have no values yet."""
-    rig, grid, maps = recording.rig, recording.grid, recording.present_maps
-
-    def of(values: Any, dimension: str, unit: str, meaning: str, **more: str) -> _Variable:
-        attributes = {'units': unit, 'long_name': meaning, **more}
-        return _Variable((dimension,), attributes, np.asarray(values))
-
-    wells = list(rig.wells.values())
-    now = 'time since the experiment began'
-    found = {
-        'time': of(recording.times, 'time', 's', now, standard_name='time', axis='T'),
-        'z': of(grid.z, 'z', 'm', 'height of the cell centres', axis='Z', positive='up'),
-        'x': of(grid.x, 'x', 'm', 'cell centres from the left', axis='X'),
-        'well_name': _Variable(
-            ('well',), {'long_name': 'names of the wells'}, np.array(list(rig.wells), dtype=object)
-        ),
-        'well_x': of([w.x_m for w in wells], 'well', 'm', 'distance of the wells from the left'),
-        'well_z': of([w.z_m for w in wells], 'well', 'm', 'height of the wells'),
-        **_rates(recording),
-    }
-    present = {'concentration': maps, 'deviation': maps.deviation, 'systematic': maps.systematic}
-    for name, (meaning, unit) in _FIELDS.items():
-        if present[name] is not None:
-            found[name] = _Variable(('time', 'z', 'x'), {'units': unit, 'long_name': meaning})
-    return found
-
-
-def _rates(recording: Recording) -> dict[str, _Variable]:
-    """Return the rates of all wells at the times of the maps, if the recording has them."""
-    wells, found = list(recording.rig.wells), {}
-    for name, schedule in (('commanded', recording.commanded), ('measured', recording.measured)):
-        if schedule is None:
-            continue
-        at_times = [schedule.at(float(time)) for time in recording.times]
-        rates = [[to_ml_h(at[w].rate) if w in at else 0.0 for w in wells] for at in at_times]
-        shares = [[at[w].concentration if w in at else 0.0 for w in wells] for at in at_times]
-        for quantity, values, unit, meaning in (
-            ('rate', rates, 'ml h-1', 'rate of the pump, positive injects'),
-            ('concentration', shares, '1', 'concentration of the injected fluid, 1 = stock'),
-        ):
-            attributes = {'units': unit, 'long_name': f'{name} {meaning}'}
-            found[f'{name}_{quantity}'] = _Variable(('time', 'well'), attributes, np.array(values))
-    return found
-
-
-def _sizes(variables: dict[str, _Variable]) -> dict[str, int]:
+def _sizes(variables: dict[str, Variable]) -> dict[str, int]:
     """Return the length of every dimension."""
     return {
         name: len(values)
@@ -300,7 +212,7 @@ def _sizes(variables: dict[str, _Variable]) -> dict[str, int]:
     }
 
 
-def _define_netcdf(path: Path, variables: dict[str, _Variable], about: dict[str, Any]) -> None:
+def _define_netcdf(path: Path, variables: dict[str, Variable], about: dict[str, Any]) -> None:
     """Define all variables in a new NetCDF file, and write all but the maps."""
     sizes = _sizes(variables)
     with contextlib.closing(netCDF4.Dataset(path, 'w')) as dataset:
@@ -325,7 +237,7 @@ def _define_netcdf(path: Path, variables: dict[str, _Variable], about: dict[str,
             variable.setncatts(each.attributes)
 
 
-def _define_zarr(path: Path, variables: dict[str, _Variable], about: dict[str, Any]) -> None:
+def _define_zarr(path: Path, variables: dict[str, Variable], about: dict[str, Any]) -> None:
     """Define all arrays in a new zarr folder, and write all but the maps, one chunk each."""
     sizes = _sizes(variables)
     group = _zarr_group(path, 'w')

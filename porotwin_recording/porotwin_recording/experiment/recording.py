@@ -4,7 +4,9 @@ import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,15 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, load_rig
 from porotwin_recording.experiment.bag import read_bag
+from porotwin_recording.experiment.dataset_variables import as_xarray
 from porotwin_recording.experiment.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.concentration import ConcentrationMaps, Maps
 from porotwin_recording.tables.map_files import files_with_maps
 from porotwin_recording.tables.recorded_data import RecordedData
+
+if TYPE_CHECKING:
+    import xarray
 
 LOG = logging.getLogger('porotwin')
 
@@ -93,6 +99,30 @@ class Recording(RecordedData):
         if self.maps is None:
             raise InputError(f'{self.source}: holds no concentration maps; {self._maps_remedy()}')
         return self.maps
+
+    def to_xarray(self) -> 'xarray.Dataset':
+        """Return maps, rates and wells as an `xarray.Dataset` with units, as `export` writes them.
+
+        Raises:
+            InputError: the recording holds no maps, or xarray is not installed.
+        """
+        return as_xarray(self, self.present_maps, self.source.name)
+
+    def _repr_html_(self) -> str:
+        """Return the contents as a table, for notebooks."""
+        rows = {
+            'source': str(self.source),
+            'rig': self.rig.name,
+            'rates': 'measured' if self.measured is not None else 'commanded',
+            'photographs': str(len(self.photos)),
+        }
+        if self.commanded is None and self.measured is None:
+            del rows['rates']
+        if self.maps is not None:
+            first, last = self.times[[0, -1]]
+            rows['maps'] = f'{len(self.times)}, {first:g} to {last:g} s, {self.grid}'
+        lines = (f'<tr><th>{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items())
+        return f'<table>{"".join(lines)}</table>'
 
     def _maps_remedy(self) -> str:
         """Return how to give the recording maps."""

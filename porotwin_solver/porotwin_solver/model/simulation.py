@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
@@ -42,7 +43,8 @@ def simulate(
         initial=initial,
         start=start,
     )
-    return np.array(list(maps)).reshape(-1, *grid.shape)
+    with threadpool_limits(limits=1, user_api='blas'):  # NumPy may have been imported before us
+        return np.array(list(maps)).reshape(-1, *grid.shape)
 
 
 def simulated_maps(

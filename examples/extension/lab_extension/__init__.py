@@ -1,0 +1,1 @@
+"""An effect and a pump of our laboratory."""
