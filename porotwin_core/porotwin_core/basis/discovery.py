@@ -7,9 +7,9 @@ this group: `wedge = "my_package.wedge:EFFECT"`. examples/extension is one.
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
 from porotwin_core.basis.errors import InputError
@@ -79,13 +79,9 @@ def discovered(
 
 
 @cache
-def _all_entry_points() -> EntryPoints:
-    return entry_points()
-
-
-def installed(package: str) -> Iterable[EntryPoint]:
+def installed(package: str) -> tuple[EntryPoint, ...]:
     """Return the entry points of other distributions for the extension point `package`."""
-    return sorted(_all_entry_points().select(group=package), key=lambda one: one.name)
+    return tuple(sorted(entry_points(group=package), key=lambda one: one.name))
 
 
 def _loaded(place: str, where: str, guide: str) -> object:
