@@ -1,7 +1,7 @@
 """Extension points: modules of a folder found by themselves."""
 
 import sys
-from importlib.metadata import EntryPoint, EntryPoints
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -88,14 +88,14 @@ def test_a_module_that_cannot_be_imported_is_refused_with_one_line(tmp_path, mon
 def test_another_distribution_adds_by_an_entry_point(package, monkeypatch) -> None:
     name = package('made_up_group', one='THING = 1')
     package('made_up_other', two='THING = 2')
-    points = EntryPoints([EntryPoint('two', 'made_up_other.two:THING', name)])
-    monkeypatch.setattr(discovery, '_all_entry_points', lambda: points)
+    points = [EntryPoint('two', 'made_up_other.two:THING', name)]
+    monkeypatch.setattr(discovery, 'installed', lambda _: points)
     assert discovered(name, 'THING', int, 'the guide') == {'one': 1, 'two': 2}
-    twice = EntryPoints([EntryPoint('one', 'made_up_other.two:THING', name)])
-    monkeypatch.setattr(discovery, '_all_entry_points', lambda: twice)
+    twice = [EntryPoint('one', 'made_up_other.two:THING', name)]
+    monkeypatch.setattr(discovery, 'installed', lambda _: twice)
     with pytest.raises(InputError, match='there is a one already'):
         discovered(name, 'THING', int, 'the guide')
-    broken = EntryPoints([EntryPoint('two', 'made_up_nowhere:THING', name)])
-    monkeypatch.setattr(discovery, '_all_entry_points', lambda: broken)
+    broken = [EntryPoint('two', 'made_up_nowhere:THING', name)]
+    monkeypatch.setattr(discovery, 'installed', lambda _: broken)
     with pytest.raises(InputError, match=f'made_up_nowhere:THING of {name}: ModuleNotFound'):
         discovered(name, 'THING', int, 'the guide')
