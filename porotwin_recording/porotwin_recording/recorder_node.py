@@ -221,7 +221,8 @@ class RecorderNode(TwinNode):
         level = DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
         summary = f'{self._recorder.message_count} messages recorded, {lost} lost'
         if self._recorder.disk_refuses:
-            level, summary = DiagnosticStatus.ERROR, f'the disk refuses data; {summary}'
+            level = DiagnosticStatus.ERROR
+            summary = f'the disk refuses data, free some space; {summary} so far'
         self._diagnostics.report(level, summary, lost=lost)
 
     @property

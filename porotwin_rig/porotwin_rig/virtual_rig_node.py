@@ -36,7 +36,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.vouching import OnlyCaller
-from porotwin_msgs.msg import CleanState, WellRates
+from porotwin_msgs.msg import CleanState, CycleReport, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_recording.tables.concentration import ConcentrationWriter
 from porotwin_rig.camera import camera_before
@@ -155,6 +155,7 @@ class VirtualRigNode(TwinNode):
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
         follow(self, Header, 'mend/seen', self._on_seen, qos.FIELD)
+        follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         self._guard = OnlyCaller(self, 'asset/control')
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
@@ -175,11 +176,18 @@ class VirtualRigNode(TwinNode):
                 response.outcome = conversions.refusal(error)
                 self.get_logger().error(f'setpoint {setpoint.sequence} refused: {error}')
                 return response
-            stamp = setpoint.header.stamp
-            self._answered_stamp = stamp.sec * 1_000_000_000 + stamp.nanosec
-            self._answered.notify_all()
+        self._answer(setpoint.header)
         response.outcome = conversions.ok()
         return response
+
+    def _answer(self, header: Header) -> None:
+        with self._answered:
+            self._answered_stamp = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+            self._answered.notify_all()
+
+    def _on_cycle(self, message: CycleReport) -> None:
+        """Go on also without a setpoint: the hub reports a photograph after its setpoint."""
+        self._answer(message.header)
 
     def _on_seen(self, message: Header) -> None:
         with self._answered:

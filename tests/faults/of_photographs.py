@@ -113,14 +113,17 @@ def hands(stage: Stage) -> None:
 
 
 @fault(
-    'The camera sends the same photograph again under another name.',
+    'The camera sends the same photograph again and again under other names.',
     Status('camera', 'ERROR', 'is a duplicate of'),
-    does='Leaves out the second photograph.',
-    mends=NEXT_GOOD,
+    Status('camera', 'ERROR', 'the camera is frozen; restart it'),
+    does='Leaves out all but the first.',
+    mends=f'restart the camera; {NEXT_GOOD_COUNTS}',
 )
 def repeated(stage: Stage) -> None:
     stage.wait_for_control()
-    stage.put(stage.newest, good=False)
+    same = stage.newest
+    for _ in range(2):
+        stage.put(same, good=False)
 
 
 @fault(

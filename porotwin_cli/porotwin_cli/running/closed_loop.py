@@ -372,7 +372,9 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
         with (
             operator,
             GraphWatch(on_cycle) as watch,
-            GraphProcesses(nodes, folder, say=say, show=('mend',)) as processes,
+            GraphProcesses(
+                nodes, folder, say=say, show=('mend', 'operator') if settings.ask else ('mend',)
+            ) as processes,
         ):
             while not watch.finished.wait(POLL_S):
                 _check(processes, time.monotonic() - newest[0], settings.patience_s, folder)

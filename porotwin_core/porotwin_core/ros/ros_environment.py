@@ -232,7 +232,7 @@ def _lock(domain: int) -> socket.socket:
             raise
         raise InputError(
             f'another graph runs in domain {domain} on this machine, and both would act on the '
-            f'same pumps; end it, or set {DOMAIN} to another number for this one (--domain)'
+            f'same pumps; end it, or for another rig set {DOMAIN} to another number (--domain)'
         ) from None
     return lock
 

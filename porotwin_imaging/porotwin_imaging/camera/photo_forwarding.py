@@ -56,6 +56,8 @@ class PhotoForwarder:
         self._report = report
         self._say = say
         self._sent = sent
+        self._repeated = ''
+        """Name of the photograph that came last under another name."""
         self._roles = BaselineChoice(any_sent=sent.any_sent)
         self._memory_problem = ''
         self.interval_s = interval_s
@@ -137,7 +139,12 @@ class PhotoForwarder:
         if before is None:
             return True
         if before != photo.name:
-            self._complain(photo.name, f"is a duplicate of '{before}'; left out", 'duplicate')
+            again = before == self._repeated
+            frozen = ', again: the camera is frozen; restart it' if again else ''
+            self._complain(
+                photo.name, f"is a duplicate of '{before}'; left out{frozen}", 'duplicate'
+            )
+            self._repeated = before
         self._sent.add(SentPhoto(photo.name, digest, photo.mark))
         return False
 
