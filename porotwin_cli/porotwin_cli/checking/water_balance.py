@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.rates.rates_in_force import SAME_RATE
 from porotwin_core.rates.wells import WellRates
