@@ -53,7 +53,7 @@ def test_wells_and_sides_balance() -> None:
     assert found is not None
     assert sum(found.wells.values()) + sum(found.places.values()) == pytest.approx(0.0, abs=1e-15)
     assert found.in_ml_h['wells'] == pytest.approx({'a': 500.0, 'b': -200.0})
-    assert 'a +500, b -200; left' in str(found)
+    assert 'a +500.0, b -200.0; left' in str(found)
 
 
 def test_open_water_in_the_picture_has_its_own_line() -> None:

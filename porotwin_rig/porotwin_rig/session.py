@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -10,9 +11,6 @@ from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
-
-SHORTEST_SPAN_S = 1e-9
-"""Shorter spans are round-off [s]."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class AssetSession:
         parts = []
         for moment in [*sorted(self._pauses.moments(self.time, until)), until]:
             span = moment - self.time
-            if span > SHORTEST_SPAN_S:
+            if span > SAME_STAMP_S:
                 self.asset.set_rates(self._pauses.at(self.time + span / 2.0, rates))
                 self.asset.advance(span)
                 parts.append((span, self.asset.measured_rates()))

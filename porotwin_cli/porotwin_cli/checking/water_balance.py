@@ -56,8 +56,8 @@ class WaterBalance:
 
 
 def _in_words(rates_ml_h: Mapping[str, float]) -> str:
-    """Return rates [ml/h] in words, without round-off."""
-    return ', '.join(f'{name} {round(rate, 3) + 0.0:+.4g}' for name, rate in rates_ml_h.items())
+    """Return rates [ml/h] in words."""
+    return ', '.join(f'{name} {rate:+z.1f}' for name, rate in rates_ml_h.items())
 
 
 def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None:

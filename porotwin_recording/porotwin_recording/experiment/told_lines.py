@@ -1,5 +1,6 @@
 """What a run said: the remarks of its cycles and the warnings of its nodes, from its bag."""
 
+import logging
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -12,9 +13,6 @@ from porotwin_recording.mcap.bag_folder import bag_folder
 from porotwin_recording.mcap.mcap_summary import McapSummary, summary_of
 
 LOG = 'rosout'
-
-WARNING = 30
-"""Level of a warning in `rcl_interfaces/msg/Log`; errors have a higher one."""
 
 
 class ToldLine(NamedTuple):
@@ -57,10 +55,13 @@ def _parts(bag: Path) -> Iterator[McapSummary]:
 
 
 def _texts(message: Any) -> tuple[str, ...]:
-    """Return the remarks of a cycle, or the line of a node from a warning on."""
+    """Return the remarks of a cycle, or the line of a node from a warning on.
+
+    The levels of `rcl_interfaces/msg/Log` are those of Python.
+    """
     if hasattr(message, 'remarks'):
         return tuple(map(str, message.remarks))
-    return (f'{message.name}: {message.msg}',) if message.level >= WARNING else ()
+    return (f'{message.name}: {message.msg}',) if message.level >= logging.WARNING else ()
 
 
 def _stamp(message: Any) -> float:
