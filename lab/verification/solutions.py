@@ -3,14 +3,14 @@
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 from scipy.special import ellipj, ellipk
-from scipy.optimize import brentq
 
 from porotwin_core.geometry.grid import FloatArray
 
-TIMES = 2000
+TIMES = 1000
 """Points of an integral over time, and steps of a solution in time."""
 
 
