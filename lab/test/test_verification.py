@@ -43,8 +43,8 @@ def test_every_rig_is_a_problem_and_none_is_odd() -> None:
     ('name', 'cell_m', 'most'),
     [
         ('uniform_flow', 0.02, {'map [%]': 3.0}),
-        ('push_pull', 0.02, {'injected [%]': 1.0, 'half withdrawn [%]': 1.5}),
-        ('dam', 0.03, {'rate without rain [%]': 0.1, 'table [mm]': 1.5}),
+        ('push_pull', 0.02, {'map, injected [%]': 1.0, 'map, withdrawn [%]': 1.5}),
+        ('dam', 0.03, {'rate, no rain [%]': 0.1, 'table [mm]': 1.5}),
         ('ditch', 0.02, {'rate [%]': 2.0}),
     ],
 )
@@ -58,8 +58,12 @@ def test_a_problem_is_solved(name: str, cell_m: float, most: dict[str, float]) -
 @pytest.mark.parametrize(
     ('name', 'cell_m', 'most'),
     [
-        ('henry', 0.10, {'mean of a cell [%]': 0.5, 'toe [cm]': 1.0}),
-        ('sand_tank', 0.03, {'SS-1 wedge [cm]': 1.5, 'SS-1 flow [%]': 5.0, 'SS-3 flow [%]': 5.0}),
+        ('henry', 0.10, {'cells [%]': 0.5, 'toe [cm]': 1.0}),
+        (
+            'sand_tank',
+            0.03,
+            {'wedge, SS-1 [cm]': 1.5, 'flow, SS-1 [%]': 5.0, 'flow, SS-3 [%]': 5.0},
+        ),
     ],
 )
 def test_a_problem_of_dense_water_is_solved(name: str, cell_m: float, most: dict) -> None:

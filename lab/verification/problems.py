@@ -92,7 +92,7 @@ def uniform_flow(_: Problem, recording: Recording, grid: Grid) -> Figures:
     wrong = np.abs(found - exact)[apart]
     return {
         'map [%]': _percent(float(wrong.sum() / exact[apart].sum())),
-        'worst cell [% of the largest]': _percent(float(wrong.max() / exact[apart].max())),
+        'worst cell [%]': _percent(float(wrong.max() / exact[apart].max())),
     }
 
 
@@ -108,7 +108,7 @@ def push_pull(_: Problem, recording: Recording, grid: Grid) -> Figures:
     exact = push_and_pull(edges, (pushed, pulled), strength=strength, dispersivity=spread)
     radius = np.hypot(grid.x[None, :] - well.x_m, grid.z[:, None] - well.z_m)
     apart = radius > spread
-    names = 'injected [%]', 'half withdrawn [%]'
+    names = 'map, injected [%]', 'map, withdrawn [%]'
     errors: Figures = {}
     for name, found, rings in zip(names, maps, exact, strict=True):
         expected = np.interp(radius, 0.5 * (edges[1:] + edges[:-1]), rings, right=0.0)
@@ -126,7 +126,7 @@ def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
     speed = _conductivity(rig) * weight
     spread = _parameter(rig, 'dispersion', 'diffusion') * _of(rig, 'porosity')
     errors: Figures = {}
-    for diffuses, name in ((False, ''), (True, ' (Henry)')):
+    for diffuses, name in ((False, ''), (True, ', Henry')):
         x, z, c = henry(
             rate / (speed * rig.height_m),
             spread / rate,
@@ -138,7 +138,7 @@ def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
         exact = BarycentricInterpolator(z * rig.height_m, along.T)(grid.z)
         toe = _crossing(found[0], grid) - _crossing(exact[0], grid)
         wrong = float(np.abs(found - exact).mean())
-        errors |= {f'mean of a cell{name} [%]': _percent(wrong), f'toe{name} [cm]': 100.0 * toe}
+        errors |= {f'cells{name} [%]': _percent(wrong), f'toe{name} [cm]': 100.0 * toe}
     return errors
 
 
@@ -157,7 +157,7 @@ def dam(_: Problem, recording: Recording, grid: Grid) -> Figures:
     slope = (high**2 - low**2) / rig.width_m
     square = high**2 - slope * x + rain / conductivity * x * (rig.width_m - x)
     worst = 1e3 * float(np.abs(height - np.sqrt(square)).max())
-    return {'rate without rain [%]': _percent(rate / charny - 1.0), 'table [mm]': worst}
+    return {'rate, no rain [%]': _percent(rate / charny - 1.0), 'table [mm]': worst}
 
 
 def ditch(_: Problem, recording: Recording, grid: Grid) -> Figures:
@@ -211,9 +211,9 @@ def sand_tank(problem: Problem, recording: Recording, grid: Grid) -> Figures:
         wedge = 100.0 * np.array([_crossing(now.mobile[row], engine.grid) for row in rows])
         gap = wedge - [float(line['x_cm']) for line in seen]
         errors |= {
-            f'{state} wedge [cm]': float(np.abs(gap).mean()),
-            f'{state} toe [cm]': float(gap[-1]),
-            f'{state} flow [%]': _percent(flow / measured - 1.0),
+            f'wedge, {state} [cm]': float(np.abs(gap).mean()),
+            f'toe, {state} [cm]': float(gap[-1]),
+            f'flow, {state} [%]': _percent(flow / measured - 1.0),
         }
     return errors
 
@@ -284,15 +284,15 @@ PROBLEMS = (
     Problem(
         'push_pull',
         'injection and withdrawal through one well',
-        'radial solution on fine rings; Gelhar and Collins 1971',
+        'Gelhar and Collins 1971, on fine rings',
         0.005,
         '',
         push_pull,
     ),
     Problem(
         'henry',
-        'sea water in a confined aquifer',
-        'Simpson and Clement 2004, solved by collocation',
+        "Henry's problem",
+        'Simpson and Clement 2004',
         0.04,
         ' --times 0:60000:3000',
         henrys,
