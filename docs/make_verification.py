@@ -36,11 +36,11 @@ TEXT = """\
 
 *map*: mean error over the mean. *toe*: negative if the wedge is too short.
 
-- **Henry.** His equations, solved by collocation. Salt enters with the water of the sea only. In the
-  second figures it also diffuses from it, as Henry has it; `rig.yaml` cannot say that.
+- **Henry.** His equations, solved by collocation. Salt enters with the water of the sea only. In
+  the second figures it also diffuses from it, as Henry has it; `rig.yaml` cannot say that.
 - **Glover** holds for deep sand without mixing; here it is 20 cm deep, and the scheme mixes.
 - **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
-- **Left out**: the salt lake (Wooding 1997, Simmons 1999), for want of evaporation that leaves salt.
+- **Left out**: the salt lake (Wooding 1997, Simmons 1999): evaporation that leaves salt lacks.
 - **MODFLOW 6** did not run: no package index at hand has the program.
 """
 
@@ -60,7 +60,7 @@ def rows(table: list[dict[str, str]]) -> list[str]:
 
 
 def _told(errors: dict[str, str]) -> str:
-    """Return the errors; those of one kind stand together."""
+    """Return the errors, grouped by kind."""
     kinds: dict[tuple[str, str], list[str]] = {}
     for name, value in errors.items():
         what, _, unit = name.rstrip(']').partition(' [')

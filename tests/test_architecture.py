@@ -103,7 +103,7 @@ ROOMS = {
         '__main__',
     ),
     LAB: (
-        'study', 'budget', 'photographs', 'blind', 'benches', 'loop', 'faults', 'scaling',
+        'study', 'budget', 'verification', 'photographs', 'blind', 'benches', 'loop', 'faults', 'scaling',
         'paper_experiments', 'commands',
     ),
 }  # fmt: skip

@@ -34,9 +34,6 @@ SEEN = 'seen.csv'
 TANK_STATES = {'SS-1': (0.0, 1.42), 'SS-2': (-0.005, 0.59), 'SS-3': (-0.0015, 1.19)}
 """Rise of the fresh water's level [m], and the measured flow [cm3/s] (Goswami and Clement 2007)."""
 
-HENRY_POINTS = 30, 20
-"""Points of the collocation along x and z: the toe is right to 0.1 mm of a metre."""
-
 Figures = dict[str, float]
 """What is wrong, with its unit in brackets, and by how much."""
 
@@ -131,7 +128,7 @@ def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
             rate / (speed * rig.height_m),
             spread / rate,
             rig.width_m / rig.height_m,
-            counts=HENRY_POINTS,
+            counts=(30, 20),
             sea_diffuses=diffuses,
         )
         along = BarycentricInterpolator(x * rig.height_m, c.T)(grid.x)
