@@ -265,7 +265,7 @@ def _dispersivities(rig: Rig) -> tuple[float, float]:
 
 def _gradient(rig: Rig) -> float:
     """Return the fall of the heads from left to right over the width [-]."""
-    heads = rig.boundaries.heads_m
+    heads = rig.boundaries.heads_m or {}
     return (heads['left'] - heads['right']) / rig.width_m
 
 
