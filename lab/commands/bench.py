@@ -34,6 +34,7 @@ LONG = {
     'calibration': 'lab.benches.bench_calibration',
     'scaling': 'lab.scaling.bench_scaling',
     'decision': 'lab.benches.bench_decision',
+    'verification': 'lab.benches.bench_verification',
 }
 """Parts that take long or need data: measured only by name."""
 
@@ -45,6 +46,7 @@ PLAIN = {
     'diagnosis': 'Verdicts and time beside sparse regression.',
     'scaling': 'Many processes: measured with two, simulated with more.',
     'decision': 'Time from a photograph to its setpoint, with all nodes.',
+    'verification': 'Problems of the field, beside their solutions (docs/verification.md).',
 }
 """Parts without options, and their help."""
 

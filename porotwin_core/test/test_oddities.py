@@ -339,3 +339,13 @@ def test_a_barrier_beside_sand_is_no_mistake(conductivities: tuple[float, ...], 
     remarks = remarks_about(parse_rig(data, Path('rig.yaml')))
     found = [one for one in remarks if 'hydraulic_conductivity' in str(one)]
     assert len(found) == count
+
+
+def test_water_that_moves_by_itself_needs_no_wells() -> None:
+    water = {'left': {'side': 'left', 'head_m': 0.5}, 'right': {'side': 'right', 'head_m': 0.4}}
+    data = {**SMALL, 'wells': {}, 'boundaries': {'top': 'closed'}, 'water': water}
+    for key in ('control', 'camera'):
+        data.pop(key, None)
+    assert [
+        one for one in remarks_about(parse_rig(data, Path('rig.yaml'))) if one.key == 'wells'
+    ] == []

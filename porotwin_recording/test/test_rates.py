@@ -96,6 +96,11 @@ def test_wrong_rates_are_named(tmp_path: Path, content: str, complaint: str) -> 
     assert str(path) in str(caught.value)
 
 
+def test_a_rig_without_wells_has_a_table_without_rows(tmp_path: Path) -> None:
+    (tmp_path / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n')
+    assert read_rates(tmp_path / 'rates.csv', []).rows == ()
+
+
 def test_rates_of_a_spreadsheet_are_read(tmp_path: Path) -> None:
     text = '\ufefftime_s,well,rate_ml_h,concentration\r\n0, out ,-10,\r\n\r\n1e1,in,5,1\r\n'
     (tmp_path / 'rates.csv').write_text(text, newline='')

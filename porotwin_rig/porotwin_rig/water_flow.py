@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import WellRates
 from porotwin_rig.box_flow import (
     BoxFlow,
@@ -30,6 +31,16 @@ class WaterFlow:
     """
 
     def __init__(self, rig: TrueRig) -> None:
+        """Prepare the flow in `rig`.
+
+        Raises:
+            InputError: water is forced through a rig with a water table in the sand.
+        """
+        if rig.fringe is not None and (rig.background_flux or rig.table_amplitude):
+            raise InputError(
+                'water_table: only levels and rain drive the water below a table in the sand; '
+                'remove background_flow and the swaying table'
+            )
         mesh = rig.mesh
         self._rig = rig
         self._along_x, self._along_z = rig.transmissivity

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rig_examples import make_rig, rates
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, ML_H
 from porotwin_core.rates.wells import WellRate
 from porotwin_rig.effects import EffectSet, parse_effects
@@ -75,3 +76,11 @@ def test_tracer_is_conserved_below_a_table() -> None:
     balance = asset.balance
     assert asset.total_mass() == pytest.approx(balance.injected - balance.removed, rel=1e-6)
     assert balance.injected == pytest.approx(150.0 * ML_H * 1200.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    'effect', ['background_flow:x_velocity=1e-6', 'water_table:amplitude=0.01']
+)
+def test_water_that_no_level_drives_is_refused_below_a_table(effect) -> None:
+    with pytest.raises(InputError, match='only levels and rain'):
+        fluxes_of(tank(), effects=effect)

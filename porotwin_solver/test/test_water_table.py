@@ -9,7 +9,7 @@ from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
 from porotwin_solver.adjoint import gradient
 from porotwin_solver.coefficients.physics import nominal_physics
-from porotwin_solver.effects import parse_effect
+from porotwin_solver.effects import EFFECTS, parse_effect
 from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.model.engine import State
 from porotwin_solver.model.model import Model
@@ -154,3 +154,11 @@ def test_a_fringe_in_full_sand_is_refused(make_rig) -> None:
     rig = make_rig()
     with pytest.raises(InputError, match='give water_table'):
         Model(rig, rig.grid(20, 12), effects=[parse_effect('fringe:rise=0.01')])
+
+
+def test_a_flow_through_all_sides_is_refused_beside_a_table(make_rig) -> None:
+    rig = tank(make_rig)
+    model = Model(rig, rig.grid(20, 12), effects=[parse_effect('background_flow:x_velocity=1e-6')])
+    with pytest.raises(InputError, match='use water_body'):
+        model.predict(model.initial_condition(), {}, 60.0)
+    assert EFFECTS['background_flow'].believed(rig) == []

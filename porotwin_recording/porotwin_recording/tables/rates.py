@@ -34,7 +34,7 @@ def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
                 f'{where}: time_s {row.time:g} comes after {rows[-1].time:g}; sort the rows by time'
             )
         rows.append(row)
-    if not rows:
+    if known and not rows:
         raise InputError(f'{path}: has no rows, so that no well ever pumps; add rows or remove it')
     return Schedule(tuple(rows))
 

@@ -29,15 +29,18 @@ def drift(physics: Physics, values: Values) -> Physics:
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit both components in steps that move fronts by one cell.
 
-    Where water stands at several places, its levels drive such a flow: see `water_level`.
+    Where water stands at several places, or in the sand, its levels drive such a flow: see
+    `water_level`.
     """
-    if len(context.rig.water_bodies) > 1:
+    if len(context.rig.water_bodies) > 1 or context.rig.water_table:
         return []
     return [_in_steps(context.front_speed * context.porosity)]
 
 
 def believed(rig: Rig) -> Sequence[Candidate]:
     """Believe in water that drifts by about DRIFT_M_H, each way."""
+    if rig.water_table:
+        return []
     porosity = float(np.mean(rig.nominal_map('porosity')))
     return [_in_steps(DRIFT_M_H / HOUR_S * porosity)]
 

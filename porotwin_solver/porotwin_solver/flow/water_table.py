@@ -49,8 +49,13 @@ class TableFlow:
         """Find the table for `source` (nz, nx) [m^3/s], the net rate into each cell.
 
         Raises:
-            InputError: it does not settle.
+            InputError: it does not settle, or `physics` has a flow that no level of water drives.
         """
+        if any(physics.background_flux) or physics.table_tilt:
+            raise InputError(
+                'water_table: only levels and rain drive the water below a table in the sand, and '
+                'background_flow would go through dry sand too; use water_body or water_level'
+            )
         grid, self._contact = physics.grid, physics.contact
         self._grid, self._weight = grid, physics.density * GRAVITY
         assert physics.fringe is not None

@@ -19,7 +19,7 @@ SAME_PLACE_M = 1e-6
 
 
 def _wells(rig: Rig) -> Iterator[Remark]:
-    if not rig.wells:
+    if not rig.wells and not rig.is_driven:
         yield Remark('wells', '{}', 'no water can be pumped', 'name the wells, each with x_m, z_m')
     smaller = min(rig.width_m, rig.height_m)
     for name, well in rig.wells.items():

@@ -1,0 +1,95 @@
+"""Write docs/verification.md, the problems of the field, from docs/figures/verification.csv.
+
+python docs/make_verification.py             # the page from the table
+python docs/make_verification.py --measure   # measures first, some minutes
+python docs/make_verification.py --check     # fails if the page is old
+"""
+
+import csv
+import importlib
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS.parent))
+
+PROBLEMS = importlib.import_module('lab.verification.problems').PROBLEMS
+TARGET = DOCS / 'verification.md'
+TABLE = DOCS / 'figures' / 'verification.csv'
+COLUMNS = ('date', 'command', 'seed', 'cases', 'what', 'figure', 'value', 'wanted', 'page')
+
+TEXT = """\
+# Problems that the field knows
+
+[rigs/verification](../rigs/verification) holds problems with a known answer. Nothing was fitted.
+
+```sh
+./porotwin simulate rigs/verification/henry --output henry.nc --grid 50x25 --times 0:60000:3000
+```
+
+`docs/make_verification.py --measure` measures anew.
+
+| problem | answer | error | time | `simulate rigs/verification/` |
+| --- | --- | --- | --- | --- |
+{rows}
+
+*map*: mean error over the mean. *toe*: negative if the wedge is too short.
+
+- **Henry.** His equations, solved by collocation. Salt enters with the water of the sea only. In
+  the second figures it also diffuses from it, as Henry has it; `rig.yaml` cannot say that.
+- **Glover** holds for deep sand without mixing; here it is 20 cm deep, and the scheme mixes.
+- **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
+- **Left out**: the salt lake (Wooding 1997, Simmons 1999): evaporation that leaves salt lacks.
+- **MODFLOW 6** did not run: no package index at hand has the program.
+"""
+
+
+def rows(table: list[dict[str, str]]) -> list[str]:
+    """Return a line of the page for each problem."""
+    lines = []
+    for problem in PROBLEMS:
+        own = {line['figure']: line['value'] for line in table if line['what'] == problem.name}
+        seconds = own.pop('time [s]')
+        errors = _told(own)
+        lines.append(
+            f'| {problem.title} | {problem.source} | {errors} | {float(seconds):.0f} s | '
+            f'`{problem.words}` |'
+        )
+    return lines
+
+
+def _told(errors: dict[str, str]) -> str:
+    """Return the errors, grouped by kind."""
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for name, value in errors.items():
+        what, _, unit = name.rstrip(']').partition(' [')
+        kinds.setdefault((what.partition(', ')[0], unit), []).append(f'{float(value):g}')
+    return '; '.join(f'{what} {", ".join(values)} {unit}' for (what, unit), values in kinds.items())
+
+
+def page() -> str:
+    """Return the text of docs/verification.md."""
+    with TABLE.open(encoding='utf-8', newline='') as file:
+        table = list(csv.DictReader(file))
+    return TEXT.format(rows='\n'.join(rows(table)))
+
+
+def measure() -> None:
+    """Measure all problems and write the table."""
+    found = importlib.import_module('lab.benches.bench_verification').run()
+    date = datetime.now(tz=UTC).date().isoformat()
+    with TABLE.open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(COLUMNS)
+        for row in found:
+            words = (date, 'bench verification', '', '', *row.values(), '', '')
+            writer.writerow(words)
+
+
+if __name__ == '__main__':
+    if '--check' in sys.argv:
+        sys.exit(TARGET.read_text(encoding='utf-8') != page())
+    if '--measure' in sys.argv:
+        measure()
+    TARGET.write_text(page(), encoding='utf-8')

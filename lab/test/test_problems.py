@@ -1,0 +1,98 @@
+"""The problems of the field on coarse grids, and their page."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from lab.verification.problems import PROBLEMS
+from lab.verification.solutions import continuous_source, henry
+from porotwin_core.rig import load_rig
+from porotwin_core.rig.oddities import remarks_about
+
+ROOT = Path(__file__).resolve().parents[2]
+KNOWN = {problem.name: problem for problem in PROBLEMS}
+
+
+@pytest.fixture(scope='module')
+def page() -> ModuleType:
+    path = ROOT / 'docs' / 'make_verification.py'
+    spec = importlib.util.spec_from_file_location('make_verification', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_page_is_up_to_date(page: ModuleType) -> None:
+    written = (ROOT / 'docs' / 'verification.md').read_text(encoding='utf-8')
+    assert written == page.page(), 'run python docs/make_verification.py'
+
+
+def test_every_rig_is_a_problem_and_none_is_odd() -> None:
+    folders = {path.parent.name for path in ROOT.glob('rigs/verification/*/rig.yaml')}
+    assert folders == KNOWN.keys()
+    for name in KNOWN:
+        assert remarks_about(load_rig(ROOT / 'rigs' / 'verification' / name)) == ()
+
+
+@pytest.mark.parametrize(
+    ('name', 'cell_m', 'most'),
+    [
+        ('uniform_flow', 0.02, {'map [%]': 3.0}),
+        ('push_pull', 0.02, {'map, injected [%]': 1.0, 'map, withdrawn [%]': 1.5}),
+        ('dam', 0.03, {'rate, no rain [%]': 0.1, 'table [mm]': 1.5}),
+        ('ditch', 0.02, {'rate [%]': 2.0}),
+    ],
+)
+def test_a_problem_is_solved(name: str, cell_m: float, most: dict[str, float]) -> None:
+    errors = KNOWN[name].errors(cell_m)
+    for figure, limit in most.items():
+        assert abs(errors[figure]) < limit, errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('name', 'cell_m', 'most'),
+    [
+        ('henry', 0.10, {'cells [%]': 0.5, 'toe [cm]': 1.0}),
+        (
+            'sand_tank',
+            0.03,
+            {'wedge, SS-1 [cm]': 1.5, 'flow, SS-1 [%]': 5.0, 'flow, SS-3 [%]': 5.0},
+        ),
+    ],
+)
+def test_a_problem_of_dense_water_is_solved(name: str, cell_m: float, most: dict) -> None:
+    errors = KNOWN[name].errors(cell_m)
+    for figure, limit in most.items():
+        assert abs(errors[figure]) < limit, errors
+
+
+def test_a_source_is_steady_where_the_plume_has_passed() -> None:
+    """After a long time it is Q / (2 pi sqrt(D_L D_T)) exp(x v / (2 D_L)) K0(r v / (2 D_L))."""
+    from scipy.special import k0
+
+    along, across, velocity, x = 2e-6, 0.6e-6, 1e-4, 0.1
+    (found,) = continuous_source(
+        np.array([x]),
+        np.array([0.0]),
+        2e5,
+        rate=2e-7,
+        velocity=velocity,
+        dispersivities=(along / velocity, across / velocity),
+    )
+    half = x * velocity / (2.0 * along)
+    steady = 2e-7 / (2.0 * np.pi * np.sqrt(along * across)) * np.exp(half) * k0(half)
+    assert found == pytest.approx(steady, rel=1e-4)
+
+
+def test_henrys_solution_does_not_depend_on_its_points() -> None:
+    coarse, fine = (
+        henry(0.132, 0.2, 2.0, counts=n, sea_diffuses=True) for n in ((16, 10), (20, 13))
+    )
+    toes = [float(np.interp(0.5, c[0], x)) for x, _, c in (coarse, fine)]
+    assert toes[0] == pytest.approx(toes[1], abs=0.01)

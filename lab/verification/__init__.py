@@ -1,0 +1,1 @@
+"""Problems that the field knows, with their solutions: rigs/verification, docs/verification.md."""
