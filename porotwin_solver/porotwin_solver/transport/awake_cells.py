@@ -22,8 +22,8 @@ from porotwin_solver.transport.diffusion_kernels import reach
 
 AT_ONCE, ASLEEP = np.float32(0.0), np.float32(1.0)
 AT_THE_END = np.nextafter(ASLEEP, AT_ONCE)
-"""Shares of the step until other water enters a cell: none, nearly all, never. A cell with a loss of
-tracer is awake until the end, and its loss is counted."""
+"""Shares of the step until other water enters a cell: none, nearly all, never. A cell with a loss
+of tracer is awake until the end, and its loss is counted."""
 
 (
     LEAVING_WEST,
