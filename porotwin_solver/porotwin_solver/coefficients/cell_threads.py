@@ -20,7 +20,7 @@ from porotwin_core.geometry.grid import FloatArray
 THREADED_CELLS = 250_000
 """Cells from which threads pay: a part then takes ten times as long as handing it over."""
 
-BLOCK_CELLS, MOST_BLOCKS = 4096, 64
+BLOCK_CELLS, MOST_BLOCKS = 8192, 64
 """Least cells of a part of a sum, and most parts: they do not depend on the number of threads. A
 part of so many cells takes ten times as long as its call."""
 

@@ -91,7 +91,7 @@ class StepCoefficients(NamedTuple):
 
 
 class StepRecord(NamedTuple):
-    """What the adjoint of `Engine.step` needs.
+    """The data of `Engine.step` for its adjoint.
 
     last: the state after the last recorded part: after the second diffusion, or the advection.
     first_diffusion, advection, second_diffusion: the concentrations [-] before every substep. The
@@ -489,7 +489,7 @@ class Engine:
     def recorded_step(
         self, state: State, coefficients: StepCoefficients, *, diffusion: bool
     ) -> StepRecord:
-        """Do as `step` on the processor, and return what the adjoint needs.
+        """Do as `step` on the processor, and return the data for its adjoint.
 
         Without `diffusion`, only the advection is recorded.
         """

@@ -22,27 +22,32 @@ from porotwin_solver.transport.diffusion_kernels import reach
 
 AT_ONCE, ASLEEP = np.float32(0.0), np.float32(1.0)
 AT_THE_END = np.nextafter(ASLEEP, AT_ONCE)
-"""Shares of the step after which other water enters a cell: none, nearly all, never. A cell that
-loses tracer is awake until the end, so that the loss is counted."""
+"""Shares of the step until other water enters a cell: none, nearly all, never. A cell with a loss
+of tracer is awake until the end, and its loss is counted."""
 
-LEAVING_WEST, LEAVING_EAST, LEAVING_SOUTH, LEAVING_NORTH = 1, 2, 4, 8
-"""Flags of an awake cell: the sides through which water leaves it."""
-
-SUMMED_WEST, SUMMED_EAST, SUMMED_SOUTH, SUMMED_NORTH = 16, 32, 64, 128
-"""Flags: the sides where the upstream cell takes more substeps than the cell downstream. The volume
-of tracer is summed there."""
+(
+    LEAVING_WEST,
+    LEAVING_EAST,
+    LEAVING_SOUTH,
+    LEAVING_NORTH,
+    SUMMED_WEST,
+    SUMMED_EAST,
+    SUMMED_SOUTH,
+    SUMMED_NORTH,
+    PUMPED,
+    OUTER,
+) = (1 << bit for bit in range(10))
+"""Flags of an awake cell. Water leaves it through this side. Or tracer is summed there, because the
+upstream cell takes more substeps. Or a well, a leak or a water body acts in it. Or it lies at a
+side of the rig."""
 
 SUMMED = SUMMED_WEST | SUMMED_EAST | SUMMED_SOUTH | SUMMED_NORTH
 
-PUMPED, OUTER = 256, 512
-"""Flags: a well, a leak or a water body acts in the cell; it lies at a side of the rig."""
-
 
 class AwakeCells(NamedTuple):
-    """The awake cells in the order of `TimeStepLevels`, and what their substeps need.
+    """The awake cells in the order of `TimeStepLevels`, with the data of their substeps.
 
-    first_change: (nz * nx,); the share of the step after which other water may enter a cell, or
-        ASLEEP.
+    first_change: (nz * nx,); the share of the step until other water may enter a cell, or ASLEEP.
     order: (awake,); flat indices of the cells, the highest level first.
     row: (awake,); their rows.
     count_at_least: (levels,); the number of awake cells with level l or a higher one.
@@ -188,7 +193,7 @@ def sort_awake(first_change, level, extent, levels):
 def prepare(c, flux, sources, storage, levels, awake, accumulators, first, last):
     """Fill the rest of `awake` for its cells `first` to `last` - 1.
 
-    The accumulators get the constant rates at which sleeping cells send tracer to these cells.
+    The accumulators get the constant rates of tracer from sleeping cells to these cells.
     """
     nz, nx = c.shape
     flux_x, flux_z = flux

@@ -96,7 +96,7 @@ class FluxAccumulators(NamedTuple):
 
 
 class AdvectionTape(NamedTuple):
-    """What the adjoint of `advect` needs.
+    """The data of `advect` for its adjoint.
 
     is_awake: (nz * nx,); the cells that changed.
     count_at_least: (levels,); how many of them have level l or a higher one.
@@ -186,7 +186,7 @@ def awake_cells(
 ) -> AwakeCells:
     """Return the cells that `advect` moves; the arguments are its own.
 
-    The `accumulators` get what the other cells send to these.
+    The `accumulators` get the tracer from the other cells to these.
     """
     rows, size = len(concentration), concentration.size
     first_change = np.empty(size, np.float32)
