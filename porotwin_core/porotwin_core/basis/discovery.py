@@ -9,8 +9,8 @@ import importlib.util
 import pkgutil
 from collections.abc import Collection, Iterable
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
 
 from porotwin_core.basis.errors import InputError
 
@@ -79,7 +79,7 @@ def discovered(
 
 
 @cache
-def _all_entry_points() -> EntryPoints:
+def _all_entry_points() -> Any:  # Python 3.11 has another type than later ones
     return entry_points()
 
 
