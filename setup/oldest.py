@@ -17,14 +17,14 @@ PYTHON = OLDEST / 'bin' / 'python'
 INPUTS = ('setup/requirements/*.txt',)
 
 BESIDE_TESTS = ('pytest', 'pytest-timeout', 'pytest-xdist', 'pytest-rerunfailures', 'hypothesis')
-"""What the quick tests import, of any version."""
+"""Tools of the quick tests, of any version."""
 
 # an old library warns of the new ones that it meets
 QUIET = ('-W', 'ignore::DeprecationWarning', '-W', 'ignore::RuntimeWarning')
 
 
 def bounds() -> list[str]:
-    """Return what the requirements of the product allow at least, as NAME==VERSION."""
+    """Return the oldest allowed version of every requirement of the product, as NAME==VERSION."""
     lines = [
         line
         for path in sorted(REQUIREMENTS.glob('*.txt'))

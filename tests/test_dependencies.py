@@ -90,6 +90,13 @@ def test_every_key_exists(package: str) -> None:
     assert not unknown, f'rosdep does not know {sorted(unknown)}; or name them in this test'
 
 
+def test_the_launch_file_names_the_packages_that_it_starts() -> None:
+    graph = (ROOT / 'porotwin_hub/porotwin_hub/launching/graph.py').read_text(encoding='utf-8')
+    started = set(re.findall(r"'(porotwin_\w+)'", graph)) & set(PACKAGES) - {'porotwin_hub'}
+    assert len(started) > 5
+    assert started <= declared('porotwin_hub')
+
+
 OLD_PYDANTIC = "VERSION = '1.10.14'\n"
 
 
