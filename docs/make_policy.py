@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
 
+from porotwin_core.ros.senders import vouched_by
 from porotwin_core.ros.vouching import CALLERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -64,8 +65,8 @@ def policy(nodes_page: str) -> str:
         words, served = _words(module)
         # a node may offer a service only with some parameters
         rights.setdefault(('services', 'reply'), set()).update(served)
-        # a service that one node alone may call asks that node back
-        words |= {f'{CALLERS[name]}/vouch' for name in rights['services', 'reply'] & CALLERS.keys()}
+        heard = {vouched_by(CALLERS[name]) for name in rights['services', 'reply'] & CALLERS.keys()}
+        rights.setdefault(('topics', 'subscribe'), set()).update(heard)
         own = set().union(*rights.values())
         for name in sorted(words & offered.keys() - own):
             call = 'request' if offered[name] == 'services' else 'call'

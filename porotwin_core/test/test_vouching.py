@@ -2,19 +2,21 @@
 
 import time
 from collections.abc import Callable, Iterator
-from threading import Thread
 from typing import Any
 
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
+from rclpy.serialization import serialize_message  # noqa: E402
+
 from porotwin_core.basis.errors import InputError  # noqa: E402
-from porotwin_core.ros import conversions, senders  # noqa: E402
+from porotwin_core.ros import conversions, qos, senders  # noqa: E402
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros.senders import SENDERS, vouched_by  # noqa: E402
 from porotwin_core.ros.service_answer import answer_within  # noqa: E402
 from porotwin_core.ros.vouching import CALLERS, OnlyCaller, Voucher  # noqa: E402
-from porotwin_msgs.msg import Effect, Setpoint  # noqa: E402
+from porotwin_msgs.msg import Effect, Setpoint, Vouched  # noqa: E402
 from porotwin_msgs.srv import Control, SetEffects  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -52,8 +54,8 @@ class Guard:
     def send(self, number: int) -> Any:
         request = Control.Request(setpoint=Setpoint(sequence=number))
         assert self.client.wait_for_service(20.0)
-        with self.voucher.sending(SERVICE, request):
-            return answer_within(self.client, request, 20.0).outcome
+        self.voucher.vouch(SERVICE, request)
+        return answer_within(self.client, request, 20.0).outcome
 
 
 @pytest.fixture
@@ -95,9 +97,9 @@ def test_a_request_is_taken_from_the_only_node_that_vouches_for_it(
 def test_a_client_of_the_same_node_is_no_proof(graph: Callable[[str], Any]) -> None:
     pumps, guard = Pumps(graph('pumps')), Guard(graph('guard'))
     other = Control.Request(setpoint=Setpoint(sequence=7))
-    with guard.voucher.sending('guard/control', other):
-        assert guard.client.wait_for_service(20.0)
-        answer = answer_within(guard.client, other, 20.0)
+    guard.voucher.vouch('guard/control', other)
+    assert guard.client.wait_for_service(20.0)
+    answer = answer_within(guard.client, other, 20.0)
     assert 'does not know of it' in answer.outcome.message
     assert pumps.taken == []
 
@@ -112,18 +114,36 @@ def test_a_request_with_nan_is_vouched_for(graph: Callable[[str], Any]) -> None:
     voucher, caller = Voucher(graph('guard')), OnlyCaller(graph('pumps'), SERVICE)
     graph('guard').create_client(Control, SERVICE)
     request: Any = SetEffects.Request(effects=[Effect(parameter_values=[float('nan'), 0.1])])
-    with voucher.sending(SERVICE, request):
-        deadline = time.monotonic() + 20.0
-        while not senders.callers(graph('pumps'), SERVICE):
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-        asking = Thread(target=caller.check, args=(request,))
-        asking.start()
-        asking.join(20.0)
-        assert caller.check(request).node == caller.node
+    deadline = time.monotonic() + 20.0
+    while not senders.callers(graph('pumps'), SERVICE):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    voucher.vouch(SERVICE, request)
+    assert caller.check(request).node == caller.node
+    request.effects[0].parameter_values[1] = 0.2
     with pytest.raises(InputError):
         caller.check(request)
 
 
+def test_a_stranger_cannot_vouch(graph: Callable[[str], Any]) -> None:
+    pumps, guard = Pumps(graph('pumps')), Guard(graph('guard'))
+    assert guard.send(1).code == conversions.ok().code
+    forged = Control.Request(setpoint=Setpoint(sequence=666))
+    stranger = graph('stranger')
+    publisher = stranger.create_publisher(Vouched, vouched_by('guard'), qos.CONFIG)
+    deadline = time.monotonic() + 20.0
+    while not publisher.get_subscription_count():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    publisher.publish(Vouched(service=SERVICE, request=serialize_message(forged)))
+    answer = answer_within(guard.client, forged, 20.0)  # even from the guard
+    assert '/stranger publishes guard/_vouched too' in answer.outcome.message
+    stranger.destroy_publisher(publisher)
+    deadline = time.monotonic() + 20.0
+    while guard.send(2).code != conversions.ok().code:
+        assert time.monotonic() < deadline
+    assert 666 not in pumps.taken
+
+
 def test_every_caller_is_a_node_of_the_graph() -> None:
-    assert set(CALLERS.values()) == {'guard', 'hub', 'mend'}
+    assert {vouched_by(name) for name in CALLERS.values()} <= SENDERS.keys()

@@ -368,8 +368,8 @@ class MendNode(TwinNode):
         if not self._solver.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise TimeoutError('the solver does not run; answer again when it does')
         request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
-        with self._voucher.sending('solver/set_effects', request):
-            response = answer_within(self._solver, request, SOLVER_S)
+        self._voucher.vouch('solver/set_effects', request)
+        response = answer_within(self._solver, request, SOLVER_S)
         if response is None:
             raise TimeoutError(f'the solver did not answer within {SOLVER_S:g} s; answer again')
         outcome = response.outcome

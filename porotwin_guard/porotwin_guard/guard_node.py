@@ -130,8 +130,8 @@ class GuardNode(TwinNode):
         """Return the answer of the pumps to a setpoint that has passed."""
         if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
             return Outcome(code=Outcome.NOT_READY, message='no node answers asset/control')
-        with self._voucher.sending('asset/control', request):
-            response = answer_within(self._pumps, request, self._patience)
+        self._voucher.vouch('asset/control', request)
+        response = answer_within(self._pumps, request, self._patience)
         if response is None:
             text = f'asset/control did not answer within {self._patience:g} s'
             return Outcome(code=Outcome.FAILED, message=text)

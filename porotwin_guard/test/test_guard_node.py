@@ -89,9 +89,9 @@ class Loop:
             wells=conversions.rates_to_msg(rates),
         )
         request = Control.Request(setpoint=setpoint)
-        with self.voucher.sending('guard/control', request):
-            future = self.control.call_async(request)
-            self.wait_until(future.done)
+        self.voucher.vouch('guard/control', request)
+        future = self.control.call_async(request)
+        self.wait_until(future.done)
         return future.result().outcome
 
 

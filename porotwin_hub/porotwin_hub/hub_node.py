@@ -203,7 +203,8 @@ class HubNode(TwinNode):
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
-        listen = partial(follow, self, refuse=self._refuse)
+        # a hub in real time takes nothing from a recording
+        listen = partial(follow, self, refuse=self._refuse, replayed=self.simulated)
         listen(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         listen(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         follow_effects(self, self._on_effects, refuse=self._refuse)
@@ -319,7 +320,7 @@ class HubNode(TwinNode):
         """Return a remark if a foreign node could send measured rates, so that none are used."""
         self._refusals.look()
         try:
-            check_senders(self, 'wells/measured')
+            check_senders(self, 'wells/measured', replayed=self.simulated)
         except InputError as error:
             return [f'measured rates are not used: {error}']
         return []

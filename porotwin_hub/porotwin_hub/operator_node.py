@@ -71,6 +71,7 @@ class OperatorNode(TwinNode):
         listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
+        self._page = OnlyCaller(self, 'operator/confirm')
         self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
             self._guard = OnlyCaller(self, 'asset/control')
@@ -167,10 +168,16 @@ class OperatorNode(TwinNode):
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME
         self._measured.publish(message)
-        asking = (one.node for one in senders.callers(self, 'operator/confirm'))
-        _print(confirmation_in_words(request.sequence, changed, asking))
+        _print(confirmation_in_words(request.sequence, changed, self._confirming(request)))
         response.outcome = conversions.ok()
         return response
+
+    def _confirming(self, request: ConfirmRates.Request) -> list[str]:
+        """Return the node that confirms: the page if it vouches, or else all others that may."""
+        found = [one.node for one in senders.callers(self, 'operator/confirm')]
+        if self._page.vouches(request):
+            return [self._page.node]
+        return [name for name in found if name != self._page.node]
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:

@@ -77,9 +77,9 @@ class Desk:
     def ask(self, request: object) -> str:
         """Return the message of the outcome of a request to confirm or to control."""
         client = self.confirm if isinstance(request, ConfirmRates.Request) else self.control
-        with self.voucher.sending('asset/control', request):
-            future = client.call_async(request)
-            self.spin_until(future.done)
+        self.voucher.vouch('asset/control', request)
+        future = client.call_async(request)
+        self.spin_until(future.done)
         return str(future.result().outcome.message)
 
 

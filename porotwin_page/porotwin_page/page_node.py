@@ -30,6 +30,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
@@ -156,6 +157,7 @@ class PageNode(TwinNode):
         self._past = PastStates(most=states)
         self._what_if_client = self.create_client(WhatIf, 'siblings/what_if')
         self._mend_client = self.create_client(AnswerMend, 'mend/answer')
+        self._voucher = Voucher(self)
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
         self._make_subscriptions()
@@ -441,6 +443,7 @@ class PageNode(TwinNode):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
+        self._voucher.vouch('operator/confirm', request)
         response = answer_within(client, request, timeout, look=self._go_on)
         if given.sure and response is not None and response.outcome.code != Outcome.OK:
             # the operator node takes odd rates that are confirmed once more: this yes

@@ -86,9 +86,9 @@ class Rack:
             wells=conversions.rates_to_msg(rates),
         )
         request = Control.Request(setpoint=setpoint)
-        with self.voucher.sending('asset/control', request):
-            future = self.control.call_async(request)
-            self.wait_until(future.done)
+        self.voucher.vouch('asset/control', request)
+        future = self.control.call_async(request)
+        self.wait_until(future.done)
         return future.result().outcome
 
 

@@ -5,7 +5,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -100,11 +99,9 @@ class Twin:
         )
 
         request = Control.Request(setpoint=setpoint)
-        sending = ExitStack()
-        sending.enter_context(self._voucher.sending('asset/control', request))
+        self._voucher.vouch('asset/control', request)
 
         def keep(future: Any) -> None:
-            sending.close()
             self.outcomes[stamp] = future.result().outcome
 
         self._control.call_async(request).add_done_callback(keep)

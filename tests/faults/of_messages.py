@@ -30,9 +30,9 @@ NX, NZ = (int(number) for number in GRID.split('x'))
 
 
 def foreign_state(
-    stage: Stage, values: np.ndarray, *, number: int, name: str = 'player'
+    stage: Stage, values: np.ndarray, *, number: int, name: str = 'imaging'
 ) -> Iterator[None]:
-    """Publish a state as the node `name`, by default as a replay; that node is gone at the end."""
+    """Publish a state as the node `name`, by default a second imaging; it is gone at the end."""
     taken = time.time()
     nz, nx = values.shape
     header: Any = conversions.header_at(taken)
@@ -52,7 +52,7 @@ def foreign_state(
 
 
 @fault(
-    'A replay beside the twin sends a state on another grid.',
+    'A second imaging beside the twin sends a state on another grid.',
     LogLine('hub', 'state 9001 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -62,7 +62,7 @@ def other_grid(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A replay beside the twin sends a state of NaN.',
+    'A second imaging beside the twin sends a state of NaN.',
     LogLine('hub', 'state 9002 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -72,7 +72,7 @@ def state_of_nan(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A replay beside the twin sends a state of infinite numbers.',
+    'A second imaging beside the twin sends a state of infinite numbers.',
     LogLine('hub', 'state 9003 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -82,7 +82,7 @@ def state_of_infinity(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A replay beside the twin sends a state of 1e30.',
+    'A second imaging beside the twin sends a state of 1e30.',
     LogLine('hub', 'state 9004 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -92,13 +92,23 @@ def huge_state(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A replay beside the twin sends a state of -5.',
+    'A second imaging beside the twin sends a state of -5.',
     LogLine('hub', 'state 9005 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
 )
 def negative_state(stage: Stage) -> Iterator[None]:
     yield from foreign_state(stage, np.full((NZ, NX), -5.0), number=9005)
+
+
+@fault(
+    'A replay beside the twin sends a state that looks right, and ends.',
+    LogLine('hub', 'asset/new_state ignored'),
+    does='A twin in real time takes nothing from a recording.',
+    mends='end the replay',
+)
+def replayed_state(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.zeros((NZ, NX)), number=9007, name='player')
 
 
 @fault(
@@ -174,8 +184,8 @@ def brief_setpoints(stage: Stage) -> None:
 
 @fault(
     'A program calls the guard and the pumps and leaves at once, again and again.',
-    LogLine('guard', 'a program called guard/control'),
-    LogLine('operator', 'a program called asset/control'),
+    LogLine('guard', 'setpoint 9021 refused'),
+    LogLine('operator', 'setpoint 9021 refused'),
     does='Refuses what the hub and the guard do not know of. No pump moves.',
     mends='end the program',
 )

@@ -3,7 +3,7 @@
 import inspect
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from threading import Lock
@@ -12,11 +12,11 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.senders import check_senders
+from porotwin_core.ros.senders import SENDERS, Sender, check_senders
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
@@ -34,13 +34,16 @@ class Writers:
     """
 
     def __init__(self, node: Node, topic: str, *, replayed: bool = True) -> None:
-        """Count nothing yet; `topic` and `replayed` are those of `senders.check_senders`."""
+        """Count nothing yet; `topic` and `replayed` are those of `follow`."""
         self._node, self._topic, self._replayed = node, topic, replayed
+        self._first = ''
         self._known: set[str] = set()
         self._unseen = 0
         self._noticed = -math.inf
         self._lock = Lock()
         self._event: Any = None
+        self._made: Any = None
+        self._begin: Callable[[], None] = lambda: None
 
     def subscribe(
         self, *subscription: Any, on_writer: WriterFn | None = None, **options: Any
@@ -55,10 +58,24 @@ class Writers:
                 on_writer(event)
 
         events = SubscriptionEventCallbacks(matched=matched)
-        with self._lock:
+
+        def begin() -> None:
             made = self._node.create_subscription(*subscription, event_callbacks=events, **options)
             with made.handle:
                 self._event = rclpy_implementation.EventHandle(made.handle, MATCHED)
+            self._made, self._unseen, self._noticed = made, 0, -math.inf
+            self._known.clear()
+
+        self._begin = begin
+        with self._lock:
+            begin()
+
+    def _renew(self) -> None:
+        """Subscribe anew to a topic that keeps messages: a true one may have been refused."""
+        with self._lock:
+            if self._made.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                self._node.destroy_subscription(self._made)
+                self._begin()
 
     def look(self) -> None:
         """See who publishes now.
@@ -70,10 +87,26 @@ class Writers:
             # first the count: who matched before it is seen below, unless he has left
             found = self._event.take_event().total_count
             present = check_senders(self._node, self._topic, replayed=self._replayed)
+            self._check_same(present)
             self._known |= {sender.identity for sender in present}
             if found - len(self._known) > self._unseen:
                 self._unseen = found - len(self._known)
                 self._noticed = time.monotonic()
+
+    def _check_same(self, present: Sequence[Sender]) -> None:
+        """Check that a topic of any one node comes from the same node as before.
+
+        Raises:
+            InputError: it comes from another one.
+        """
+        if SENDERS[self._topic] or not present:
+            return
+        self._first = self._first or present[0].node
+        if present[0].node != self._first:
+            raise InputError(
+                f'{present[0].node} publishes {self._topic}, and {self._first} did before; end '
+                'one of them, or start the twin again'
+            )
 
     def check(self, info: Mapping[str, Any]) -> None:
         """Check that a message with `info` came from an allowed node.
@@ -85,6 +118,7 @@ class Writers:
         # the stamp is of a clock that may be set; an age is wrong for a moment only
         age = (time.time_ns() - info['received_timestamp']) * 1e-9
         if time.monotonic() - age <= self._noticed:
+            self._renew()
             raise InputError(f'a program published {self._topic} too and has left; end it')
 
 

@@ -17,6 +17,12 @@ GUARD = 'guard'
 PLAYER = 'player'
 """Name of the node that plays a recording: it sends the messages of all nodes."""
 
+
+def vouched_by(name: str) -> str:
+    """Return the hidden topic on which the node `name` tells its requests; see `vouching`."""
+    return f'{name}/_vouched'
+
+
 SENDERS: Mapping[str, tuple[str, ...]] = {
     '/clock': ('virtual_rig', 'mock_camera'),
     'camera/baseline/compressed': (),
@@ -35,6 +41,7 @@ SENDERS: Mapping[str, tuple[str, ...]] = {
     'tracer/predicted': ('hub',),
     'wells/measured': ('operator', 'pumps', 'virtual_rig'),
     'wells/setpoint': (GUARD,),
+    **{vouched_by(name): (name,) for name in ('guard', 'hub', 'mend', 'page')},
 }
 """The only nodes that send each topic; none named: any one node. `following` subscribes to these
 topics, and nothing else that uses them does. Any node may send its health."""

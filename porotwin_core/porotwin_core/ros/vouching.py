@@ -1,12 +1,13 @@
-"""Services that one node alone may call: they ask that node whether a request is its own.
+"""Services that one node alone may call: that node tells beforehand what it asks.
 
 ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. The one
-node that may call therefore keeps what it waits for, and vouches for it when it is asked back.
+node that may call therefore publishes each request before it makes it. The service takes only what
+it has heard so. It follows that topic as every topic whose sender matters.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from threading import Lock
+from collections import deque
+from collections.abc import Mapping
+from threading import Condition
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -14,52 +15,36 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros import senders
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
-from porotwin_msgs.srv import Vouch
+from porotwin_core.ros import qos, senders
+from porotwin_core.ros.following import follow
+from porotwin_core.ros.senders import vouched_by
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
+from porotwin_msgs.msg import Vouched
 
 CALLERS: Mapping[str, str] = {
     'asset/control': senders.GUARD,
     'guard/control': 'hub',
+    'operator/confirm': 'page',
     'solver/set_effects': 'mend',
 }
 """The only node that calls each service, by its name."""
 
 
+MOST_WAITING = qos.PHOTO.depth
+"""Requests that a service remembers: its only caller makes one at a time, for one photograph."""
+
+
 class Voucher:
-    """Vouches for the requests that its node waits for: the side of the caller."""
+    """Tells which requests its node makes: the side of the caller."""
 
     def __init__(self, node: Node) -> None:
-        """Offer the service `vouch` under the name of `node`."""
-        self._waiting: list[tuple[str, type[Any], str]] = []
-        self._lock = Lock()
-        node.create_service(
-            Vouch,
-            f'{node.get_name()}/vouch',
-            self._answer,
-            callback_group=MutuallyExclusiveCallbackGroup(),
-        )
+        """Make the topic of `node`."""
+        self._publisher = node.create_publisher(Vouched, vouched_by(node.get_name()), qos.CONFIG)
 
-    @contextmanager
-    def sending(self, service: str, request: Any) -> Iterator[None]:
-        """Vouch for `request` to `service` inside the block."""
-        own = (service, type(request), _text(serialize_message(request), type(request)))
-        with self._lock:
-            self._waiting.append(own)
-        try:
-            yield
-        finally:
-            with self._lock:
-                self._waiting = [one for one in self._waiting if one is not own]
-
-    def _answer(self, asked: Vouch.Request, response: Vouch.Response) -> Vouch.Response:
-        with self._lock:
-            waiting = list(self._waiting)
-        response.sent = any(
-            service == asked.service and text == _text(bytes(asked.request), kind)
-            for service, kind, text in waiting
-        )
-        return response
+    def vouch(self, service: str, request: Any) -> None:
+        """Tell that `request` to `service` comes from here; call it right before the call."""
+        told = Vouched(service=service, request=serialize_message(request))
+        self._publisher.publish(told)
 
 
 class OnlyCaller:
@@ -68,8 +53,18 @@ class OnlyCaller:
     def __init__(self, node: Node, service: str) -> None:
         """Guard `service`, a key of `CALLERS`, of `node`."""
         self._node, self._service, self._name = node, service, CALLERS[service]
-        self._client = node.create_client(
-            Vouch, f'{self._name}/vouch', callback_group=MutuallyExclusiveCallbackGroup()
+        self._heard: deque[bytes] = deque(maxlen=MOST_WAITING)
+        self._refused = ''
+        self._changed = Condition()
+        follow(
+            node,
+            Vouched,
+            vouched_by(self._name),
+            self._on_vouched,
+            qos.CONFIG,
+            refuse=self._on_refused,
+            replayed=False,
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
 
     @property
@@ -87,22 +82,38 @@ class OnlyCaller:
         return senders.only(found, self.node, f'calls {self._service}')
 
     def check(self, request: Any) -> senders.Sender:
-        """Return the node that sent `request`. Not for a callback in the group of the client.
+        """Return the node that sent `request`. Not for a callback in the group of the topic.
 
         Raises:
             InputError: the request is not of the only node that may call.
         """
         caller = self.present()
-        asked = Vouch.Request(service=self._service, request=serialize_message(request))
-        answer = None
-        if caller is not None and self._client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
-            answer = answer_within(self._client, asked, LONGEST_SEARCH_S)
-        if caller is None or answer is None or not answer.sent:
-            raise InputError(
-                f'a program called {self._service}, and only {self.node} may, which does not know '
-                'of it; end that program'
-            )
+        if caller is None or not self.vouches(request):
+            known = f'only {self.node} may, which does not know of it; end that program'
+            raise InputError(self._refused or f'a program called {self._service}, and {known}')
         return caller
+
+    def vouches(self, request: Any) -> bool:
+        """Return whether the only node that may call has told `request`; its word may come late."""
+        kind = type(request)
+        wanted = _text(serialize_message(request), kind)
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: any(_text(heard, kind) == wanted for heard in self._heard),
+                LONGEST_SEARCH_S,
+            )
+
+    def _on_vouched(self, message: Vouched) -> None:
+        if message.service != self._service:
+            return
+        with self._changed:
+            self._refused = ''
+            self._heard.append(bytes(message.request))
+            self._changed.notify_all()
+
+    def _on_refused(self, line: str) -> None:
+        with self._changed:
+            self._refused = line
 
 
 def _text(serialized: bytes, kind: type[Any]) -> str:

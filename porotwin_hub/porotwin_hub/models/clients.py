@@ -22,7 +22,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
 from porotwin_core.ros.senders import servers
 from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
-from porotwin_core.ros.vouching import Voucher
+from porotwin_core.ros.vouching import CALLERS, Voucher
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
 from porotwin_msgs.srv import Cancel, Control, Correct, CorrectiveSource, CostGradient, Predict
@@ -106,8 +106,9 @@ class Caller:
             if servers(self._node, name) - asked:
                 raise ModelUnavailable(f"service '{name}' was started again while it worked")
 
-        with self._voucher.sending(name, request):
-            return answer_within(client, request, timeout, look=look)
+        if name in CALLERS:
+            self._voucher.vouch(name, request)
+        return answer_within(client, request, timeout, look=look)
 
 
 class PhysicsModelClient:
