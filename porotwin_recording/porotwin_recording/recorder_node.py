@@ -192,7 +192,7 @@ class RecorderNode(TwinNode):
         Raises:
             InputError: a new topic has several types, and its known sender is not there.
         """
-        senders = self._senders.get(name, frozenset())
+        senders = self._senders.get(name, set())
         known = [
             publisher.topic_type
             for publisher in publishers
