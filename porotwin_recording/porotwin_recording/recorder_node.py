@@ -23,6 +23,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
+from porotwin_core.ros.senders import PLAYER, SENDERS, full_name
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
@@ -103,7 +104,14 @@ class RecorderNode(TwinNode):
         """Subscribe to the topics that are there, and look for others from now on."""
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
-        self._refused: set[str] = set()
+        self._types: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
+        self._told: set[tuple[str, str]] = set()
+        self._senders = {
+            self.resolve_topic_name(topic): {full_name(self, name) for name in (*names, PLAYER)}
+            for topic, names in SENDERS.items()
+            if names
+        }
         self._publisher_counts: dict[str, int] = {}
         self._searches = 0
         self._before_clock: deque[_Message] = deque(maxlen=MOST_BEFORE_CLOCK)
@@ -136,42 +144,84 @@ class RecorderNode(TwinNode):
     def _discover(self) -> None:
         self._searches += 1
         all_again = self._searches % SEARCHES_PER_LOOK == 0
-        for name, types in self.get_topic_names_and_types():
+        present = [name for name, _ in self.get_topic_names_and_types()]
+        for gone in self._refused.keys() - set(present):
+            del self._refused[gone]
+        for name in present:
             hidden = any(part.startswith('_') for part in name.split('/'))
-            if hidden or name in self._refused or (self._selected and name not in self._selected):
+            if hidden or (self._selected and name not in self._selected):
                 continue
             count = self.count_publishers(name)
             if self._publisher_counts.get(name, 0) == count and not all_again:
                 continue
             self._publisher_counts[name] = count
-            publishers = self.get_publishers_info_by_topic(name)
-            if not publishers:
-                continue
-            self._single_publisher[name] = len(publishers) == 1
-            try:
-                self._subscribe(name, types, offered_qos(publishers))
-            except InputError as error:
-                self._refused.add(name)
-                self.get_logger().warning(f'{name} is not recorded: {error}')
+            self._look(name, self.get_publishers_info_by_topic(name))
 
-    def _subscribe(self, name: str, types: list[str], offered: TopicQos) -> None:
+    def _look(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
+        """Record a topic if that is possible; keep the reason if it is not."""
+        try:
+            if publishers:
+                self._record_publishers(name, publishers)
+        except InputError as error:
+            if name not in self._refused:
+                self.get_logger().warning(f'{name} is not recorded: {error}')
+            self._refused[name] = str(error)
+            return
+        if self._refused.pop(name, '') and name in self._recorded:
+            self.get_logger().info(f'{name} is recorded from now on')
+
+    def _record_publishers(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
+        """Subscribe to the publishers of one type; those of other types are told and left out.
+
+        Raises:
+            InputError: see `_type` and `_subscribe`.
+        """
+        kind = self._type(name, publishers)
+        fitting = [publisher for publisher in publishers if publisher.topic_type == kind]
+        if fitting:
+            self._single_publisher[name] = len(fitting) == 1
+            self._subscribe(name, kind, offered_qos(fitting))
+        for other in {publisher.topic_type for publisher in publishers} - {kind}:
+            if (name, other) not in self._told:
+                self._told.add((name, other))
+                self.get_logger().warning(f'{name} carries {other} too; only {kind} is recorded')
+
+    def _type(self, name: str, publishers: list[TopicEndpointInfo]) -> str:
+        """Return the type to record: of the known sender, else as before, else the first seen.
+
+        Raises:
+            InputError: a new topic has several types, and its known sender is not there.
+        """
+        senders = self._senders.get(name, set())
+        known = [
+            publisher.topic_type
+            for publisher in publishers
+            if f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' in senders
+        ]
+        if name in self._recorded and (not known or self._types[name] in known):
+            return self._types[name]
+        types = sorted({publisher.topic_type for publisher in publishers})
+        if senders and not known and len(types) > 1:
+            raise InputError(f'it carries {" and ".join(types)}; end the node of the wrong one')
+        return (known or [publishers[0].topic_type])[0]
+
+    def _subscribe(self, name: str, kind: str, offered: TopicQos) -> None:
         """Subscribe to a topic, or subscribe again if a new publisher offers a weaker quality.
 
         Raises:
-            InputError: the topic has several types, or its type is not installed.
+            InputError: the type is not installed, or the bag holds the topic with another type.
         """
+        message = message_class(kind)
+        self._recorder.add_topic(name, kind, offered)
         if name in self._recorded:
             subscription, known = self._recorded[name]
             if known == offered:
                 return
             self.destroy_subscription(subscription)
-        if len(types) > 1:
-            raise InputError(f'it carries {" and ".join(types)}; give the topic one type')
-        kind = message_class(types[0])
-        self._recorder.add_topic(name, types[0], offered)
         subscription = self.create_subscription(
-            kind, name, self._callback(name), _subscription_qos(offered), raw=True
+            message, name, self._callback(name), _subscription_qos(offered), raw=True
         )
+        self._types[name] = kind
         self._recorded[name] = (subscription, offered)
 
     def _callback(self, name: str) -> Callable[..., None]:
@@ -223,16 +273,25 @@ class RecorderNode(TwinNode):
         if self._recorder.disk_refuses:
             level = DiagnosticStatus.ERROR
             summary = f'the disk refuses data, free some space; {summary} so far'
+        if self._refused:
+            level = DiagnosticStatus.ERROR
+            summary = f'{self._not_recorded()}; {summary}'
         self._diagnostics.report(level, summary, lost=lost)
+
+    def _not_recorded(self) -> str:
+        reasons = ', '.join(f'{name} ({why})' for name, why in sorted(self._refused.items()))
+        return f'{len(self._refused)} topics not recorded: {reasons}'
 
     @property
     def failed(self) -> bool:
-        """Whether received messages are missing in the bag."""
-        return self._recorder.failed
+        """Whether received messages are missing in the bag, or a topic is not recorded."""
+        return self._recorder.failed or bool(self._refused)
 
     def destroy_node(self) -> None:
         """Complete the bag, then destroy the node."""
         self._recorder.stop()
+        if self._refused:
+            self.get_logger().error(self._not_recorded())
         super().destroy_node()
 
 
@@ -260,7 +319,7 @@ def _subscription_qos(offered: TopicQos) -> QoSProfile:
 
 
 def main() -> None:
-    """Run the node; the exit status is 1 if received messages are missing in the bag."""
+    """Run the node; the exit status is 1 if messages or topics are missing in the bag."""
     nodes: list[RecorderNode] = []
 
     def make() -> RecorderNode:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from recording_examples import controlled_rig, write_live_bag
 from sensor_msgs.msg import CompressedImage
 
@@ -15,6 +17,7 @@ from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import write_rig
 from porotwin_core.ros.conversions import rates_to_msg, rig_to_msg
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.experiment.bag import foreign_positions
 from porotwin_recording.experiment.bag_conversion import export_bag
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -318,15 +321,41 @@ def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
     assert open_recording(tmp_path / 'run.mcap', rig=rig_file).times.tolist() == [0.0]
 
 
-def test_setpoints_that_no_hub_sent_are_left_out(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('numbers', 'foreign'),
+    [
+        ([1, 2, 777, 3, 1, 2, 3], [777]),
+        ([1, 2, 777, 778, 3, 4], [777, 778]),
+        ([1, 777, 2, 500, 3], [777, 500]),
+        ([1, 2, 3, 1, 5], []),
+        ([2, 1, 3], []),
+        ([5, 1, 7], []),
+    ],
+)
+def test_foreign_setpoints_are_told_from_new_hubs(numbers: list[int], foreign: list[int]) -> None:
+    assert [numbers[position] for position in sorted(foreign_positions(numbers))] == foreign
+
+
+@given(
+    st.lists(
+        st.lists(st.integers(1, 4), max_size=6).map(
+            lambda steps: list(itertools.accumulate(steps, initial=1))
+        ),
+        max_size=5,
+    )
+)
+def test_no_true_setpoint_of_restarted_hubs_is_left_out(hubs: list[list[int]]) -> None:
+    assert not foreign_positions(itertools.chain.from_iterable(hubs))
+
+
+@pytest.mark.parametrize('foreign_second', [3, 2])
+def test_setpoints_that_no_hub_sent_are_left_out(tmp_path: Path, foreign_second: int) -> None:
     numbers = [1, 2, 777, 3, 1, 2, 3]  # a forged one, and a hub that began again
+    seconds = [1, 2, foreign_second, 4, 5, 6, 7]
     rates = [rates_to_msg({'in': WellRate(number * 1e-9)}) for number in numbers]
     setpoints: list[tuple[str, object]] = [
-        (
-            '/lab/wells/setpoint',
-            stamped(Setpoint(sequence=number, wells=wells), (index + 1) * SECOND),
-        )
-        for index, (number, wells) in enumerate(zip(numbers, rates, strict=True))
+        ('/lab/wells/setpoint', stamped(Setpoint(sequence=number, wells=wells), second * SECOND))
+        for second, number, wells in zip(seconds, numbers, rates, strict=True)
     ]
     states = [('/lab/asset/new_state', state(second * SECOND, 0.5)) for second in (1, 9)]
     rig = ('/lab/rig/description', rig_to_msg(controlled_rig()))

@@ -1,6 +1,10 @@
 """Tests of the recorder node in a running graph."""
 
+import itertools
 import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -10,6 +14,7 @@ from refused_node import refusal
 
 from porotwin_recording import recorder_node
 from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.serialization import SECOND
 
 pytestmark = pytest.mark.graph
 
@@ -44,6 +49,37 @@ time.sleep(0.5)
 print('done', flush=True)
 time.sleep(60)
 """
+
+
+SETPOINT, STRING = 'porotwin_msgs/msg/Setpoint', 'std_msgs/msg/String'
+
+SENDER = """
+import sys, time
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from porotwin_recording.mcap.interfaces import message_class
+name, kind, first_topic = sys.argv[1:]
+rclpy.init()
+node = rclpy.create_node(name, namespace='porotwin')
+kind = message_class(kind)
+publishers = [node.create_publisher(kind, topic, qos_profile_sensor_data)
+              for topic in (first_topic, 'words')]
+print('ready', flush=True)
+while True:
+    for publisher in publishers:
+        publisher.publish(kind())
+    time.sleep(0.02)
+"""
+
+
+@contextmanager
+def sender(log: Path, name: str, kind: str, topic: str = 'wells/setpoint') -> Iterator[Process]:
+    process = Process(log, ['-c', SENDER, name, kind, topic])
+    try:
+        process.wait_for_output('ready')
+        yield process
+    finally:
+        process.stop(signal.SIGKILL)
 
 
 @pytest.fixture
@@ -128,6 +164,62 @@ def test_a_live_graph_is_recorded_without_loss(tmp_path: Path) -> None:
     assert bag.topics['/loose'].qos.reliability == 'best_effort'
     numbers = [message.sequence for message in bag.messages(['/quick'])]
     assert numbers == list(range(numbers[0], numbers[0] + 5000))
+
+
+def test_a_passing_sender_of_another_type_ends_no_recording(tmp_path: Path) -> None:
+    output = tmp_path / 'run'
+    with (
+        sender(tmp_path / 'guard.log', 'guard', SETPOINT),
+        node(tmp_path / 'rec.log', 'recorder_node', output=output) as recorder,
+    ):
+        recorder.wait_for_output('recording into')
+        assert eventually(lambda: (output / 'run_0.mcap').stat().st_size > 2000)
+        with sender(tmp_path / 'stranger.log', 'stranger', STRING) as stranger:
+            recorder.wait_for_output('/porotwin/wells/setpoint carries std_msgs/msg/String too')
+            recorder.wait_for_output('/porotwin/words carries std_msgs/msg/String too')
+            stranger.stop()
+        left = time.time_ns()
+        time.sleep(1.0)
+        assert recorder.stop() == 0, recorder.output
+    bag = BagReader(output)
+    for name in ('/porotwin/wells/setpoint', '/porotwin/words'):
+        assert bag.topics[name].type_name == SETPOINT
+        times = [message.log_time for message in bag.messages([name])]
+        assert times[-1] > left + SECOND // 2
+        assert max(b - a for a, b in itertools.pairwise(times)) < SECOND
+
+
+def test_the_type_of_the_known_sender_is_recorded_and_another_told(tmp_path: Path) -> None:
+    with (
+        sender(tmp_path / 'stranger.log', 'stranger', STRING),
+        node(tmp_path / 'late.log', 'recorder_node', output=tmp_path / 'late') as late,
+    ):
+        late.wait_for_output('recording into')
+        assert eventually(lambda: (tmp_path / 'late' / 'late_0.mcap').stat().st_size > 2000)
+        with (
+            sender(tmp_path / 'guard.log', 'guard', SETPOINT),
+            node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder,
+        ):
+            late.wait_for_output('/porotwin/wells/setpoint is not recorded')
+            recorder.wait_for_output('/porotwin/wells/setpoint carries std_msgs/msg/String too')
+            assert recorder.stop() == 0, recorder.output
+            assert late.stop() == 1, late.output
+    assert '1 topics not recorded: /porotwin/wells/setpoint (' in late.output
+    assert BagReader(tmp_path / 'run').topics['/porotwin/wells/setpoint'].type_name == SETPOINT
+
+
+def test_a_topic_that_was_refused_is_tried_again(tmp_path: Path) -> None:
+    with (
+        sender(tmp_path / 'one.log', 'one', SETPOINT),
+        sender(tmp_path / 'other.log', 'other', STRING) as other,
+        node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder,
+    ):
+        recorder.wait_for_output('/porotwin/wells/setpoint is not recorded')
+        other.stop()
+        recorder.wait_for_output('/porotwin/wells/setpoint is recorded from now on')
+        time.sleep(0.5)
+        assert recorder.stop() == 0, recorder.output
+    assert list(BagReader(tmp_path / 'run').messages(['/porotwin/wells/setpoint']))
 
 
 @pytest.mark.parametrize(

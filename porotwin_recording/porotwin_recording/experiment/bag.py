@@ -5,7 +5,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -194,6 +194,39 @@ def _between(bag: BagReader, locations: list[Location]) -> Iterator[tuple[Locati
         yield from _located(bag.messages([topic], start=min(log_times), stop=stop))
 
 
+def foreign_positions(numbers: Iterable[int]) -> set[int]:
+    """Return the positions of setpoints that no hub sent, from the recorded `numbers` in order.
+
+    A hub counts up and a new hub begins with 1. The guard refuses some, so that numbers are
+    skipped. A block is foreign if the row goes on after it with a number between: it lies between
+    a and b with a < b, and all its numbers are greater than b.
+
+    A foreign number at the start or at the end cannot be told, nor one that is in the row, nor one
+    before a new hub. True numbers are taken for foreign ones only if a new hub's first ones are
+    missing, and its first recorded number was missing from the earlier hub: 1, 3, 2.
+    """
+    row: list[tuple[int, int]] = []
+    foreign: set[int] = set()
+    for position, number in enumerate(numbers):
+        end = len(row)
+        while end and row[end - 1][1] > number:
+            end -= 1
+        if end and row[end - 1][1] < number:
+            foreign.update(at for at, _ in row[end:])
+            del row[end:]
+        row.append((position, number))
+    return foreign
+
+
+class _Setpoint(NamedTuple):
+    """A recorded setpoint: number, stamp [ns], where its rates are kept, and the rates."""
+
+    number: int
+    stamp: int
+    commanded: dict[int, WellRates]
+    rates: WellRates | None
+
+
 class _Collector:
     """Collects the experiments in one pass over a bag; maps and photographs stay on disk."""
 
@@ -204,8 +237,7 @@ class _Collector:
         self.segments = [Segment()]
         self._rate_faults: list[str] = []
         self._copies = 0
-        self._numbers: list[tuple[int, int, dict[int, WellRates]]] = []
-        """Number and stamp [ns] of every setpoint, and the rates that hold it, as recorded."""
+        self._setpoints: list[_Setpoint] = []
         self._add: dict[str, Callable[[BagMessage, Location], None]] = {
             topic_names.RIG: self._add_rig,
             topic_names.SETPOINT: self._add_setpoint,
@@ -247,22 +279,22 @@ class _Collector:
             )
 
     def _leave_out_foreign_setpoints(self) -> None:
-        """Leave out setpoints that no hub sent: a hub counts up, and a new one begins with 1."""
-        foreign = [
-            (number, stamp, rates)
-            for (before, _, _), (number, stamp, rates), (after, _, _) in zip(
-                self._numbers, self._numbers[1:], self._numbers[2:], strict=False
-            )
-            if before < after and not before <= number <= after
-        ]
-        for _, stamp, rates in foreign:
-            rates.pop(stamp, None)
-        if foreign:
-            self.bag.remark(
-                f'{self.bag.path}: {len(foreign)} setpoints left out, the first with the number '
-                f'{foreign[0][0]}: it is not in the row of the others, so that another program '
-                'than the hub sent it'
-            )
+        """Leave out setpoints that no hub sent; the true rates of their stamps come back."""
+        foreign = foreign_positions([setpoint.number for setpoint in self._setpoints])
+        if not foreign:
+            return
+        for position in foreign:
+            self._setpoints[position].commanded.pop(self._setpoints[position].stamp, None)
+        emptied = {self._setpoints[position].stamp for position in foreign}
+        for position, setpoint in enumerate(self._setpoints):
+            if setpoint.stamp in emptied and setpoint.rates is not None and position not in foreign:
+                setpoint.commanded[setpoint.stamp] = setpoint.rates
+        first = self._setpoints[min(foreign)].number
+        self.bag.remark(
+            f'{self.bag.path}: {len(foreign)} setpoints left out, the first with the number '
+            f'{first}: it is not in the row of the others, so that another program '
+            'than the hub sent it'
+        )
 
     def remove_unknown_wells(self, rig: Rig) -> None:
         """Remove rates of wells that `rig` lacks, and remark on all rates that were left out.
@@ -295,19 +327,21 @@ class _Collector:
     def _add_setpoint(self, message: BagMessage, _: Location) -> None:
         setpoint, stamp = self.bag.decode(message), stamp_of(message.data)
         commanded = self.segments[-1].commanded
-        self._numbers.append((int(setpoint.sequence), stamp, commanded))
-        self._add_rates(commanded, stamp, setpoint.wells)
+        rates = self._add_rates(commanded, stamp, setpoint.wells)
+        self._setpoints.append(_Setpoint(int(setpoint.sequence), stamp, commanded, rates))
 
     def _add_measured(self, message: BagMessage, _: Location) -> None:
         rates = self.bag.decode(message)
         start = int(rates.start.sec) * SECOND + int(rates.start.nanosec)
         self._add_rates(self.segments[-1].measured, start, rates.wells)
 
-    def _add_rates(self, rates: dict[int, WellRates], stamp: int, wells: Any) -> None:
+    def _add_rates(self, rates: dict[int, WellRates], stamp: int, wells: Any) -> WellRates | None:
         try:
             rates[stamp] = rates_from_msg(wells)
         except InputError as error:  # the hub ignored this message, too
             self._rate_faults.append(str(error))
+            return None
+        return rates[stamp]
 
     def _add_clean_state(self, message: BagMessage, _: Location) -> None:
         event = self.bag.decode(message)
