@@ -134,6 +134,19 @@ def test_the_schema_is_up_to_date() -> None:
     assert written == json.loads(json.dumps(json_schema())), 'run python docs/make_rig_schema.py'
 
 
+def test_the_schema_accepts_a_rate_with_its_unit() -> None:
+    sections = json_schema()['$defs']
+    rates = {
+        key: [kind for kind in [value, *value.get('anyOf', [])] if 'number' in kind.get('type', [])]
+        for section in sections.values()
+        for key, value in section.get('properties', {}).items()
+        if 'ml_h' in key
+    }
+    assert rates
+    assert all('string' in kind['type'] for kinds in rates.values() for kind in kinds), rates
+    assert all(rates.values())
+
+
 @pytest.mark.parametrize('name', RIGS)
 def test_the_schema_knows_every_key_of_the_rigs(name: str) -> None:
     text = (ROOT / 'rigs' / name / 'rig.yaml').read_text(encoding='utf-8')
