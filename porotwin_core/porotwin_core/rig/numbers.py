@@ -55,7 +55,7 @@ PositiveShare = Annotated[Number, Field(gt=0, le=1)]
 """A number above 0, at most 1."""
 
 _NUMBER_OR_TEXT = {'type': ['number', 'string']}
-"""What editors accept as a rate."""
+"""A rate for editors."""
 
 Rate = Annotated[Number, BeforeValidator(_as_rate), WithJsonSchema(_NUMBER_OR_TEXT)]
 """A finite rate [ml/h], or a text with its unit."""

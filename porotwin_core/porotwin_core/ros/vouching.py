@@ -1,7 +1,7 @@
 """Services that one node alone may call: they ask that node whether a request is its own.
 
 ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. The one
-node that may call therefore keeps what it waits for, and vouches for it when it is asked back.
+node that may call therefore keeps its open requests, and vouches for them when it is asked back.
 """
 
 from collections.abc import Iterator, Mapping
