@@ -37,10 +37,10 @@ def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_examples_are_rigs_that_can_be_controlled(examples: Path) -> None:
-    folders = sorted(path.parent.name for path in examples.glob('*/rig.yaml'))
-    assert folders == ['layered', 'small', 'two_sands']
-    for folder in folders:
-        rig = load_rig(examples / folder)
+    folders = sorted(path.parent for path in examples.glob('*/rig.yaml'))
+    assert [folder.name for folder in folders] == ['layered', 'small']
+    for folder in [*folders, ROOT / 'rigs' / 'two_sands']:
+        rig = load_rig(folder)
         limits = Limits.of(rig)
         assert limits.violations(limits.safe()) == []
         make_objective(rig, rig.default_grid())
@@ -51,10 +51,9 @@ def test_the_small_rig_is_the_one_that_ships(examples: Path) -> None:
     assert load_rig(examples / 'small').model_copy(update={'camera': None}) == shipped
 
 
-@pytest.mark.parametrize('name', ['small', 'two_sands'])
-def test_the_document_shows_the_rigs_that_ship(name: str, examples: Path) -> None:
-    shown = (examples / name / 'rig.yaml').read_text(encoding='utf-8')
-    assert shown == (ROOT / 'rigs' / name / 'rig.yaml').read_text(encoding='utf-8')
+def test_the_document_shows_a_rig_that_ships(examples: Path) -> None:
+    shown = (examples / 'small' / 'rig.yaml').read_text(encoding='utf-8')
+    assert shown == (ROOT / 'rigs' / 'small' / 'rig.yaml').read_text(encoding='utf-8')
 
 
 SHOWN_OBJECTIVES = re.findall(r'```yaml\n(objective:.*?)```', DOCUMENT, re.DOTALL)
