@@ -32,6 +32,7 @@ ROS_SHELLS = {
     'porotwin_core/model_effects.py': 'subscribes to the effects of the solver',
     'porotwin_core/following.py': 'subscribes to topics whose sender matters',
     'porotwin_core/run_topics.py': 'subscribes to the course of a run',
+    'porotwin_core/vouching.py': 'asks the one node that may call a service',
     'porotwin_core/single_instance.py': 'finds other nodes of the same name',
     'porotwin_core/conversions.py': 'the one place that converts messages',
     'porotwin_recording/bag_conversion.py': 'makes the bag that a live run would have recorded',

@@ -1,4 +1,4 @@
-"""PoroTwin as a library: what scripts and notebooks need, under one name.
+"""PoroTwin as a library for scripts and notebooks, under one name.
 
 Each name is loaded at its first use, so `import porotwin` takes no time, and a script that only
 simulates needs neither OpenCV nor torch.

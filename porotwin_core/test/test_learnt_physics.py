@@ -18,7 +18,7 @@ OLD = {
     'patches': [],
     'scheme': 'accurate',
 }
-"""What an older model keeps."""
+"""The content of an older model."""
 
 
 def test_a_description_is_json_and_comes_back() -> None:

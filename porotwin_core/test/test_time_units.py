@@ -1,4 +1,4 @@
-"""Tests of the units in which people read times."""
+"""Tests of the units of times for people."""
 
 import pytest
 

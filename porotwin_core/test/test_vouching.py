@@ -25,7 +25,7 @@ SERVICE = 'asset/control'
 
 
 class Pumps:
-    """A node that takes setpoints, and keeps what it took and refused."""
+    """A node that takes setpoints, and keeps the taken and the refused ones."""
 
     def __init__(self, node: Any) -> None:
         self.taken: list[int] = []

@@ -309,7 +309,7 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
 
 
 def fixed_wells_in_words(rig: Rig) -> list[str]:
-    """Return what the fixed wells inject by `rig.yaml` alone; nothing where it tells no end."""
+    """Return the injection of the fixed wells by `rig.yaml` alone; none without an end."""
     if rig.control is None or rig.control.end_min is None:
         return []
     end = MINUTE_S * rig.control.end_min
@@ -437,7 +437,7 @@ class _LookedAt(NamedTuple):
 
 
 def _looked_at(photo: Photo) -> _LookedAt:
-    """Return what one reading of a file shows; the end of a TIFF is not judged."""
+    """Return the findings of one reading of a file; the end of a TIFF is not judged."""
     try:
         data = photo.read()
     except OSError:

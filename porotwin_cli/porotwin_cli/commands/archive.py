@@ -59,7 +59,7 @@ def command(
 
 
 def _open(file: Path, folder: Path, *, as_json: bool) -> None:
-    """Unpack an archive, and tell what it holds."""
+    """Unpack an archive, and tell its content."""
     from porotwin_core import __version__
     from porotwin_recording.experiment.catalogue import find_recordings
     from porotwin_recording.experiment.run_archive import open_archive

@@ -1,4 +1,4 @@
-"""./porotwin pumps: what is sent to the pumps, without a device."""
+"""./porotwin pumps: the lines to the pumps, without a device."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`pumps` shows what each pump would get, and tells every mistake in one line."""
+"""`pumps` shows the lines to each pump, and tells every mistake in one line."""
 
 from pathlib import Path
 

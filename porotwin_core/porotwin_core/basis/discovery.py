@@ -1,4 +1,4 @@
-"""Extension points: every module in the folder of a package, and what other packages add to it.
+"""Extension points: the modules in the folder of a package, and additions of other packages.
 
 Another distribution adds to the folder `porotwin_solver.effects`, for example, by an entry point of
 this group: `wedge = "my_package.wedge:EFFECT"`. examples/extension is one.

@@ -25,7 +25,7 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
     ('_s', '_min', '60 s', '1 min'),
     ('_h', '_min', '1 h', '60 min'),
 )
-"""Endings of keys with other units, the endings that are known, and what one of the unit is."""
+"""Endings of keys with other units, the known endings, and the worth of one of the unit."""
 
 _RATE = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE)
 """A rate with its unit."""

@@ -1,4 +1,4 @@
-"""Units in which people read times of an experiment: minutes, hours or days."""
+"""Units of the times of an experiment for people: minutes, hours or days."""
 
 from typing import NamedTuple
 

@@ -1,1 +1,1 @@
-"""What models exchange: effect parameters, corrections, cost terms, state estimates."""
+"""Data that models exchange: effect parameters, corrections, cost terms, state estimates."""

@@ -1,1 +1,1 @@
-"""Rates of wells: what they are, and which were in force when."""
+"""Rates of wells, and their times in force."""

@@ -5,7 +5,7 @@ A rate may be a text with its unit.
 
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from porotwin_core.basis.other_unit import rate_in_ml_h
 
@@ -54,11 +54,20 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 PositiveShare = Annotated[Number, Field(gt=0, le=1)]
 """A number above 0, at most 1."""
 
-Rate = Annotated[Number, BeforeValidator(_as_rate)]
+_NUMBER_OR_TEXT = {'type': ['number', 'string']}
+"""A rate for editors."""
+
+Rate = Annotated[Number, BeforeValidator(_as_rate), WithJsonSchema(_NUMBER_OR_TEXT)]
 """A finite rate [ml/h], or a text with its unit."""
 
-PositiveRate = Annotated[Positive, BeforeValidator(_as_rate)]
+PositiveRate = Annotated[
+    Positive,
+    BeforeValidator(_as_rate),
+    WithJsonSchema(_NUMBER_OR_TEXT | {'exclusiveMinimum': 0}),
+]
 """A rate above zero [ml/h]."""
 
-NotNegativeRate = Annotated[NotNegative, BeforeValidator(_as_rate)]
+NotNegativeRate = Annotated[
+    NotNegative, BeforeValidator(_as_rate), WithJsonSchema(_NUMBER_OR_TEXT | {'minimum': 0})
+]
 """A rate of zero or more [ml/h]."""

@@ -1,4 +1,4 @@
-"""Pictures of the whole rig, in which sands or a zone are painted."""
+"""Painted pictures of the whole rig: its sands or a zone."""
 
 import io
 import warnings

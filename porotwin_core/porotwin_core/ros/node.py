@@ -439,7 +439,7 @@ def signals_as_interrupts() -> Iterator[Event]:
 
 @dataclass
 class Awake:
-    """What `kept_awake` has seen.
+    """Findings of `kept_awake`.
 
     Attributes:
         slept_s: time for which the process stood still until the others forgot it [s]; 0: never.

@@ -24,7 +24,7 @@ RELEASE_S = 5.0
 """Longest wait for the end of a process on this machine that is just being stopped [s]."""
 
 DISCOVERY_S = 1.0
-"""Time in which nodes on other machines are discovered [s]."""
+"""Time until nodes on other machines are discovered [s]."""
 
 GHOST_S = LEASE_S + RELEASE_S
 """Time after which discovery has forgotten a killed process for sure [s]."""

@@ -1,4 +1,4 @@
-"""Are the numbers those of water and sand, in the right unit?
+"""Do the numbers fit water and sand, in the right unit?
 
 Its name puts it first: a wrong unit here makes other values odd as well.
 """
