@@ -29,7 +29,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
-from porotwin_core.ros.service_answer import answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import (
     CleanState,
@@ -73,9 +73,6 @@ LONGEST_BUSY = 10.0
 """Time without a free thread after which the page reports an error [s]; drawing takes less."""
 
 SETPOINT_TOPIC = 'wells/setpoint'
-
-SERVICE_TIMEOUT = 1.0
-"""Longest wait for the service of another node [s]."""
 
 OFFER_STATES = {
     MendOffer.OFFERED: 'offered',
@@ -400,7 +397,7 @@ class PageNode(TwinNode):
             SiblingsUnavailable: they are absent or do not answer.
         """
         client = self._what_if_client
-        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+        if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise SiblingsUnavailable(
                 'no forecast: the node siblings, an ensemble of twins, does not run; start it'
             )
@@ -420,7 +417,7 @@ class PageNode(TwinNode):
             ConfirmationUnavailable: the mend node is absent or does not answer.
         """
         client = self._mend_client
-        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+        if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
         response = answer_within(client, request, MEND_TIMEOUT, look=self._go_on)
@@ -439,7 +436,7 @@ class PageNode(TwinNode):
             ConfirmationUnavailable: the operator node is absent or does not answer.
         """
         client = self._confirm_client
-        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+        if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
