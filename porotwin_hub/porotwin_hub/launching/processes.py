@@ -75,9 +75,9 @@ class GraphProcesses:
     """The processes of the graph, each with its own log file; a context manager.
 
     A node that dies is started again, unless it ended with status 0, or at its first start with
-    status 2, because its parameters are wrong. A node whose process is stopped for 30 s is killed and started again.
-    Nodes that hang in another way are ended by the node `supervisor`. A log file has at most 10 MB
-    and one predecessor of that size.
+    status 2, because its parameters are wrong. A node whose process is stopped
+    for 30 s is killed and started again. Nodes that hang in another way are ended by the node
+    `supervisor`. A log file has at most 10 MB and one predecessor of that size.
 
     Within the context, SIGHUP (a lost terminal) and SIGTERM have the handler of SIGINT (Ctrl-C).
     If this process is killed, Linux ends the nodes (`porotwin_core.basis.parent`); enter the
