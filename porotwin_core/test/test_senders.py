@@ -10,6 +10,7 @@ from porotwin_core.ros.senders import (
     Sender,
     callers,
     check_senders,
+    check_servers,
     only,
 )
 
@@ -60,6 +61,33 @@ def test_another_sender_is_named() -> None:
     graph: Any = Graph(topic='guard rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes wells/setpoint too, and only'):
         check_senders(graph, 'wells/setpoint')
+
+
+def test_a_node_offers_the_services_below_its_own_name() -> None:
+    killed_and_restarted: Any = Graph(service='solver solver')
+    assert len(set(check_servers(killed_and_restarted, 'solver/predict'))) == 2
+    assert killed_and_restarted.asked == [('rr/porotwin/solver/predictReply', True)]
+    foreign: Any = Graph(service='solver rogue')
+    line = '/porotwin/rogue offers solver/predict too, and only /porotwin/solver may; end it'
+    with pytest.raises(InputError, match=line):
+        check_servers(foreign, 'solver/predict')
+
+
+@pytest.mark.parametrize('name', ['operator', 'pumps', 'virtual_rig'])
+def test_one_node_of_the_asset_offers_its_services(name: str) -> None:
+    alone: Any = Graph(service=name)
+    assert [server.node for server in check_servers(alone, 'asset/control')] == [
+        f'/porotwin/{name}'
+    ]
+    two: Any = Graph(service=f'{name} rogue')
+    with pytest.raises(InputError, match='/porotwin/rogue offers asset/control too, and only'):
+        check_servers(two, 'asset/control')
+
+
+def test_two_nodes_of_the_asset_do_not_both_answer() -> None:
+    two: Any = Graph(service='operator pumps')
+    with pytest.raises(InputError, match='several nodes offer asset/control'):
+        check_servers(two, 'asset/control')
 
 
 def test_only_mend_and_a_replay_of_it_offer() -> None:

@@ -18,7 +18,7 @@ from rclpy.task import Future
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import EffectDescription
-from porotwin_core.ros import conversions, qos
+from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
@@ -213,6 +213,8 @@ class TrainerNode(TwinNode):
         ready = self._predict.service_is_ready() and self._residual.service_is_ready()
         if not ready or now < self._next_request or not (self._pair or self._pending):
             return
+        if self._foreign(self._predict) or self._foreign(self._residual):
+            return
         self._pair = pair = self._pair or self._pending.popleft()
         request = Predict.Request(
             previous=self._start_message(pair),
@@ -247,10 +249,21 @@ class TrainerNode(TwinNode):
             if self._request is None or answered is not self._request[1]:
                 return
             self._request = None
-            self._take(answered.result(), use)
+            if not self._foreign(client):
+                self._take(answered.result(), use)
             self._next()
 
         future.add_done_callback(done)
+
+    def _foreign(self, client: Any) -> bool:
+        """Return whether another node offers a service of the solver; the pair then waits."""
+        try:
+            senders.check_servers(self, client.srv_name)
+        except InputError as error:
+            self._next_request = time.monotonic() + RETRY_S
+            self.get_logger().warning(str(error), throttle_duration_sec=REPORT_S)
+            return True
+        return False
 
     def _take(self, answer: Any, use: Any) -> None:
         """Call `use` with a good `answer` of the solver; after a bad one the pair waits or goes."""

@@ -38,8 +38,9 @@ class Client:
         context = rclpy.Context()
         rclpy.init(context=context)
         self.node = rclpy.create_node('virtual_rig', context=context)
+        self.solver = rclpy.create_node('solver', context=context)
         self.group = ReentrantCallbackGroup()
-        self._thread = NodeThread(self.node, threads=3)
+        self._thread = NodeThread(self.node, self.solver, threads=3)
 
     def wait(self, future: Any) -> Any:
         """Return the result of a future."""
@@ -132,7 +133,7 @@ def offer_solver(client: Client, model: Any) -> list[Any]:
         following = conversions.tracer_from_msg(request.next)[0]
         return model.residual(previous, following, rates, request.time_step)
 
-    make = client.node.create_service
+    make = client.solver.create_service
     return [
         make(
             Predict,

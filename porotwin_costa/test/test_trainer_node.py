@@ -91,7 +91,7 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
     assert corrective.architecture.name == 'local'
     assert corrective.provenance['samples'] in (40, 43)
     for service in services:
-        client.node.destroy_service(service)
+        client.solver.destroy_service(service)
 
 
 @pytest.mark.graph

@@ -38,7 +38,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import Voucher
 from porotwin_diagnosis.mending.finding import read_finding
@@ -362,14 +362,14 @@ class MendNode(TwinNode):
         """Let `effects` act in the solver.
 
         Raises:
-            InputError: the solver refuses them.
+            InputError: the solver refuses them, or another node offers its service.
             TimeoutError: it is absent or silent.
         """
         if not self._solver.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise TimeoutError('the solver does not run; answer again when it does')
         request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
         self._voucher.vouch('solver/set_effects', request)
-        response = answer_within(self._solver, request, SOLVER_S)
+        response = twin_answer_within(self, self._solver, request, SOLVER_S)
         if response is None:
             raise TimeoutError(f'the solver did not answer within {SOLVER_S:g} s; answer again')
         outcome = response.outcome

@@ -19,7 +19,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_guard.guard import Guard, SetpointRequest
@@ -131,7 +131,10 @@ class GuardNode(TwinNode):
         if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
             return Outcome(code=Outcome.NOT_READY, message='no node answers asset/control')
         self._voucher.vouch('asset/control', request)
-        response = answer_within(self._pumps, request, self._patience)
+        try:
+            response = twin_answer_within(self, self._pumps, request, self._patience)
+        except InputError as error:
+            return Outcome(code=Outcome.FAILED, message=str(error))
         if response is None:
             text = f'asset/control did not answer within {self._patience:g} s'
             return Outcome(code=Outcome.FAILED, message=text)

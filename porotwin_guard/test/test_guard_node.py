@@ -128,6 +128,25 @@ def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> Non
     loop.wait_until(lambda: loop.pumped == loop.published)  # only what the pumps took
 
 
+def test_no_setpoint_counts_as_pumped_while_a_foreign_node_answers_for_the_pumps(
+    loop: Loop,
+) -> None:
+    loop.attach_pumps()
+    rogue = loop.node('rogue')
+
+    def believe(_: Control.Request, response: Control.Response) -> Control.Response:
+        response.outcome = conversions.ok()
+        return response
+
+    service = rogue.create_service(Control, 'asset/control', believe)
+    refused = loop.send(1)
+    assert refused.code == Outcome.FAILED
+    assert '/rogue offers asset/control too, and only' in refused.message
+    assert loop.pumped == loop.published == []
+    rogue.destroy_service(service)
+    assert loop.send(2).code == Outcome.OK
+
+
 def test_the_clock_of_a_running_guard_cannot_be_changed(loop: Loop) -> None:
     loop.attach_pumps()
     (refused,) = loop.guard.set_parameters([Parameter('use_sim_time', value=True)])

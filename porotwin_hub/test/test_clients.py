@@ -29,7 +29,7 @@ class SlowSolver:
     """A solver whose predictions end only when they are cancelled, and answer `field`."""
 
     def __init__(self, context: rclpy.Context) -> None:
-        self.node = rclpy.create_node('slow_solver', context=context)
+        self.node = rclpy.create_node('solver', context=context)
         self.cancelled = threading.Event()
         self.field: Any = None
         self.token = ''
@@ -79,12 +79,38 @@ def test_a_request_to_a_solver_that_is_started_again_is_lost_at_once(
     grid = small_rig.grid(4, 3)
     model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE), grid)
 
-    again = rclpy.create_node('started_again', context=solver.node.context)
+    again = rclpy.create_node('solver', context=solver.node.context)
     start_again = partial(
         again.create_service, Predict, 'solver/predict', lambda _, response: response
     )
     threading.Timer(1.0, start_again).start()
     with pytest.raises(ModelUnavailable, match='was started again while it worked'):
+        model.predict(np.zeros(grid.shape), {}, 30.0)
+
+
+def test_an_answer_is_not_believed_while_another_node_could_have_given_it(
+    solver: SlowSolver, small_rig: Rig
+) -> None:
+    grid = small_rig.grid(4, 3)
+    solver.field = conversions.tracer_to_msg(np.zeros(grid.shape), grid, 0.0)
+    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE), grid)
+    rogue = rclpy.create_node('rogue', context=solver.node.context)
+    service = rogue.create_service(Predict, 'solver/predict', lambda _, response: response)
+    with pytest.raises(ModelUnavailable, match='/rogue offers solver/predict too, and only /solv'):
+        model.predict(np.zeros(grid.shape), {}, 30.0)
+    rogue.destroy_service(service)
+    assert model.predict(np.zeros(grid.shape), {}, 30.0).shape == grid.shape
+
+
+def test_a_node_that_comes_while_the_solver_works_ends_the_wait(
+    solver: SlowSolver, small_rig: Rig
+) -> None:
+    grid = small_rig.grid(4, 3)
+    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE), grid)
+    rogue = rclpy.create_node('rogue', context=solver.node.context)
+    offer = partial(rogue.create_service, Predict, 'solver/predict', lambda _, response: response)
+    threading.Timer(1.0, offer).start()
+    with pytest.raises(ModelUnavailable, match='/rogue offers solver/predict too'):
         model.predict(np.zeros(grid.shape), {}, 30.0)
 
 

@@ -53,6 +53,7 @@ class Asset:
             parameter_overrides=overrides,
         )
         self.peer = rclpy.create_node('pumps', context=context)
+        self.guard = rclpy.create_node('guard', context=context)
         self.imaging = rclpy.create_node('imaging', context=context)
         self.states = self.imaging.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.refreshed = self.imaging.create_publisher(
@@ -62,8 +63,8 @@ class Asset:
         self.reports: list[CycleReport] = []
         self.setpoints: list[Setpoint] = []
         self.peer.create_subscription(CycleReport, 'hub/cycle', self.reports.append, qos.FIELD)
-        self.peer.create_service(Control, 'guard/control', self._on_control)
-        self._thread = NodeThread(self.hub, self.peer, self.imaging)
+        self.guard.create_service(Control, 'guard/control', self._on_control)
+        self._thread = NodeThread(self.hub, self.peer, self.guard, self.imaging)
         publishers = (self.states, self.refreshed, self.measured)
         self.wait_until(lambda: all(one.get_subscription_count() for one in publishers))
         self.wait_until(lambda: self.hub.count_subscribers('hub/cycle') > 0)

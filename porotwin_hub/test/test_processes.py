@@ -250,3 +250,29 @@ def test_a_refusal_is_told_once(tmp_path: Path) -> None:
     assert graph.refusal(optional=['sleeper']) is None
     assert graph.refusal(optional=['sleeper']) is None
     assert lines == ['sleeper cannot run, going on without: no such rig']
+
+
+def test_a_node_that_is_refused_at_a_restart_is_started_again(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = """
+import sys, time
+from pathlib import Path
+starts = Path(__file__).with_name('starts')
+with starts.open('a') as file:
+    file.write('x')
+if 1 < len(starts.read_text()) < 4:
+    print('error: a stranger holds the name', flush=True)
+    sys.exit(2)
+print('here', flush=True)
+time.sleep(60)
+"""
+    with graph_of(tmp_path, source, lines, restart_pause_s=0.01) as graph:
+        assert until(lambda: 'here' in graph.log('sleeper').read_text())
+        graph.process('sleeper').kill()
+        assert until(lambda: graph.log('sleeper').read_text().count('here') == 2), lines
+        assert graph.running('sleeper')
+        assert not graph.failed
+    assert [line for line in lines if 'a stranger holds the name' in line] == [
+        f'sleeper ended (a stranger holds the name); starting it again in {pause} s'
+        for pause in (0.02, 0.04)
+    ]

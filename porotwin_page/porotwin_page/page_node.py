@@ -29,7 +29,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import (
     CleanState,
@@ -402,7 +402,7 @@ class PageNode(TwinNode):
                 'no forecast: the node siblings, an ensemble of twins, does not run; start it'
             )
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
-        response = answer_within(client, request, ANSWER_TIMEOUT, look=self._go_on)
+        response = twin_answer_within(self, client, request, ANSWER_TIMEOUT, look=self._go_on)
         if response is None:
             raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
         if response.outcome.code != Outcome.OK:
@@ -420,7 +420,7 @@ class PageNode(TwinNode):
         if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        response = answer_within(client, request, MEND_TIMEOUT, look=self._go_on)
+        response = twin_answer_within(self, client, request, MEND_TIMEOUT, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
@@ -441,10 +441,10 @@ class PageNode(TwinNode):
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
         self._voucher.vouch('operator/confirm', request)
-        response = answer_within(client, request, timeout, look=self._go_on)
+        response = twin_answer_within(self, client, request, timeout, look=self._go_on)
         if given.sure and response is not None and response.outcome.code != Outcome.OK:
             # the operator node takes odd rates that are confirmed once more: this yes
-            response = answer_within(client, request, timeout, look=self._go_on)
+            response = twin_answer_within(self, client, request, timeout, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'

@@ -115,6 +115,8 @@ class Hub(Node):
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__('guard', namespace='/porotwin', context=context)
         self.requests: list[ConfirmRates.Request] = []
+        self.operator = rclpy.create_node('operator', namespace='/porotwin', context=context)
+        self.mend = rclpy.create_node('mend', namespace='/porotwin', context=context)
         others = rclpy.create_node('player', namespace='/porotwin', context=context)
         self.publishers_by_topic = {
             topic: (self if topic == 'wells/setpoint' else others).create_publisher(
@@ -134,7 +136,7 @@ class Hub(Node):
         }
 
     def offer_confirmation(self) -> None:
-        self.create_service(ConfirmRates, 'operator/confirm', self._confirm)
+        self.operator.create_service(ConfirmRates, 'operator/confirm', self._confirm)
 
     def _confirm(
         self, request: ConfirmRates.Request, response: ConfirmRates.Response
@@ -159,7 +161,7 @@ class Hub(Node):
             response.outcome = conversions.ok() if again else conversions.refusal(question)
             return response
 
-        self.create_service(ConfirmRates, 'operator/confirm', confirm)
+        self.operator.create_service(ConfirmRates, 'operator/confirm', confirm)
 
     def send(self, topic: str, message: Any) -> None:
         self.publishers_by_topic[topic].publish(message)
@@ -225,7 +227,7 @@ def hub() -> Iterator[Hub]:
     context = rclpy.Context()
     rclpy.init(context=context)
     node = Hub(context)
-    thread = NodeThread(node)
+    thread = NodeThread(node, node.operator, node.mend)
     yield node
     thread.end()
 
@@ -426,7 +428,7 @@ def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) ->
             with contextlib.suppress(OSError):
                 post(address, {'sequence': 1, 'accept': True}, 'mend')
 
-    hub.create_service(AnswerMend, 'mend/answer', answer)
+    hub.mend.create_service(AnswerMend, 'mend/answer', answer)
     with page(address, f'token_file:={tmp_path / "token"}') as process:
         until(lambda: newest_event(address), 'an event')
         asking = threading.Thread(target=ask)

@@ -22,7 +22,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FEW
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
-from porotwin_msgs.srv import Cancel, Control
+from porotwin_msgs.srv import Cancel, Control, Predict
 
 REMOVED = 'end the foreign node'
 NO_SETPOINT = 'Ignores the state. No setpoint follows while another node sends states.'
@@ -281,6 +281,23 @@ def foreign_rates(
     with stage.foreign('wells/measured', WellRates, qos.FIELD, name=name) as send:
         wells = conversions.rates_to_msg(rates)
         send(WellRates(header=header, start=header.stamp, wells=wells))
+        yield
+
+
+@fault(
+    'A foreign node offers `solver/predict` and answers maps of zeros.',
+    Remark('offers solver/predict too'),
+    does='Believes no answer, and no setpoint follows, while the foreign node is there.',
+    mends=REMOVED,
+)
+def foreign_server(stage: Stage) -> Iterator[None]:
+    def zeros(request: Predict.Request, response: Predict.Response) -> Predict.Response:
+        response.predicted = request.previous
+        response.predicted.concentration = [0.0] * (NX * NZ)
+        return response
+
+    with stage.foreign_service(Predict, 'solver/predict', zeros):
+        stage.good_photograph()
         yield
 
 

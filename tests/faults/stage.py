@@ -20,6 +20,7 @@ from set_clock import SetClock
 
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.ros import conversions
+from porotwin_core.ros.node_thread import NodeThread
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.launching.graph import NAMESPACE, GraphSettings, NodeDescription, live_graph
 from porotwin_rig.camera import camera_before
@@ -287,6 +288,23 @@ class Stage:
         finally:
             node.destroy_node()
             rclpy.try_shutdown(context=context)
+
+    @contextmanager
+    def foreign_service(
+        self, service: Any, name: str, answer: Callable[[Any, Any], Any]
+    ) -> Iterator[None]:
+        """Offer a service of the twin a second time, as a node that is not of the twin."""
+        context = Context()
+        rclpy.init(context=context, domain_id=self.domain)
+        node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+        node.create_service(service, name, answer)
+        thread, full_name = NodeThread(node), node.resolve_service_name(name)
+        try:
+            listener = self.graph.listener.node
+            self.wait_for(f'both {name}', lambda: listener.count_services(full_name) > 1)
+            yield
+        finally:
+            thread.end()
 
     def call(self, service: Any, name: str, request: Any) -> Any:
         """Return the answer of a service of the twin."""

@@ -12,6 +12,7 @@ from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
 from porotwin_core.ros.following import follow
+from porotwin_core.ros.senders import check_servers
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
@@ -63,7 +64,7 @@ class MendDesk:
         self.newest: MendOffer | None = None
 
     def __enter__(self) -> Self:
-        node = live_node('mend_desk', namespace=self._namespace)
+        self._node = node = live_node('mend_desk', namespace=self._namespace)
         follow(node, MendOffer, 'mend/offer', self._take, qos.CONFIG)
         self._client = node.create_client(AnswerMend, 'mend/answer')
         self._listening.enter_context(listening(node))
@@ -112,15 +113,18 @@ class MendDesk:
         """Answer an offer.
 
         Raises:
-            InputError: the offer is not open, or the solver refuses its effects.
+            InputError: the offer is not open, the solver refuses its effects, or another node
+                answers as well.
             WorkFailed: no answer came, or the solver is silent.
         """
+        check_servers(self._node, self._client.srv_name)
         future = self.send(sequence, accept=accept)
         deadline = time.monotonic() + ANSWER_S
         while not future.done():
             if time.monotonic() > deadline:
                 raise WorkFailed(f'the mend node did not answer within {ANSWER_S:g} s; try again')
             time.sleep(0.05)
+        check_servers(self._node, self._client.srv_name)
         outcome = future.result().outcome
         if outcome.code == Outcome.INVALID_INPUT:
             raise InputError(outcome.message)

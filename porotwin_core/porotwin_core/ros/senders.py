@@ -1,4 +1,4 @@
-"""The senders of messages: the nodes that publish a topic or call a service.
+"""The senders of messages: the nodes that publish a topic, call a service or offer one.
 
 ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have sent it. A
 receiver that accepts one sender therefore refuses all messages while another node could send.
@@ -45,6 +45,9 @@ SENDERS: Mapping[str, tuple[str, ...]] = {
 }
 """The only nodes that send each topic; none named: any one node. `following` subscribes to these
 topics, and nothing else that uses them does. Any node may send its health."""
+
+ASSET = 'asset'
+"""Begin of the names of the services of the pumps."""
 
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 """Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
@@ -128,22 +131,34 @@ def hearers(node: Any, *topics: str) -> frozenset[str]:
     )
 
 
-def servers(node: Any, service: str) -> frozenset[str]:
-    """Return the identities of the servers of `service`, a name relative to `node`.
+def check_servers(node: Any, service: str) -> list[Sender]:
+    """Return the servers of `service`, a name relative to `node`: only the node that may offer it.
 
+    A node offers the services below its own name, and one node of the asset those of `asset`.
     A restarted server has a new identity. A killed server stays visible for `LEASE_S`.
+
+    Raises:
+        InputError: another node offers it too; one line with its name.
     """
+    owner = service.split('/')[0]
+    names = SENDERS['wells/measured'] if owner == ASSET else (owner,)
     # the DDS topic of the answers
     topic = f'rr{node.resolve_service_name(service)}Reply'
-    found = node.get_publishers_info_by_topic(topic, no_mangle=True)
-    return frozenset(bytes(info.endpoint_gid).hex() for info in found)
+    found = _named_senders(node, topic, mangled=True)
+    allowed = {full_name(node, name) for name in names}
+    others = [server for server in found if server.node not in allowed]
+    refuse_others(others, full_name(node, ' or '.join(names)), f'offers {service}')
+    several = sorted({server.node for server in found})
+    if len(several) > 1:
+        raise InputError(f'several nodes offer {service} ({", ".join(several)}); end all but one')
+    return found
 
 
 def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
     """Check that every sender in `found` is the node `expected`.
 
     Args:
-        found: from `publishers` or `callers`.
+        found: from `publishers`, `callers` or `check_servers`.
         expected: full name of the one node.
         doing: the act in words, such as 'publishes wells/setpoint'.
 

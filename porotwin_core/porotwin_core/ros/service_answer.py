@@ -9,6 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from porotwin_core.basis.errors import InputError
+from porotwin_core.ros import senders
+
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
 
@@ -39,3 +42,35 @@ def answer_within(
         return None
     finally:
         client.remove_pending_request(future)
+
+
+def twin_answer_within(
+    node: Any,
+    client: Any,
+    request: Any,
+    longest_s: float,
+    *,
+    look: Callable[[], None] = lambda: None,
+) -> Any:
+    """Return what `answer_within` returns, from the one node that may offer the service.
+
+    Args:
+        node: the node of the client.
+        client: client of rclpy for a service that is there.
+        request: the request.
+        longest_s: longest wait [s].
+        look: called every half second; whatever it raises ends the wait.
+
+    Raises:
+        InputError: another node offers it too, or it was started again and the request is lost.
+    """
+    asked = senders.check_servers(node, client.srv_name)
+
+    def look_around() -> None:
+        look()
+        if not set(senders.check_servers(node, client.srv_name)) <= set(asked):
+            raise InputError(f"service '{client.srv_name}' was started again while it worked")
+
+    response = answer_within(client, request, longest_s, look=look_around)
+    senders.check_servers(node, client.srv_name)
+    return response

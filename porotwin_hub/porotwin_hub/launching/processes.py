@@ -68,15 +68,16 @@ class _Kept:
     restart_at: float | None = None
     stopped_since: float | None = None
     given_up: bool = False
+    first_start: bool = True
 
 
 class GraphProcesses:
     """The processes of the graph, each with its own log file; a context manager.
 
-    A node that dies is started again, unless it ended with status 0, or with status 2 because its
-    parameters are wrong. A node whose process is stopped for 30 s is killed and started again.
-    Nodes that hang in another way are ended by the node `supervisor`. A log file has at most 10 MB
-    and one predecessor of that size.
+    A node that dies is started again, unless it ended with status 0, or at its first start with
+    status 2, because its parameters are wrong. A node whose process is stopped
+    for 30 s is killed and started again. Nodes that hang in another way are ended by the node
+    `supervisor`. A log file has at most 10 MB and one predecessor of that size.
 
     Within the context, SIGHUP (a lost terminal) and SIGTERM have the handler of SIGINT (Ctrl-C).
     If this process is killed, Linux ends the nodes (`porotwin_core.basis.parent`); enter the
@@ -314,7 +315,7 @@ class GraphProcesses:
         with self._starting:
             if not self._ending.is_set():
                 kept.process = self._started(kept.node)
-                kept.started = time.monotonic()
+                kept.started, kept.first_start = time.monotonic(), False
                 kept.restart_at = kept.stopped_since = None
 
     def _end_if_stopped(self, kept: _Kept) -> None:
@@ -333,13 +334,14 @@ class GraphProcesses:
         if status == 0:
             kept.given_up = True
             self._report(f'{name} has ended')
-        elif status == WRONG_PARAMETERS:
+        elif status == WRONG_PARAMETERS and kept.first_start:
             kept.given_up = True
             self.failed[name] = self._last_line(name)
         else:
             if time.monotonic() - kept.started > STEADY_S:
                 kept.pause_s = self._restart_pause_s
-            self._report(f'{name} ended ({status}); starting it again in {kept.pause_s:g} s')
+            why = self._last_line(name) if status == WRONG_PARAMETERS else status
+            self._report(f'{name} ended ({why}); starting it again in {kept.pause_s:g} s')
             kept.restart_at = time.monotonic() + kept.pause_s
             kept.pause_s = min(2 * kept.pause_s, LONGEST_PAUSE_S)
 

@@ -20,8 +20,7 @@ from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
-from porotwin_core.ros.senders import servers
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.vouching import CALLERS, Voucher
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
@@ -70,7 +69,7 @@ class Caller:
         this client, so that the model is free for the next one.
 
         Raises:
-            ModelUnavailable: the service is absent, silent, or refuses the request.
+            ModelUnavailable: the service is absent, silent, foreign, or refuses the request.
         """
         timeout = min(max(self.timeout, least), patience)
         client = self._client(service_type, name)
@@ -98,17 +97,14 @@ class Caller:
         """Return the response to a call, None after `timeout` [s].
 
         Raises:
-            ModelUnavailable: the service was started again, so that the request is lost.
+            ModelUnavailable: another node offers the service, or it was started again.
         """
-        asked = servers(self._node, name)
-
-        def look() -> None:
-            if servers(self._node, name) - asked:
-                raise ModelUnavailable(f"service '{name}' was started again while it worked")
-
         if name in CALLERS:
             self._voucher.vouch(name, request)
-        return answer_within(client, request, timeout, look=look)
+        try:
+            return twin_answer_within(self._node, client, request, timeout)
+        except InputError as error:
+            raise ModelUnavailable(str(error)) from None
 
 
 class PhysicsModelClient:
