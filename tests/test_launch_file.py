@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('launch', reason='ros2/launch is not installed, and has no wheel')
+pytest.importorskip('launch.actions', reason='ros2/launch is not installed, and has no wheel')
 
 pytestmark = pytest.mark.graph
 

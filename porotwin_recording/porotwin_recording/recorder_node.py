@@ -23,12 +23,12 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
-from porotwin_core.ros.senders import PLAYER, SENDERS, full_name
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
 from porotwin_recording.mcap.interfaces import message_class
 from porotwin_recording.mcap.serialization import SECOND
+from porotwin_recording.mcap.topic_names import TYPES
 
 DISCOVERY_PERIOD = 0.2
 """Period of the search for new topics [s]."""
@@ -104,14 +104,9 @@ class RecorderNode(TwinNode):
         """Subscribe to the topics that are there, and look for others from now on."""
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
-        self._types: dict[str, str] = {}
+        self._types = {self.resolve_topic_name(topic): kind for topic, kind in TYPES.items()}
         self._refused: dict[str, str] = {}
         self._told: set[tuple[str, str]] = set()
-        self._senders = {
-            self.resolve_topic_name(topic): {full_name(self, name) for name in (*names, PLAYER)}
-            for topic, names in SENDERS.items()
-            if names
-        }
         self._publisher_counts: dict[str, int] = {}
         self._searches = 0
         self._before_clock: deque[_Message] = deque(maxlen=MOST_BEFORE_CLOCK)
@@ -173,10 +168,12 @@ class RecorderNode(TwinNode):
     def _record_publishers(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
         """Subscribe to the publishers of one type; those of other types are told and left out.
 
+        The type is that of `TYPES`, else as before, else the first seen.
+
         Raises:
-            InputError: see `_type` and `_subscribe`.
+            InputError: see `_subscribe`.
         """
-        kind = self._type(name, publishers)
+        kind = self._types.get(name, publishers[0].topic_type)
         fitting = [publisher for publisher in publishers if publisher.topic_type == kind]
         if fitting:
             self._single_publisher[name] = len(fitting) == 1
@@ -185,25 +182,6 @@ class RecorderNode(TwinNode):
             if (name, other) not in self._told:
                 self._told.add((name, other))
                 self.get_logger().warning(f'{name} carries {other} too; only {kind} is recorded')
-
-    def _type(self, name: str, publishers: list[TopicEndpointInfo]) -> str:
-        """Return the type to record: of the known sender, else as before, else the first seen.
-
-        Raises:
-            InputError: a new topic has several types, and its known sender is not there.
-        """
-        senders = self._senders.get(name, set())
-        known = [
-            publisher.topic_type
-            for publisher in publishers
-            if f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' in senders
-        ]
-        if name in self._recorded and (not known or self._types[name] in known):
-            return self._types[name]
-        types = sorted({publisher.topic_type for publisher in publishers})
-        if senders and not known and len(types) > 1:
-            raise InputError(f'it carries {" and ".join(types)}; end the node of the wrong one')
-        return (known or [publishers[0].topic_type])[0]
 
     def _subscribe(self, name: str, kind: str, offered: TopicQos) -> None:
         """Subscribe to a topic, or subscribe again if a new publisher offers a weaker quality.

@@ -12,9 +12,11 @@ from node_processes import Process, by_topic, node, write_minute_bag
 from recording_examples import eventually
 from refused_node import refusal
 
+from porotwin_core.ros.senders import SENDERS
 from porotwin_recording import recorder_node
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.serialization import SECOND
+from porotwin_recording.mcap.topic_names import TYPES
 
 pytestmark = pytest.mark.graph
 
@@ -189,37 +191,22 @@ def test_a_passing_sender_of_another_type_ends_no_recording(tmp_path: Path) -> N
         assert max(b - a for a, b in itertools.pairwise(times)) < SECOND
 
 
-def test_the_type_of_the_known_sender_is_recorded_and_another_told(tmp_path: Path) -> None:
+def test_a_topic_of_the_twin_is_recorded_with_its_type_whoever_comes_first(tmp_path: Path) -> None:
     with (
         sender(tmp_path / 'stranger.log', 'stranger', STRING),
-        node(tmp_path / 'late.log', 'recorder_node', output=tmp_path / 'late') as late,
-    ):
-        late.wait_for_output('recording into')
-        assert eventually(lambda: (tmp_path / 'late' / 'late_0.mcap').stat().st_size > 2000)
-        with (
-            sender(tmp_path / 'guard.log', 'guard', SETPOINT),
-            node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder,
-        ):
-            late.wait_for_output('/porotwin/wells/setpoint is not recorded')
-            recorder.wait_for_output('/porotwin/wells/setpoint carries std_msgs/msg/String too')
-            assert recorder.stop() == 0, recorder.output
-            assert late.stop() == 1, late.output
-    assert '1 topics not recorded: /porotwin/wells/setpoint (' in late.output
-    assert BagReader(tmp_path / 'run').topics['/porotwin/wells/setpoint'].type_name == SETPOINT
-
-
-def test_a_topic_that_was_refused_is_tried_again(tmp_path: Path) -> None:
-    with (
-        sender(tmp_path / 'one.log', 'one', SETPOINT),
-        sender(tmp_path / 'other.log', 'other', STRING) as other,
         node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder,
     ):
-        recorder.wait_for_output('/porotwin/wells/setpoint is not recorded')
-        other.stop()
-        recorder.wait_for_output('/porotwin/wells/setpoint is recorded from now on')
-        time.sleep(0.5)
+        recorder.wait_for_output('/porotwin/wells/setpoint carries std_msgs/msg/String too')
+        with sender(tmp_path / 'guard.log', 'guard', SETPOINT):
+            assert eventually(lambda: (tmp_path / 'run' / 'run_0.mcap').stat().st_size > 9000)
         assert recorder.stop() == 0, recorder.output
-    assert list(BagReader(tmp_path / 'run').messages(['/porotwin/wells/setpoint']))
+    bag = BagReader(tmp_path / 'run')
+    assert bag.topics['/porotwin/wells/setpoint'].type_name == SETPOINT
+    assert list(bag.messages(['/porotwin/wells/setpoint']))
+
+
+def test_the_types_of_all_topics_whose_sender_matters_are_known() -> None:
+    assert set(TYPES) == {topic for topic in SENDERS if not topic.endswith('/_vouched')}
 
 
 @pytest.mark.parametrize(
