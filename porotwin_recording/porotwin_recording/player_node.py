@@ -28,6 +28,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
 from porotwin_recording.live.player import (
     CLOCK,
     LATCHED_LIMIT,
@@ -173,7 +174,9 @@ class PlayerNode(TwinNode):
         self._answer_subscription: Subscription | None = None
         self._unanswered = 0
         self._setpoint: BagMessage | None = None
+        self._asking: dict[str, AsyncParameterClient] = {}
         self._asked: dict[str, Any] = {}
+        self._ask_again: dict[str, float] = {}
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
         self._diagnostics = Diagnostics(self)
@@ -361,14 +364,22 @@ class PlayerNode(TwinNode):
         return frozenset(self.resolve_topic_name(name) for name in names) if names else None
 
     def _told(self, name: str, nodes: Iterable[str], parameters: list[str]) -> list[Any] | None:
-        """Return the values of parameters of one of the `nodes`; None: it has not answered yet."""
-        if name not in self._asked and name in nodes:
-            client = AsyncParameterClient(self, name)
+        """Return the values of parameters of one of the `nodes`; None: it has not answered yet.
+
+        A node may lose its first answers, because it discovers this one later. It is asked again.
+        """
+        asked = self._asked.get(name)
+        waits = asked is None or not asked.done()
+        if waits and name in nodes and time.monotonic() >= self._ask_again.get(name, 0.0):
+            if name not in self._asking:
+                self._asking[name] = AsyncParameterClient(self, name)
+            client = self._asking[name]
             if client.services_are_ready():
-                self._asked[name] = client.get_parameters(parameters)
-        if name not in self._asked or not self._asked[name].done():
+                self._asked[name] = asked = client.get_parameters(parameters)
+                self._ask_again[name] = time.monotonic() + LONGEST_SEARCH_S
+        if asked is None or not asked.done():
             return None
-        values: list[Any] = self._asked[name].result().values
+        values: list[Any] = asked.result().values
         return values if len(values) else None
 
     def _hears_answers(self) -> bool | None:
