@@ -291,7 +291,8 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
     if (balance := balance_of(checked)) is not None:
-        lines.append(f'water while the wells pump most, {balance}')
+        when = ' while the wells pump most' * bool(balance.wells)
+        lines.append(f'water{when}, {balance}')
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
