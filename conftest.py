@@ -1,4 +1,4 @@
-"""Settings of all tests: repeatable property tests, and a DDS domain for every test run."""
+"""Settings of all tests: repeatable property tests, and a DDS domain for every test file."""
 
 import fcntl
 import itertools
@@ -84,6 +84,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         or (item.get_closest_marker('graph') is not None and WHOLE_PROJECT in item.path.parents)
     }
     items.sort(key=lambda item: (item.path not in long, WHOLE_PROJECT not in item.path.parents))
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _domain_of_the_file() -> Iterator[None]:
+    """Give each test file a DDS domain: what one leaves behind is not met by the next."""
+    before, number = os.environ['ROS_DOMAIN_ID'], _claimed_domain()
+    os.environ['ROS_DOMAIN_ID'] = str(number)
+    yield
+    os.environ['ROS_DOMAIN_ID'] = before
+    _release(number)
 
 
 @pytest.fixture(scope='session')

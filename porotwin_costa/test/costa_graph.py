@@ -1,6 +1,7 @@
 """Real COSTA nodes in processes of their own, and a client that plays asset, solver and hub."""
 
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -65,11 +66,14 @@ class Client:
         )
         return handle, feedback
 
-    def until(self, reason: str, condition: Callable[[], bool]) -> None:
-        """Return when `condition` holds; fail with `reason` if it never does."""
+    def until(
+        self, reason: str, condition: Callable[[], bool], node: subprocess.Popen | None = None
+    ) -> None:
+        """Return when `condition` holds; else fail with `reason` and the output of `node`."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
-            assert time.monotonic() < deadline, reason
+            if time.monotonic() > deadline:
+                raise AssertionError(f'{reason}\n{stop(node) if node else ""}')
             time.sleep(0.05)
 
     def close(self) -> None:
@@ -88,16 +92,17 @@ def start(module: str, *, namespace: str = '/', **parameters: Any) -> subprocess
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
+        env={**os.environ, 'PYTHONFAULTHANDLER': '1'},
     )
 
 
 def stop(process: subprocess.Popen) -> str:
-    """End a node as Ctrl-C does; return its output."""
+    """End a node as Ctrl-C does; return its output, with its stacks if it does not end."""
     process.send_signal(signal.SIGINT)
     try:
         out, errors = process.communicate(timeout=20)
     except subprocess.TimeoutExpired:
-        process.kill()
+        process.send_signal(signal.SIGABRT)
         out, errors = process.communicate()
     return out + errors
 
@@ -167,7 +172,7 @@ class Asset:
         publishers = (self._states, self._measured, self._clean)
         self._client.until(
             'the trainer has no subscriptions',
-            lambda: all(one.get_subscription_count() for one in publishers),
+            lambda: all(one.get_subscription_count() == 1 for one in publishers),
         )
         time.sleep(1.0)  # discovery is not symmetric: the trainer may not know us yet
 
@@ -197,6 +202,10 @@ class Asset:
             seen[:, HIDDEN] = np.nan
             self.state(begin + start, seen)
             time.sleep(0.02)
+
+    def close(self) -> None:
+        """End the node, so that the next asset is the only one."""
+        self._node.destroy_node()
 
     def finish(self) -> None:
         """Publish the end of the experiment, after the last state has arrived."""

@@ -1,5 +1,9 @@
 """The trainer as a real process: pairs and weights in files, which a restart finds."""
 
+import subprocess
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -20,11 +24,26 @@ FRAMES = 13
 
 
 @pytest.fixture
-def twin(rig_file, tmp_path):
+def node() -> Iterator[Callable[..., subprocess.Popen]]:
+    """Starts nodes, and ends those that still run after the test."""
+    processes = []
+
+    def begin(module: str, **parameters: Any) -> subprocess.Popen:
+        processes.append(start(module, **parameters))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        if process.poll() is None:
+            stop(process)
+
+
+@pytest.fixture
+def twin(node, rig_file, tmp_path):
     """Return a function that starts a trainer with its files in the test's folder."""
 
     def trainer(**parameters):
-        return start(
+        return node(
             'trainer_node',
             rig=rig_file,
             dataset=tmp_path / 'run' / 'pairs',
@@ -36,30 +55,33 @@ def twin(rig_file, tmp_path):
     return trainer
 
 
+@pytest.fixture
+def asset(client, model) -> Iterator[Asset]:
+    asset = Asset(client, model)
+    yield asset
+    asset.close()
+
+
 @pytest.mark.graph
 def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
-    client, rig_file, model, training_frames, unseen_frames, twin, tmp_path
+    client, rig_file, model, training_frames, unseen_frames, node, twin, asset, tmp_path
 ):
     folder, output = tmp_path / 'run' / 'pairs', tmp_path / 'run' / 'model.safetensors'
-    costa = start('costa_node', rig=rig_file, architecture='local')
+    node('costa_node', rig=rig_file, architecture='local')
     trainer = twin(architecture='local')
+    asset.wait_for_trainer()
+    for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
+        asset.experiment(frames, begin, FRAMES)
+    asset.finish()
+    # the solver is started last: pairs wait for it
+    services = offer_solver(client, model)
     try:
-        asset = Asset(client, model)
-        asset.wait_for_trainer()
-        for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
-            asset.experiment(frames, begin, FRAMES)
-        asset.finish()
-        # the solver is started last: pairs wait for it
-        services = offer_solver(client, model)
-        client.until('no model was trained', output.exists)
+        client.until('no model was trained', output.exists, trainer)
         client.until(
             'the new model is not used',
             lambda: client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded,
         )
-        assert len(services) == 2
-    finally:
         report = stop(trainer)
-    try:
         dataset = load_dataset(folder)
         assert len(dataset) == 24, report
         assert len(np.unique(dataset.experiment)) == 2
@@ -78,10 +100,12 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
         client.until(
             'no second training',
             lambda: output.read_bytes() != first_weights or not_used(output).exists(),
+            trainer,
         )
     finally:
-        report = stop(trainer)
-        stop(costa)
+        for service in services:
+            client.solver.destroy_service(service)
+    report = stop(trainer)
     assert f'training pairs in {folder}: 24 so far' in report
     dataset = load_dataset(folder)
     assert len(dataset) == 43, report
@@ -90,21 +114,16 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
     corrective = CorrectiveModel.load(newest)
     assert corrective.architecture.name == 'local'
     assert corrective.provenance['samples'] in (40, 43)
-    for service in services:
-        client.solver.destroy_service(service)
 
 
 @pytest.mark.graph
-def test_a_trainer_that_collects_nothing_says_why(client, model, twin):
+def test_a_trainer_that_collects_nothing_says_why(twin, model, asset):
     trainer = twin()
-    try:
-        asset = Asset(client, model)
-        asset.wait_for_trainer()
-        for number in range(4):
-            asset.state(30.0 * number, np.full(model.grid.shape, np.nan))
-    finally:
-        asset.finish()
-        report = stop(trainer)
+    asset.wait_for_trainer()
+    for number in range(4):
+        asset.state(30.0 * number, np.full(model.grid.shape, np.nan))
+    asset.finish()
+    report = stop(trainer)
     assert '0 training pairs so far; left out: 1 pairs with too little seen' in report
 
 
