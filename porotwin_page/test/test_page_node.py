@@ -43,7 +43,6 @@ from porotwin_page.address import listen
 
 pytestmark = pytest.mark.graph
 
-ENVIRONMENT = {**os.environ, 'PYTHONUNBUFFERED': '1'}
 TIMEOUT_S = 60.0
 
 
@@ -64,7 +63,11 @@ def start_page(address: str, *parameters: str) -> subprocess.Popen:
     for parameter in (f'address:={address}', *parameters):
         command += ['-p', parameter]
     return subprocess.Popen(
-        command, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        command,
+        env={**os.environ, 'PYTHONUNBUFFERED': '1'},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
 
 
