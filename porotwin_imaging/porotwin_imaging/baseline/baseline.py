@@ -36,8 +36,10 @@ from porotwin_imaging.light.colour_correction import ColourReference, colour_ref
 from porotwin_imaging.light.light_check import refuse_grey_baseline
 from porotwin_imaging.light.light_drift import light_drift
 from porotwin_imaging.light.light_references import inside_references
+from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_file import (
+    OVER_EXPOSED,
     DecodedPhoto,
     colour_profile,
     decode,
@@ -52,8 +54,6 @@ _CORNER_SLACK = 0.02
 """Corners of the rig may lie outside the photograph by this share of its width [-]."""
 _FEWEST_CELLS = 4
 """Least columns and rows of a map: the light of a photograph varies over it as a quadratic."""
-_LEAST_SHARE = 1e-3
-"""Usable share of a cell is raised to this before it divides."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Baseline:
 
     def with_dark_sand(self) -> Self:
         """Return the baseline with dark sand usable: a bright fluid shows there, a dark one not."""
-        dark = self.mask.unlit & (self.colours.max(axis=2) < BASELINE_MASK.over_exposed)
+        dark = self.mask.unlit & (self.colours.max(axis=2) < OVER_EXPOSED)
         sand = ~(self.mask.checker | self.mask.water | self.mask.objects)
         usable = (self.usable > 0) | (dark & sand)
         share = self.sampling.cell_means(usable.astype(np.float32))
@@ -122,7 +122,7 @@ class Baseline:
     def sand_appearance(self) -> tuple[Array, Array]:
         """Return linear colours (nz, nx, 3) and texture (nz, nx) of the cells, to segment sands."""
         usable = self.usable.astype(np.float32)
-        share = np.maximum(self.sampling.cell_means(usable), _LEAST_SHARE)
+        share = np.maximum(self.sampling.cell_means(usable), SMALLEST_DIVISOR)
         colours = self.colours * usable[..., None]
         rough = texture(self.colours).astype(np.float32) * usable
         return (
@@ -353,7 +353,7 @@ def _remarks_on_exposure(colours: Array) -> list[str]:
     Raises:
         InputError: too much of the rig is over-exposed.
     """
-    clipped = colours.max(axis=2) >= BASELINE_MASK.over_exposed
+    clipped = colours.max(axis=2) >= OVER_EXPOSED
     share = float(clipped.mean())
     if share > VALIDITY.most_over_exposed:
         raise InputError(
