@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.geometry.orientation import UPRIGHT, orientation
 from porotwin_core.rig import Camera, Rig
@@ -36,7 +37,6 @@ from porotwin_imaging.light.colour_correction import ColourReference, colour_ref
 from porotwin_imaging.light.light_check import refuse_grey_baseline
 from porotwin_imaging.light.light_drift import light_drift
 from porotwin_imaging.light.light_references import inside_references
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_file import (
     OVER_EXPOSED,
@@ -50,7 +50,7 @@ from porotwin_imaging.tracer.calibration import Calibration
 
 Array = NDArray[Any]
 
-_CORNER_SLACK = 0.02
+CORNER_SLACK = 0.02
 """Corners of the rig may lie outside the photograph by this share of its width [-]."""
 _FEWEST_CELLS = 4
 """Least columns and rows of a map: the light of a photograph varies over it as a quadratic."""
@@ -249,7 +249,7 @@ def _decode(data: bytes, size: tuple[int, int] | None, reduction: int) -> Decode
 def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
     """Raise InputError if the corners of the rig lie outside the photograph."""
     corners = np.array(camera.corners_px)
-    slack = _CORNER_SLACK * size[0]
+    slack = CORNER_SLACK * size[0]
 
     def outside(width: int, height: int) -> bool:
         return bool((corners < -slack).any() or (corners > np.array([width, height]) + slack).any())

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums, CellSums
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.numerics.row_bands import row_bands
 from porotwin_imaging.smoothing.map_deviation import NOISE
 

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 

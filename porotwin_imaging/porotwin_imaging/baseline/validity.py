@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.baseline.thin_objects import thin_objects
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]

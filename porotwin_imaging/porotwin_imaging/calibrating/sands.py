@@ -68,8 +68,6 @@ class SandSettings:
     """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
     described_share: float = 0.008
     """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
-    most_described: int = 12
-    """More permeabilities than this are no sands but a field."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and the inverse of the smallest."""
 

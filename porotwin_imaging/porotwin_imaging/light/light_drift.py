@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.numerics.row_bands import row_bands
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY, visible_means
 from porotwin_imaging.light.light_drift import LIGHT
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
 
 

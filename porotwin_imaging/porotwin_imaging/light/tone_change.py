@@ -27,10 +27,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, light_drift
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 

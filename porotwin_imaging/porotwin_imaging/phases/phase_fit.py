@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.phases.colour_change import Box, ColourChange
 from porotwin_imaging.phases.phase_colours import (
     CHANNELS,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.measures.plume_measures import SMALLEST_PART, contour_length
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.phases.phase_colours import UNKNOWN
 from porotwin_imaging.phases.phase_segmentation import PhaseMap
 

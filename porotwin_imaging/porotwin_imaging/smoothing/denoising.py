@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.numerics.row_bands import by_bands
 from porotwin_imaging.smoothing.total_variation import fill, total_variation_denoising
 

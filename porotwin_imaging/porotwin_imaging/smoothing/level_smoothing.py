@@ -23,9 +23,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.geometry.sampling import SAMPLING
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 
 
 @dataclass(frozen=True)

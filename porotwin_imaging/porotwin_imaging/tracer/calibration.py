@@ -32,12 +32,12 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import QUOTED, Remark
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import yaml_text
 from porotwin_imaging.photograph.photo_file import photo_size
-from porotwin_imaging.tracer.calibration_keys import SHOWN, read_content
+from porotwin_imaging.tracer.calibration_keys import read_content
 from porotwin_imaging.tracer.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
@@ -359,7 +359,7 @@ def _number(key: str, value: Any, low: float, high: float) -> float:
         InputError: it is no number, or not between `low` and `high`.
     """
     if type(value) not in (int, float) or not low <= value <= high:
-        said = f'{value!r}'[:SHOWN]
+        said = f'{value!r}'[:QUOTED]
         raise InputError(f'{key}: {said} is no number from {low:g} to {high:g}; calibrate again')
     return float(value)
 

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.sampling import SAMPLING
-from porotwin_imaging.numerics.floors import SMALLEST_DIVISOR
 from porotwin_imaging.tracer.calibration import Calibration
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
