@@ -22,6 +22,7 @@ from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
+    REPORT_S,
     TwinNode,
     declare,
     declare_grid,
@@ -56,9 +57,6 @@ RETRY_S = 2.0
 
 TIMER_S = 0.5
 """Time between two looks for work [s]."""
-
-REPORT_S = 60.0
-"""Shortest time between two reports of pairs left out [s]."""
 
 
 class TrainerNode(TwinNode):

@@ -14,7 +14,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.parallel import crew
+from porotwin_core.basis.parallel import MOST_WORKERS, YIELDING, crew
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.ros import conversions
 from porotwin_core.ros.from_messages import path_from_msg
@@ -40,14 +40,9 @@ from porotwin_recording.experiment.bag import origin_of_state
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_solver.model.presets import PRESETS
 
-NICENESS = 10
-"""Increase of the process's nice value: the diagnosis uses only time that the twin leaves."""
-
 FIRST_ESTIMATE = 0.02
 """Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
 
-MOST_WORKERS = 64
-"""Simulations at a time; more than any laboratory machine has cores."""
 
 THREADS = 3
 """One thread diagnoses, one listens to topics, one refuses a second goal."""
@@ -255,7 +250,7 @@ class _Feedback:
 
 def main() -> None:
     """Run the node at a low priority."""
-    os.nice(NICENESS)  # before any thread starts, because each inherits the value
+    os.nice(YIELDING)  # before any thread starts, because each inherits the value
     run(only_one(DiagnosisNode, 'diagnosis'), threads=THREADS)
 
 

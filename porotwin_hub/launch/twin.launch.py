@@ -15,9 +15,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from porotwin_core.basis.parent import PARENT, WRONG_PARAMETERS
 from porotwin_hub.launching.graph import GraphSettings, description_of, live_graph
-
-RESTART_PAUSE_S = 1.0
-"""Pause before a node that ended is started again [s]."""
+from porotwin_hub.launching.processes import RESTART_PAUSE_S
 
 
 def converted(text: str, hint: object) -> object:

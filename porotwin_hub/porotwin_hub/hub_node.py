@@ -24,6 +24,7 @@ from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import (
+    REPORT_S,
     Diagnostics,
     TwinNode,
     declare,
@@ -65,9 +66,6 @@ from porotwin_msgs.msg import WellRates as WellRatesMessage
 
 SIMULATED_PATIENCE_S = 60.0
 """Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
-
-REPORT_S = 60.0
-"""Shortest time between two lines about the same doubt [s]."""
 
 
 class HubNode(TwinNode):

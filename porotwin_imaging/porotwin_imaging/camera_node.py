@@ -10,6 +10,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.basis.remark import Remark
+from porotwin_core.clock.photo_interval import SILENT_INTERVALS
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import CAMERA_FRAME, header_at
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_photo_interval, run
@@ -34,8 +35,6 @@ TICK_S = 0.25
 """Time between two looks at the schedule [s]."""
 LONGEST_POLL_S = 60.0
 """A poll that takes longer [s] hangs, as on a network share that does not answer."""
-SILENT_INTERVALS = 2.0
-"""Intervals without a photograph after which people are warned."""
 
 
 class CameraNode(TwinNode):

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import time_in_words
 from porotwin_core.ros.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
 from porotwin_core.ros.following import Writers
@@ -29,8 +29,6 @@ from porotwin_imaging.photograph.sent_photos import digest_of
 from porotwin_imaging.tracer.calibration import load_calibration
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
-LONGEST_GAP_S = 7 * DAY_S
-"""No experiment has pauses longer than a week [s]."""
 LONGEST_WORK_S = 300.0
 """One photograph takes a second, and a minute with kernels to compile on a busy computer [s]."""
 

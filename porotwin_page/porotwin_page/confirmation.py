@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import QUOTED
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
+from porotwin_core.rates.rates_in_force import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
@@ -23,14 +25,10 @@ UNKNOWN_RIG_FACTOR = 10.0
 LEAST_BOUND_ML_H = 1000.0
 """Bound of plausible rates where the wells are all off and the rig is not known [ml/h]."""
 
-ROUND_OFF_ML_H = 1e-3
-"""A browser receives rates with six digits; smaller differences are none [ml/h]."""
 
 BALANCE_ML_H = 0.0501
 """Round-off of one rate at a pump's display of 0.1 ml/h; allowed once per well [ml/h]."""
 
-LONGEST_VALUE = 40
-"""Characters of a wrong value that a refusal repeats."""
 
 FAR_OFF = 3.0
 """Factor between an entered and a fixed rate above which it is probably a slip of the unit."""
@@ -130,7 +128,7 @@ def _short(value: object) -> str:
         text = str(value)
     except ValueError:  # a whole number of thousands of digits
         return 'with too many digits'
-    return text if len(text) <= LONGEST_VALUE else f'{text[:LONGEST_VALUE]}…'
+    return text if len(text) <= QUOTED else f'{text[:QUOTED]}…'
 
 
 def _setpoint(snapshot: GraphSnapshot, sequence: object) -> Setpoint:

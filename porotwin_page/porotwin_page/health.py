@@ -1,6 +1,6 @@
 """The health of the nodes, in words."""
 
-from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import SILENT_INTERVALS, USUAL_PHOTO_INTERVAL_S
 from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
 from porotwin_page.json_values import Json, finite
 
@@ -13,8 +13,6 @@ SILENT_AFTER_S = 10.0
 SILENT_GAPS = 3.0
 """A node that reports less often is silent after so many times the time between its reports."""
 
-SILENT_INTERVALS = 2.0
-"""A node is silent after so many intervals between photographs."""
 
 _ORDER = {'error': 0, 'silent': 1, 'warn': 2}
 _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}

@@ -4,6 +4,9 @@ from typing import Any, NamedTuple
 
 from porotwin_core.basis.errors import InputError
 
+LONGEST_ANSWER_S = 60.0
+"""Longest wait until an accepted effect acts [s]; a large model takes ten to change."""
+
 LARGEST_NUMBER = 2**64 - 1
 """Largest number that a message can carry (uint64)."""
 

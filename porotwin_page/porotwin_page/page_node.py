@@ -48,7 +48,7 @@ from porotwin_page import address, graph_snapshot
 from porotwin_page.access import Access, new_token, parse_hosts, token_in
 from porotwin_page.confirmation import Confirmation
 from porotwin_page.expectation import Expectation, plume_outlines
-from porotwin_page.mend_answer import MendAnswer
+from porotwin_page.mend_answer import LONGEST_ANSWER_S, MendAnswer
 from porotwin_page.past_states import MOST_STATES, PastStates
 from porotwin_page.rigs import RigList, announce, named_pages
 from porotwin_page.server import (
@@ -83,8 +83,6 @@ OFFER_STATES = {
 }
 """States of an offer in words."""
 
-MEND_TIMEOUT = 60.0
-"""Longest wait until an accepted effect acts [s]; a large model takes ten to change."""
 
 ANSWER_TIMEOUT = 20.0
 """Longest wait for the outlook of proposed rates [s]; the siblings take about a second."""
@@ -420,10 +418,10 @@ class PageNode(TwinNode):
         if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        response = twin_answer_within(self, client, request, MEND_TIMEOUT, look=self._go_on)
+        response = twin_answer_within(self, client, request, LONGEST_ANSWER_S, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(
-                f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
+                f'the mend node did not answer within {LONGEST_ANSWER_S:g} s; try again'
             )
         if response.outcome.code != Outcome.OK:
             raise InputError(response.outcome.message)

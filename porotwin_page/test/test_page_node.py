@@ -40,6 +40,7 @@ from porotwin_msgs.msg import (
 from porotwin_msgs.srv import AnswerMend, ConfirmRates
 from porotwin_page import page_node
 from porotwin_page.address import listen
+from porotwin_page.mend_answer import LONGEST_ANSWER_S
 
 pytestmark = pytest.mark.graph
 
@@ -423,7 +424,7 @@ def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) ->
 
     def answer(_: AnswerMend.Request, response: AnswerMend.Response) -> AnswerMend.Response:
         asked.set()
-        told.wait(page_node.MEND_TIMEOUT)
+        told.wait(LONGEST_ANSWER_S)
         return response
 
     def ask() -> None:
@@ -438,7 +439,7 @@ def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) ->
         asking.start()
         assert asked.wait(TIMEOUT_S)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=page_node.MEND_TIMEOUT / 2)
+        output, _ = process.communicate(timeout=LONGEST_ANSWER_S / 2)
         assert process.returncode == 0, output
     told.set()
     asking.join()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from porotwin_core.model.blind_draw import SMALL_WIDTH_M
 from porotwin_core.rig import Camera, Rig
 
 FloatArray = NDArray[np.floating]
@@ -24,8 +25,6 @@ CHART_WIDTH = 0.105
 CHART_HEIGHT = CHART_WIDTH * 4.0 / 6.0
 """Height of its four rows of patches [m]."""
 
-SMALL_WIDTH_M = 0.934
-"""Width of the paper's small rig [m]; frames and charts grow with the rig from this width on."""
 
 TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_stretch')
 """Names of the terms of the published curvature correction."""

@@ -7,14 +7,9 @@ import math
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE, ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Control, Rig
-
-_ROUND_OFF_ML_H = 1e-3
-"""Rates that differ by less are equal [ml/h]: messages are rounded, and no pump is that exact."""
-
-_ROUND_OFF_CONCENTRATION = 1e-6
-"""Concentrations that differ by less are equal."""
 
 
 def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
@@ -31,34 +26,34 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
         return
     commanded = {name: to_ml_h(rates.get(name, WellRate()).rate) for name in rig.wells}
     for name in control.wells:
-        if not -_ROUND_OFF_ML_H <= commanded[name] <= control.max_rate_ml_h + _ROUND_OFF_ML_H:
+        if not -ROUND_OFF_ML_H <= commanded[name] <= control.max_rate_ml_h + ROUND_OFF_ML_H:
             raise InputError(
                 f"well '{name}': rate {commanded[name]:.1f} ml/h lies outside 0 to "
                 f'{control.max_rate_ml_h:.1f} ml/h; see rig.yaml'
             )
     total = math.fsum(commanded[name] for name in control.wells)
-    if total > control.max_total_rate_ml_h + _ROUND_OFF_ML_H:
+    if total > control.max_total_rate_ml_h + ROUND_OFF_ML_H:
         raise InputError(
             f'control wells inject {total:.1f} ml/h together, more than '
             f'{control.max_total_rate_ml_h:.1f} ml/h; see rig.yaml'
         )
     for name, fixed in control.fixed.items():
-        rests = bool(fixed.pauses_min) and abs(commanded[name]) <= _ROUND_OFF_ML_H
-        if not rests and abs(commanded[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
+        rests = bool(fixed.pauses_min) and abs(commanded[name]) <= ROUND_OFF_ML_H
+        if not rests and abs(commanded[name] - fixed.rate_ml_h) > ROUND_OFF_ML_H:
             raise InputError(
                 f"well '{name}': rate {commanded[name]:.1f} ml/h; it must stay at "
                 f'{fixed.rate_ml_h:.1f} ml/h'
             )
     if control.producer is not None and control.max_producer_rate_ml_h is not None:
         taken = -commanded[control.producer]
-        if taken > control.max_producer_rate_ml_h + _ROUND_OFF_ML_H:
+        if taken > control.max_producer_rate_ml_h + ROUND_OFF_ML_H:
             raise InputError(
                 f"well '{control.producer}': takes out {taken:.1f} ml/h, more than "
                 f'{control.max_producer_rate_ml_h:.1f} ml/h; see rig.yaml'
             )
     _refuse_wrong_roles(control, rates)
     net = net_rate(rates)
-    if control.producer is not None and abs(to_ml_h(net)) > _ROUND_OFF_ML_H:
+    if control.producer is not None and abs(to_ml_h(net)) > ROUND_OFF_ML_H:
         raise InputError(f'{net_rate_words(net)}; with a producer they must balance')
 
 
@@ -66,7 +61,7 @@ def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
     """Refuse wells that pump without a role, and wells that inject the wrong fluid."""
     roles = {*control.wells, *control.fixed, control.producer}
     for name, well in rates.items():
-        if abs(to_ml_h(well.rate)) <= _ROUND_OFF_ML_H:
+        if abs(to_ml_h(well.rate)) <= ROUND_OFF_ML_H:
             continue
         if name not in roles:
             raise InputError(
@@ -74,7 +69,7 @@ def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
                 'see rig.yaml'
             )
         fluid = control.fixed[name].concentration if name in control.fixed else 0.0
-        if well.rate > 0.0 and abs(well.concentration - fluid) > _ROUND_OFF_CONCENTRATION:
+        if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
             raise InputError(
                 f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
             )

@@ -16,8 +16,8 @@ from porotwin_recording.tables.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
 SETTLE_S = 4.0
-"""Wait after the first subscriber [s]: DDS may match its side of the connection later. Fast DDS
-repeats an announcement that a busy machine lost after 3 s."""
+"""Wait after subscribers and nodes are there [s]: DDS may match their side of the connection later.
+Fast DDS repeats an announcement that a busy machine lost after 3 s."""
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 

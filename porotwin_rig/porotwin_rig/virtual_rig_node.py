@@ -41,6 +41,7 @@ from porotwin_msgs.srv import Control, Ping
 from porotwin_recording.tables.concentration import ConcentrationWriter
 from porotwin_rig.camera import camera_before
 from porotwin_rig.effects import EFFECTS, parse_effects
+from porotwin_rig.mock_camera_node import SETTLE_S
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
 from porotwin_rig.session import AssetSession, parse_speed
@@ -48,10 +49,6 @@ from porotwin_rig.virtual_rig import VirtualRig
 
 CLOCK_PERIOD_S = 0.2
 """Wall time between repetitions of /clock [s], for nodes that start late."""
-
-SETTLE_S = 4.0
-"""Wait after all nodes are there [s]: recorders and subscribers may connect a little later. Fast
-DDS repeats an announcement that a busy machine lost after 3 s."""
 
 
 class VirtualRigNode(TwinNode):

@@ -7,7 +7,7 @@ from typing import Any
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
-from porotwin_core.model.effect_parameter import Parameter
+from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS, Parameter
 from porotwin_solver.effects import effect
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_solver.effects.definition.effect import Scope
@@ -15,8 +15,6 @@ from porotwin_solver.effects.definition.effect import Scope
 LEAST_SHARE = 0.1
 """Share of the diagnosed value, counted from the bound of its range, that a drawn one keeps."""
 
-INTERVAL_DEVIATIONS = 3.29
-"""Width of an interval of 90 % of a normal distribution, in standard deviations."""
 
 OF_THE_RIG = (Scope.RIG, Scope.WELL, Scope.PLACE)
 """Scopes of effects that siblings can have."""

@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.parallel import LastingCrew, ThreadCrew, crew
+from porotwin_core.basis.parallel import MOST_WORKERS, YIELDING, LastingCrew, ThreadCrew, crew
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
@@ -65,9 +65,6 @@ from porotwin_siblings.siblings_messages import (
 )
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
-NICENESS = 10
-"""Nice value of the threads that learn: they use only time that the twin leaves."""
-
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
 
@@ -79,9 +76,6 @@ SETPOINT_WAIT_S = 3.0
 
 THREADS = 4
 """One thread listens, two answer questions, one is spare for the parameters."""
-
-MOST_WORKERS = 64
-"""Threads; more than any laboratory machine has cores."""
 
 
 class _Arrived(NamedTuple):
@@ -453,7 +447,7 @@ def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any])
 
 def _be_patient() -> None:
     """Lower the priority of this thread; Linux keeps one for each."""
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELDING)
 
 
 def main() -> None:

@@ -24,7 +24,8 @@ from scipy.ndimage import median_filter
 from porotwin_checks.known import Known, Maps
 from porotwin_checks.tracer_errors import SCALE, believed_change
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule
@@ -41,11 +42,6 @@ both simulators were found, and one map of one recording was told wrongly."""
 MOST_MISPLACED = 4
 """Most maps that are out of place. More are the rule, such as light that flickers, and no slip."""
 
-TINY = 1e-12
-"""Least distance of two maps that is no division by zero."""
-
-NAMED = 3
-"""Maps that a remark names."""
 
 WORDS = (
     '{count} of {maps} maps fit neither the map before nor the one after them: {named}; were files '
@@ -152,7 +148,7 @@ def _flows_evenly(rates: Schedule | None, start: float, end: float) -> bool:
 def _ratios(maps: Iterable[FloatArray]) -> Iterator[float]:
     """Yield r(k) of every map between the first and the last; 0 where nothing moves."""
     for (before, frame), (_, after) in pairwise(pairwise(maps)):
-        yield _norm(frame - 0.5 * (before + after)) / max(_norm(after - before), TINY)
+        yield _norm(frame - 0.5 * (before + after)) / max(_norm(after - before), SMALLEST_DIVISOR)
 
 
 def _norm(values: FloatArray) -> float:

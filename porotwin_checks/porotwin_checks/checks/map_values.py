@@ -6,13 +6,14 @@ import numpy as np
 
 from porotwin_checks.known import VISIBLE_TRACER, Known
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.other_unit import PERCENT
 from porotwin_core.basis.remark import Remark
 
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
 
-LEAST_PERCENT, MOST_PERCENT = 10.0, 130.0
-"""Values between which a map is probably in percent; above, it is a picture."""
+LEAST_PERCENT = 10.0
+"""Largest value from which a map is probably in percent; far above 100, it is a picture."""
 
 FEW_CELLS = 1e-3
 """Share of the cells of maps that are single ones."""
@@ -37,7 +38,7 @@ def _find(known: Known) -> Iterator[Remark]:
     largest = float(np.nanmax(values))
     if largest > MOST_STOCK:
         code, remedy = 'no_stock', 'scale the maps'
-        if largest > MOST_PERCENT:
+        if largest > MOST_STOCK * PERCENT:
             remedy = 'are these grey values of pictures? Make maps with image, or scale them'
         elif largest > LEAST_PERCENT:
             remedy = 'was this in percent? 1 is the tracer stock'

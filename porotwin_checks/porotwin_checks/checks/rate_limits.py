@@ -7,12 +7,11 @@ from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.rates_in_force import ROUND_OFF_ML_H
 
 SAME_RATE = 0.005
 """Relative difference of a rate from the described one that rounding of units makes."""
 
-STEP_TOLERANCE_ML_H = 1e-3
-"""Difference from a step of the pump that is rounding [ml/h]: far below any display."""
 
 REMEDY = 'compare rates.csv with the control section of rig.yaml'
 ROUND = 'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it'
@@ -44,7 +43,7 @@ def _find(known: Known) -> Iterator[Remark]:
             remark = Remark(f'rates.csv: well {row.well}', f'{rate:g} ml/h', why, REMEDY)
             odd.setdefault(row.well, remark)
         beside = abs(math.remainder(rate, control.rate_step_ml_h))
-        if row.well in control.wells and beside > STEP_TOLERANCE_ML_H:
+        if row.well in control.wells and beside > ROUND_OFF_ML_H:
             off.append((row.time, f'{row.well} {rate:.6g} ml/h'))
     yield from odd.values()
     for time in dict.fromkeys(row.time for row in commanded.rows):

@@ -34,6 +34,7 @@ from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
+from porotwin_imaging.baseline.baseline import CORNER_SLACK
 from porotwin_imaging.baseline.corner_check import KEY, odd_corners
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.jpeg_file import JPEG_START
@@ -56,8 +57,6 @@ from porotwin_solver.model.prediction_cost import (
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
-OUTSIDE_PHOTOGRAPH = 0.02
-"""Distance of a corner beyond the edge of a photograph that is odd, over its width."""
 
 FAR_OUTSIDE = 0.5
 """The same distance, too large for corners of this photograph."""
@@ -457,7 +456,7 @@ def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
     corners, extent = np.array(rig.camera.corners_px), np.array(size)
     beyond = float(np.max(np.maximum(-corners, corners - extent)))
     shown = f'{name} of {size[0]} x {size[1]} px'
-    if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
+    if beyond > CORNER_SLACK * size[0]:
         why = f'a corner lies {beyond:.0f} px outside {shown}'
         remedy = 'were they read in a copy of another size? correct them'
         yield Remark(KEY, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])

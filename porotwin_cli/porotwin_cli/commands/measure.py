@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_checks.checks.tracer_amount import LEAST_SEEN
 from porotwin_cli.options.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
+from porotwin_core.clock.stamps import SAME_MOMENT_S
 
 if TYPE_CHECKING:
     from porotwin_core.geometry.grid import FloatArray, Grid
@@ -32,10 +34,6 @@ SHOWN = (
 """Columns that are printed; the file and --json hold all."""
 MOST_ROWS = 40
 """Most maps in a table on a terminal: about one screen."""
-SAME_TIME_S = 1.0
-"""Maps of two recordings within this belong together [s]."""
-LEAST_SEEN = 0.95
-"""Share of the cells with a value below which a map is told to hide a part of the rig [-]."""
 MOST_STOCK = 1.5
 """Median of a plume above which its scale is doubted [-]: 1 is stock, light lifts it a little."""
 
@@ -80,8 +78,8 @@ def command(
     rows = _rows(description, found, other, level, side)
     if other is not None and all(_at(other, float(time)) is None for time in found.times):
         say(
-            f'{against}: no map within {SAME_TIME_S:g} s of one of {maps}, so that no distance is '
-            f'known; it covers {other.times[0]:g} to {other.times[-1]:g} s, {maps} '
+            f'{against}: no map within {SAME_MOMENT_S:g} s of one of {maps}, so that no distance '
+            f'is known; it covers {other.times[0]:g} to {other.times[-1]:g} s, {maps} '
             f'{found.times[0]:g} to {found.times[-1]:g} s; compare their clocks'
         )
     if found.origin.calibrated is False:
@@ -247,7 +245,7 @@ def _at(maps: 'ConcentrationMaps', time: float) -> Any:
     from porotwin_imaging.measures.plume_measures import plume_alone
 
     index = int(abs(maps.times - time).argmin())
-    if abs(maps.times[index] - time) > SAME_TIME_S:
+    if abs(maps.times[index] - time) > SAME_MOMENT_S:
         return None
     deviation = None if maps.deviation is None else maps.deviation[index]
     return plume_alone(maps[index], maps.grid, deviation)

@@ -11,9 +11,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short, said
 from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
-
-MOST_OFFER = 2**64 - 1
-"""Largest number of an offer in its message."""
+from porotwin_page.mend_answer import LARGEST_NUMBER
 
 
 class Answer(StrEnum):
@@ -45,7 +43,7 @@ def command(
     """
     from porotwin_cli.running.live_mend import MendDesk
 
-    if offer is not None and offer > MOST_OFFER:
+    if offer is not None and offer > LARGEST_NUMBER:
         raise InputError(
             f'offer {offer}: no offer has this number; ./porotwin mend shows the newest one'
         )

@@ -12,6 +12,7 @@ from porotwin_cli.options.output_files import one_call_for_each_output, write_ro
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import SAME_MOMENT_S
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 SHOWN = ('time_s', 'phase', 'area_m2', 'doubt_m2', 'pores_ml', 'contour_m', 'x_m', 'z_m', 'parts')
 """Columns of the table."""
 
-SAME_TIME_S = 1.0
-"""A photograph within this of the time of a box is the one that is meant [s]."""
 
 TRACER = (
     'is this tracer? everything that changed is darker in all colours: a dye does that, but an '
@@ -173,7 +172,7 @@ def _tell_times(boxes: 'dict[int, list[Box]]', times: 'list[float]') -> None:
                 continue
             time = box.time
             nearest = min(times, key=lambda each: abs(each - time))
-            if abs(nearest - time) > SAME_TIME_S:
+            if abs(nearest - time) > SAME_MOMENT_S:
                 say(
                     f'{PHASES[phase]} {box}: there is no photograph at {time:g} s; that at '
                     f'{nearest:g} s is taken'

@@ -7,10 +7,8 @@ from itertools import groupby
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import NAMED
 from porotwin_recording.tables.photos import Photo
-
-_MOST_TOLD = 3
-"""Runs of equal photographs that are told one by one."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class PhotoDigests:
 
 def told(runs: Sequence[SameFiles]) -> Iterator[str]:
     """Yield the lines about equal photographs: the first runs, and how many there are more."""
-    yield from map(str, runs[:_MOST_TOLD])
-    if len(runs) > _MOST_TOLD:
-        count = sum(run.count for run in runs[_MOST_TOLD:])
-        yield f'{len(runs) - _MOST_TOLD} more such rows with {count} equal photographs'
+    yield from map(str, runs[:NAMED])
+    if len(runs) > NAMED:
+        count = sum(run.count for run in runs[NAMED:])
+        yield f'{len(runs) - NAMED} more such rows with {count} equal photographs'

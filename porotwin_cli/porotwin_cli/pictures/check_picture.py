@@ -18,16 +18,14 @@ from matplotlib.patches import Circle, Patch
 
 from porotwin_cli.checking.rig_check import CheckedRig
 from porotwin_cli.options.output_files import maker
-from porotwin_cli.pictures.rig_drawing import ZONE_STYLES, draw_zones
+from porotwin_cli.pictures.rig_drawing import DPI, ZONE_STYLES, draw_zones
 from porotwin_core.basis.errors import InputError, writing
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.rig.control_zones import control_zones
+from porotwin_core.rig.sand_interfaces import MOST_SANDS
 from porotwin_imaging.geometry.corners_and_lens import Geometry
-
-DPI = 120
-"""Resolution of the picture [dots per inch]."""
 
 WIDTH_IN = 10.0
 """Width of the picture [inches]."""
@@ -38,8 +36,6 @@ SAND = plt.get_cmap('YlOrBr')
 SHADES = (0.03, 0.6)
 """Part of the colours that is used: names and zones are still seen on the darkest."""
 
-MOST_SANDS = 12
-"""Most permeabilities with a shade of their own; more are the values of a map."""
 
 SHADED_PERCENTILES = (2.0, 98.0)
 """Percentiles of a map of permeabilities between which the shades are spread."""

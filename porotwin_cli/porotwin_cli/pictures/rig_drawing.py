@@ -40,7 +40,8 @@ ZONE_STYLES: dict[ZoneKind, tuple[str, str | None]] = {
 UNSEEN = '#b8b8b8'
 """Colour of cells without a value."""
 
-DPI = 110
+
+DPI = 120
 """Resolution of the pictures [dots per inch]."""
 
 PANEL_WIDTH = 4.2

@@ -41,6 +41,7 @@ from porotwin_hub.launching.graph import (
     supervised,
     twin_nodes,
 )
+from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_page.address import listen, settled
 from porotwin_recording.tables.concentration import open_maps
@@ -82,8 +83,6 @@ MENDING_S = 200.0
 LONGEST_DIAGNOSIS_S = 300.0
 """Longest time that the virtual rig waits for a diagnosis [s]."""
 
-POLL_S = 0.5
-"""Time between two looks at the nodes [s]."""
 
 STALL_S = 120.0
 """Longest time without a cycle beside the time between two photographs [s]."""

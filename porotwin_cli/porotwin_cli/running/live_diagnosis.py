@@ -13,17 +13,15 @@ from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short
 from porotwin_hub.launching.graph import NAMESPACE
+from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
 
 SEARCH_S = 10.0
-"""Longest search for the diagnosis node of the graph [s]."""
+"""Longest search for a node of the graph [s]."""
 
 LAST_ANSWER_S = 2.0
-"""Wait for an answer that was sent just before the node ended [s]."""
-
-POLL_S = 0.2
-"""Time between two looks for an answer [s]; short, so that Ctrl-C works."""
+"""Wait for what a node has sent already [s]: a latched offer, or an answer just before its end."""
 
 
 class Server(Protocol):

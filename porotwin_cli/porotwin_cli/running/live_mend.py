@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Self
 
+from porotwin_cli.running.live_diagnosis import LAST_ANSWER_S, SEARCH_S
 from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
@@ -16,15 +17,7 @@ from porotwin_core.ros.senders import check_servers
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
-
-SEARCH_S = 10.0
-"""Longest search for the mend node of the graph [s]."""
-
-OFFER_S = 2.0
-"""Longest wait for the newest offer once the node is found [s]: it is latched."""
-
-ANSWER_S = 60.0
-"""Longest wait for the answer of the mend node [s]; a large model takes ten to change."""
+from porotwin_page.mend_answer import LONGEST_ANSWER_S
 
 STATES = {
     MendOffer.OFFERED: 'offered',
@@ -97,7 +90,7 @@ class MendDesk:
 
     def offer(self) -> OfferShown | None:
         """Return the newest offer; None if nothing has been offered."""
-        self._arrived.wait(OFFER_S)
+        self._arrived.wait(LAST_ANSWER_S)
         newest = self.newest
         if newest is None:
             return None
@@ -119,10 +112,12 @@ class MendDesk:
         """
         check_servers(self._node, self._client.srv_name)
         future = self.send(sequence, accept=accept)
-        deadline = time.monotonic() + ANSWER_S
+        deadline = time.monotonic() + LONGEST_ANSWER_S
         while not future.done():
             if time.monotonic() > deadline:
-                raise WorkFailed(f'the mend node did not answer within {ANSWER_S:g} s; try again')
+                raise WorkFailed(
+                    f'the mend node did not answer within {LONGEST_ANSWER_S:g} s; try again'
+                )
             time.sleep(0.05)
         check_servers(self._node, self._client.srv_name)
         outcome = future.result().outcome

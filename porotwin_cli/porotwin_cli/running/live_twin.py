@@ -10,6 +10,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_hub.launching.graph import GraphSettings, live_graph
+from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_imaging.tracer.calibration import load_calibration
@@ -27,9 +28,6 @@ FIRST_PHOTOGRAPH = (
     'imaging.csv'
 )
 """A person has to know this before the first photograph."""
-
-POLL_S = 0.5
-"""Time between two looks at the nodes [s]."""
 
 
 def check_early(settings: GraphSettings, rig: Rig, grid: Grid) -> None:

@@ -8,6 +8,7 @@ from scipy.integrate import trapezoid
 
 from porotwin_cli.running.loop_scenario import LoopScenario, PumpFault
 from porotwin_core.basis.units import ML
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate, WellRates, mean_rates
 from porotwin_hub.control.setpoint_limits import Limits
@@ -16,9 +17,6 @@ from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
-
-ROUND_OFF_S = 1e-6
-"""Times that differ by less are the same [s]."""
 
 Eyes = Callable[[VirtualRig], Observation]
 """Returns the map that the twin sees of a rig now."""
@@ -71,7 +69,7 @@ class LoopRig:
     @property
     def is_over(self) -> bool:
         """Whether the experiment has ended."""
-        return self.time >= self._scenario.end - ROUND_OFF_S
+        return self.time >= self._scenario.end - SAME_STAMP_S
 
     def seen(self, eyes: Eyes) -> Observation:
         """Return the map that the twin sees now."""

@@ -15,6 +15,7 @@ from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
+from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
@@ -44,8 +45,6 @@ LEAST_HORIZON_S = 1800.0
 MOST_PHOTOGRAPHS = 200
 """Most maps that are learnt from; of a longer recording they are evenly spread."""
 
-SAME_MOMENT_S = 1.0
-"""A photograph that was taken so much later is still from the moment itself [s]."""
 
 NO_ZONE = (
     'rig.yaml names no zone that tracer must stay out of (control.zone): the picture compares the '

@@ -36,6 +36,12 @@ Tell = Callable[[str], None]
 TASK_BYTES = 1_000_000_000
 """Memory of one task where the caller knows no better [B]: a simulation with its libraries."""
 
+MOST_WORKERS = 64
+"""Workers, or threads, that a node accepts: more than any laboratory machine has cores."""
+
+YIELDING = 10
+"""Nice value of work that uses only the time that the twin leaves."""
+
 CONNECT_S = 10.0
 """How long to wait for a scheduler that does not answer [s]."""
 

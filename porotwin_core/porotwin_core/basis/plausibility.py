@@ -9,11 +9,8 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_core.basis.units import DARCY, GRAVITY, ML_H
-
-MOST_GUESSES = 3
-"""Most other units that a remark asks for."""
 
 CORRECT = 'correct the number'
 """Remedy for a value that no other unit explains."""
@@ -68,7 +65,7 @@ class PlausibleRange:
             (name, f'{value:g} {name} = {value * factor:.3g}{unit}')
             for name, factor in self.other_units
             if low <= value * factor <= high
-        ][:MOST_GUESSES]
+        ][:NAMED]
         if not fitting:
             return self.below if value < low else CORRECT
         names, equations = zip(*fitting, strict=True)

@@ -4,6 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+NAMED = 3
+"""Things of one kind that a remark names; more would hide the reason."""
+
+QUOTED = 40
+"""Characters of a wrong value that a message repeats."""
+
 
 @dataclass(frozen=True)
 class Remark:

@@ -14,3 +14,9 @@ and nothing is predicted over it. A few lost photographs are no interruption."""
 
 VALIDITY_INTERVALS = 3
 """Photo intervals that a setpoint is valid: two photographs may be lost before control ends."""
+
+LONGEST_GAP_S = 7 * DAY_S
+"""No experiment has pauses longer than a week [s]."""
+
+SILENT_INTERVALS = 2.0
+"""Photo intervals without a photograph, or a report, after which people are warned."""

@@ -21,7 +21,7 @@ RELATED_BLOCKS = 4.0
 """Blocks whose errors are alike: they count as one observation."""
 
 LEAST_SEEN = 0.5
-"""Share of its cells that a block must show to count."""
+"""Share of its cells that a block, or a whole map, must show to count."""
 
 
 def error_variance(noise: FloatArray, *, alike: float = 1.0) -> FloatArray:

@@ -15,7 +15,7 @@ from porotwin_core.basis.units import GRAVITY
 from porotwin_core.rig import Rig, Well
 
 SMALL_WIDTH_M = 0.934
-"""Width of the paper's small rig [m]; the strengths were chosen for this rig."""
+"""Width of the paper's small rig [m]; strengths, frames and charts were chosen for this rig."""
 
 DrawnValues = dict[str, float | str]
 """Parameters of one effect by name, in the units of the effect."""

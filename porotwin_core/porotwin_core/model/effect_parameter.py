@@ -94,6 +94,8 @@ class Parameter:
         return number
 
 
+INTERVAL_DEVIATIONS = 3.29
+"""Width of an interval of 90 % of a normal distribution, in standard deviations."""
 FAR = 5.0
 """Place over size of the rig above which a place is probably in another unit."""
 

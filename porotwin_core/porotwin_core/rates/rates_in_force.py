@@ -16,6 +16,10 @@ from porotwin_core.rates.wells import (
 )
 from porotwin_core.rig import PUMP_STEP_ML_H
 
+ROUND_OFF_ML_H = 1e-3
+"""Rates that differ by less are equal [ml/h]: messages and displays are rounded, and no pump is
+that exact."""
+
 CONCENTRATION_TOLERANCE = 1e-6
 """Round-off allowed in injected concentrations [-]."""
 

@@ -67,6 +67,8 @@ END_S = 5.0
 """Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
 takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""
 
+REPORT_S = 60.0
+"""Shortest time between two lines about the same doubt [s]."""
 HEARTBEAT_S = 1.0
 """Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.map_blocks import LEAST_SEEN
 from porotwin_core.rates.wells import Schedule, WellRate, WellRates
 
 TIME_STEP_TOLERANCE = 0.02
 """Largest relative difference of two equal time steps [-]; a camera's clock jitters."""
 
-LEAST_SEEN = 0.5
-"""Share of the cells that a map must show; chart, tubes and frame always hide some of the sand."""
 
 TOO_LITTLE_SEEN = 'pairs with too little seen'
 """Reason for a pair that is left out: one of its maps shows less than `LEAST_SEEN`."""

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_costa.networks.corrective_network import (
     RATES_PER_WELL,
     Architecture,
@@ -28,8 +29,6 @@ TYPICAL_FLOW = 0.02
 BASE_FLOW = 0.1 * TYPICAL_FLOW
 """q0: lets the network learn fluxes that do not follow the flow, such as diffusion [-]."""
 
-TINY = 1e-9
-"""Keeps the flux limiter from dividing by zero; far below the round-off of a concentration [-]."""
 
 REACH = 6
 """Largest distance over which c~ influences sigma [cells]: kernels of 5, 3, 3, 3 and one face.
@@ -195,8 +194,12 @@ def _limited(
         + pad(negative(up), (0, 0, 1, 0))
         + pad(positive(up), (0, 0, 0, 1))
     )
-    gain_share = torch.clamp((highest - concentration + TINY) / (gain + TINY), max=1.0)
-    loss_share = torch.clamp((concentration - lowest + TINY) / (loss + TINY), max=1.0)
+    gain_share = torch.clamp(
+        (highest - concentration + SMALLEST_DIVISOR) / (gain + SMALLEST_DIVISOR), max=1.0
+    )
+    loss_share = torch.clamp(
+        (concentration - lowest + SMALLEST_DIVISOR) / (loss + SMALLEST_DIVISOR), max=1.0
+    )
     right_share = torch.where(
         right > 0,
         torch.minimum(gain_share[:, :, 1:], loss_share[:, :, :-1]),

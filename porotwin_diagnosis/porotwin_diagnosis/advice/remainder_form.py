@@ -40,6 +40,7 @@ from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample, at_compared_cells
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.search.joint_scan import RIDGE
 from porotwin_solver.effects.retardation import EFFECT as RETARDATION
 
 MOST_TERMS = 3
@@ -62,9 +63,6 @@ FREEDOM = 1.05
 """Factor on the remainder for every value that the search for a cause chooses: one of hundreds of
 places always fits the noise a little."""
 
-RIDGE = 1e-6
-"""Weight of squared amounts relative to the mean square of the changes: nearly equal changes must
-not need huge amounts of opposite sign."""
 
 Indices = NDArray[np.intp]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from porotwin_checks.known import FILLED_SHARE, tracer_share
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.fixed_pauses import FixedPauses
@@ -31,9 +31,6 @@ from porotwin_recording.tables.recorded_data import RecordedData
 MOST_MAPS = 400
 """Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares
 a few dozen."""
-
-LONGEST_GAP_S = 7 * DAY_S
-"""Longest time between two photographs of one run [s]. More means that a clock was set."""
 
 
 RUN_FOLDER = 'run'

@@ -7,13 +7,12 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.map_blocks import LEAST_SEEN
 from porotwin_recording.experiment.recording import Recording
 
 HOLE_FILL_WIDTH = 3.0
 """Width [cells] of the Gaussian mean that fills unseen cells from their neighbours."""
 
-LEAST_SEEN = 0.5
-"""Share of a frame's cells that must be seen. With fewer, most values would be guesses."""
 
 LEAST_INTERVAL = 0.5
 """Least time between two frames, as a share of the median interval. Photographs in quick succession

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
@@ -34,9 +35,6 @@ from porotwin_diagnosis.thresholds import (
     SURELY_BESIDE_SHARED,
     SURELY_SUFFICIENT,
 )
-
-LEAST_GAIN = 1e-9
-"""Least misfit that effects take away [-], so that logarithms stay finite."""
 
 StrengthMeasures = tuple[float, float]
 """Two measures of how strong a member of a combination is: 1 / (held-out error that it leaves
@@ -69,7 +67,7 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
     """
     if swallowed <= 0.0:
         return math.inf
-    ratio = max(gained, LEAST_GAIN) / swallowed
+    ratio = max(gained, SMALLEST_DIVISOR) / swallowed
     stronger = CALIBRATION_LOG_ODDS + CALIBRATION_SLOPE * math.log(ratio)
     return max(no_gap_log_odds(swallowed), stronger, 0.0)
 

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_diagnosis.decision.verdict import NONE, Doubt, Verdict
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import LEAST_SCORE, larger_misfit, log_odds_against
+from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
 
 
@@ -62,7 +63,7 @@ def _misfit_on_fine_cells(fit: Fit, findings: Findings) -> float:
     """
     if any(has_place(member.effect) for member in fit.members):
         return 0.0
-    on_coarse = max(larger_misfit(findings.screened_null), LEAST_SCORE)
+    on_coarse = max(larger_misfit(findings.screened_null), SMALLEST_DIVISOR)
     return larger_misfit(findings.null) * larger_misfit(fit) / on_coarse
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.basis.units import DAY_S, HOUR_S
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.history.joint_belief import CauseCourse, courses, weighted
@@ -18,8 +19,6 @@ makes one in a hundred as large."""
 NO_STRENGTH = {'exchange_rate'}
 """Scored parameters whose size says nothing about the strength of their effect."""
 
-LEAST_FACTOR = 1e-9
-"""Least factor of an effect, so that its logarithm stays finite [-]."""
 
 LEAST_INTERVAL_S = HOUR_S
 """Least time between two recordings for a rate per day [s]."""
@@ -74,7 +73,7 @@ def _way(cause: FoundCause, parameter: str, old: float, new: float) -> str:
         return ''
     before, after = old - described.neutral, new - described.neutral
     if described.is_factor:  # half and twice as much are equally strong
-        before, after = (math.log(max(one, LEAST_FACTOR)) for one in (old, new))
+        before, after = (math.log(max(one, SMALLEST_DIVISOR)) for one in (old, new))
     if before * after < 0.0:
         return ' The effect acts the other way now.'
     return f' The effect is {"stronger" if abs(after) > abs(before) else "weaker"} now.'

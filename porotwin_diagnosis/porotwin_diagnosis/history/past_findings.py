@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.basis.errors import InputError, check_writable, refuse_file, writing
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
+from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
@@ -28,8 +29,6 @@ FILE = 'belief.json'
 LARGEST_DEVIATION = 1e100
 """Largest standard deviation of a value, in its unit; its square must be finite."""
 
-INTERVAL_DEVIATIONS = 3.29
-"""Width of an interval of 90 % of a normal distribution, in standard deviations."""
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 

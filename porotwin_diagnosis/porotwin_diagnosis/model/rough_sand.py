@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription, rig_from_maps
 from porotwin_diagnosis.data.misfit import misfit
@@ -22,9 +23,6 @@ ROUGHNESS = 0.05
 """Standard deviation [-] of the logarithm of the permeability from cell to cell. A variation of the
 porosity by 1 % makes that much by the relation of Kozeny and Carman (Bear, Dynamics of Fluids in
 Porous Media, section 5.10)."""
-
-LEAST_RESPONSE = 1e-9
-"""Least response [-] of the model without effects; it keeps the ratio finite."""
 
 
 def on_rough_sand(sample: Sample, seed: int) -> Sample:
@@ -81,7 +79,7 @@ class RoughSands:
             return 1.0, 1.0
         with_effects = self._response(forwards, effects)
         without = self._response([*map(_with_stable_fronts, forwards)], ())
-        fitted, held_out = np.maximum(with_effects / np.maximum(without, LEAST_RESPONSE), 1.0)
+        fitted, held_out = np.maximum(with_effects / np.maximum(without, SMALLEST_DIVISOR), 1.0)
         return float(fitted), float(held_out)
 
     def _response(self, forwards: Sequence[Forward], effects: Effects) -> FloatArray:

@@ -14,14 +14,12 @@ in the part, fitted or held out, where this is smaller.
 from collections.abc import Sequence
 from dataclasses import replace
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.ranking import ranked
 from porotwin_diagnosis.thresholds import NOISE_UNCERTAINTY
-
-LEAST_NOISE = 1e-9
-"""Least misfit from noise [-], so that divisions stay finite."""
 
 
 def noise_share(fits: Sequence[Fit]) -> float:
@@ -29,7 +27,7 @@ def noise_share(fits: Sequence[Fit]) -> float:
     best = ranked([fit for fit in fits if fit.is_feasible])[0]
     misfits = (best.fitted_misfit, best.held_out_misfit)
     parts = zip(misfits, best.expected_noise, strict=True)
-    return min(1.0, *(NOISE_UNCERTAINTY * misfit / max(n, LEAST_NOISE) for misfit, n in parts))
+    return min(1.0, *(NOISE_UNCERTAINTY * misfit / max(n, SMALLEST_DIVISOR) for misfit, n in parts))
 
 
 def with_bounded_levels(levels: Levels, fits: Sequence[Fit]) -> Levels:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_diagnosis.model.effect_traits import misfit_allowance
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.thresholds import (
@@ -40,9 +41,6 @@ from porotwin_diagnosis.thresholds import (
     UNRESOLVED_SHARE,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
-
-LEAST_SCORE = 1e-9
-"""Least score [-], so that ratios stay finite."""
 
 
 def misfit_beyond_noise(fit: Fit) -> tuple[float, float]:
@@ -176,7 +174,7 @@ def far_less(more: Fit, fewer: Fit) -> float:
 
     Above 1 the fit with more effects leaves far less.
     """
-    return FAR_LESS * score(fewer) / max(score(more), LEAST_SCORE)
+    return FAR_LESS * score(fewer) / max(score(more), SMALLEST_DIVISOR)
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:

@@ -15,9 +15,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import PUMP_STEP_ML_H, Rig
-
-STEP_ROUND_OFF = 1e-6
-"""Part of a pump step that round-off may take from a rate without costing a whole step."""
+from porotwin_core.rig.control_section import STEP_ROUND_OFF
 
 RATE_TOLERANCE = from_ml_h(1e-6)
 """Round-off allowed in sums of rates [m^3/s]."""

@@ -12,7 +12,7 @@ import psutil
 from porotwin_core.basis.parent import PARENT
 
 POLL_S = 0.2
-"""Time between two looks at processes that are asked to end [s]."""
+"""Time between two looks at processes or nodes [s]; short, so that Ctrl-C works."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from porotwin_core.clock.stamps import MACHINE_START_S, STEADY_CLOCK
 from porotwin_core.ros.foreign_words import plain
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.liveness import RESTART_AFTER_S
-from porotwin_hub.launching.node_processes import kill, process_of
+from porotwin_hub.launching.node_processes import POLL_S, kill, process_of
 
 RESTART_PAUSE_S = 1.0
 """Pause before a node that died is started again [s]; doubled with every restart in a row."""
@@ -40,8 +40,6 @@ END_PATIENCE_S = 30.0
 KILL_PATIENCE_S = 5.0
 """Time for a killed process to disappear [s]; one that waits for a dead disk may never."""
 
-POLL_S = 0.2
-"""Time between two looks at the processes [s]."""
 
 TEE_PATIENCE_S = 2.0
 """Longest wait for the last output of a node that has ended [s]; a child may hold it open."""

@@ -5,15 +5,13 @@ import math
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rates.plausible_rates import refuse_too_great
+from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Rig
 
 NET_SHARE = 0.05
 """Share of the injected water that may be missing at the producer without a question; the pumps of
 the paper differ by 1 %."""
-
-ROUND_OFF = 1e-6
-"""Round-off allowed in concentrations [-]."""
 
 
 def refuse_implausible(rates: WellRates, rig: Rig) -> None:
@@ -33,7 +31,11 @@ def refuse_implausible(rates: WellRates, rig: Rig) -> None:
                 f'write {-rate_ml_h:g}'
             )
         fluid = _fluid(name, rig)
-        if rate_ml_h > 0.0 and fluid is not None and abs(well.concentration - fluid) > ROUND_OFF:
+        if (
+            rate_ml_h > 0.0
+            and fluid is not None
+            and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE
+        ):
             raise InputError(
                 f"well '{name}' injects concentration {fluid:g} by rig.yaml, "
                 f'not {well.concentration:g}'

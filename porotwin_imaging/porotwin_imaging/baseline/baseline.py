@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.geometry.orientation import UPRIGHT, orientation
 from porotwin_core.rig import Camera, Rig
@@ -38,6 +39,7 @@ from porotwin_imaging.light.light_drift import light_drift
 from porotwin_imaging.light.light_references import inside_references
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_file import (
+    OVER_EXPOSED,
     DecodedPhoto,
     colour_profile,
     decode,
@@ -48,12 +50,10 @@ from porotwin_imaging.tracer.calibration import Calibration
 
 Array = NDArray[Any]
 
-_CORNER_SLACK = 0.02
+CORNER_SLACK = 0.02
 """Corners of the rig may lie outside the photograph by this share of its width [-]."""
 _FEWEST_CELLS = 4
 """Least columns and rows of a map: the light of a photograph varies over it as a quadratic."""
-_LEAST_SHARE = 1e-3
-"""Usable share of a cell is raised to this before it divides."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Baseline:
 
     def with_dark_sand(self) -> Self:
         """Return the baseline with dark sand usable: a bright fluid shows there, a dark one not."""
-        dark = self.mask.unlit & (self.colours.max(axis=2) < BASELINE_MASK.over_exposed)
+        dark = self.mask.unlit & (self.colours.max(axis=2) < OVER_EXPOSED)
         sand = ~(self.mask.checker | self.mask.water | self.mask.objects)
         usable = (self.usable > 0) | (dark & sand)
         share = self.sampling.cell_means(usable.astype(np.float32))
@@ -122,7 +122,7 @@ class Baseline:
     def sand_appearance(self) -> tuple[Array, Array]:
         """Return linear colours (nz, nx, 3) and texture (nz, nx) of the cells, to segment sands."""
         usable = self.usable.astype(np.float32)
-        share = np.maximum(self.sampling.cell_means(usable), _LEAST_SHARE)
+        share = np.maximum(self.sampling.cell_means(usable), SMALLEST_DIVISOR)
         colours = self.colours * usable[..., None]
         rough = texture(self.colours).astype(np.float32) * usable
         return (
@@ -249,7 +249,7 @@ def _decode(data: bytes, size: tuple[int, int] | None, reduction: int) -> Decode
 def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
     """Raise InputError if the corners of the rig lie outside the photograph."""
     corners = np.array(camera.corners_px)
-    slack = _CORNER_SLACK * size[0]
+    slack = CORNER_SLACK * size[0]
 
     def outside(width: int, height: int) -> bool:
         return bool((corners < -slack).any() or (corners > np.array([width, height]) + slack).any())
@@ -353,7 +353,7 @@ def _remarks_on_exposure(colours: Array) -> list[str]:
     Raises:
         InputError: too much of the rig is over-exposed.
     """
-    clipped = colours.max(axis=2) >= BASELINE_MASK.over_exposed
+    clipped = colours.max(axis=2) >= OVER_EXPOSED
     share = float(clipped.mean())
     if share > VALIDITY.most_over_exposed:
         raise InputError(

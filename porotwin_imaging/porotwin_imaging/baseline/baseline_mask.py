@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.photograph.photo_file import OVER_EXPOSED
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,6 @@ class BaselineMaskSettings:
 
     least_light: float = 0.012
     """Linear brightness below which a sample is frame or deep shadow [-]."""
-    over_exposed: float = 0.955
-    """Lowest linear value of over-exposed channels, grey level 250 [-]."""
     reported_over_exposed: float = 0.005
     """Share of over-exposed samples from which it is reported [-]; bolts and glass reflect less."""
     smooth_texture: float = 0.25
@@ -120,7 +119,7 @@ def _lit(colours: Array) -> Mask:
     """Return where the linear `colours` (rows, columns, 3) are neither dark nor over-exposed."""
     smooth = cv2.blur(colours, _LIGHT_WINDOW)
     bright_enough = smooth.mean(axis=2) > BASELINE_MASK.least_light
-    return bright_enough & (colours.max(axis=2) < BASELINE_MASK.over_exposed)
+    return bright_enough & (colours.max(axis=2) < OVER_EXPOSED)
 
 
 def _chart(corners: Array | None, shape: tuple[int, int]) -> Mask:

@@ -11,17 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums, CellSums
 from porotwin_imaging.numerics.row_bands import row_bands
 from porotwin_imaging.smoothing.map_deviation import NOISE
 
 Array = NDArray[Any]
-
-_LEAST_STATE = 1e-4
-"""Linear light is raised to this before it divides a variance."""
-_LEAST_SHARE = 0.05
-"""Visible share of a cell is raised to this before it divides."""
-_SMALLEST_DIVISOR = 1e-6
 
 
 def log_ratio(state: Array, baseline: Array) -> Array:
@@ -53,7 +49,8 @@ def log_ratio_variance(
     variance: Array = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
     per_sample = np.float32(NOISE.correlated_samples / samples_across**2)
     for band in row_bands((nz, nx)):
-        variance[band] *= (per_sample / np.maximum(sums.share[band], _LEAST_SHARE))[..., None]
+        share = np.maximum(sums.share[band], VALIDITY.least_visible_share)
+        variance[band] *= (per_sample / share)[..., None]
     return variance
 
 
@@ -63,9 +60,9 @@ def _scatter(blocks: BlockSums, matrix: Array) -> Array:
     With state s, baseline b and ratio R = mean(s) / mean(b), the variance of a sample is
     mean(s^2) - 2 R mean(s b) + R^2 mean(b^2).
     """
-    ratio = blocks.state / np.maximum(blocks.baseline, _SMALLEST_DIVISOR)
+    ratio = blocks.state / np.maximum(blocks.baseline, SMALLEST_DIVISOR)
     variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
-    share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
-    state = np.maximum(blocks.state @ matrix.T / share, _LEAST_STATE)
+    share = np.maximum(blocks.share, VALIDITY.least_visible_share)[..., None]
+    state = np.maximum(blocks.state @ matrix.T / share, LEAST_LIGHT)
     relative: Array = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
     return relative

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.photo_cells import PhotoCells, photo_cells
 from porotwin_imaging.baseline.validity import hidden_sand
@@ -39,8 +39,6 @@ _MOSTLY = 0.7
 """Least share of a hole with equal grains in the photographs [-]: 1 with a hand in the baseline."""
 _MARGIN = np.ones((3, 3), np.uint8)
 """One block around a hole is left out as well: corners and blurred rims look like sand."""
-_NAMED = 3
-"""Baselines that a message names."""
 COVERED = (
     'the baseline{files} does not show the sand on {share:.1%} of the rig, where {photographs} '
     'later photographs agree with each other; a hand or an object was before it, or the sand has '
@@ -72,7 +70,7 @@ def uncovered(
     share = baseline.sampling.cell_means(usable.astype(np.float32))
     sand = baseline.share > VALIDITY.least_visible_share
     lost = float((sand & (share <= VALIDITY.least_visible_share)).sum() / max(1, sand.sum()))
-    files = ', '.join(name for name in names[:_NAMED] if name)
+    files = ', '.join(name for name in names[:NAMED] if name)
     cover = Remark.of(
         'baseline',
         'covered_baseline',

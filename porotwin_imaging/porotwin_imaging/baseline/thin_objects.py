@@ -14,7 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.numerics.cell_sums import BlockSums
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.frame import VALIDITY
+from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums
+from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 
 @dataclass(frozen=True)
@@ -43,22 +46,19 @@ _LEAST_ORDINARY = 0.5
 """The ordinary scatter is raised to this, relative to the median of the photograph [-]."""
 _LEAST_SCATTER = 1e-4
 """The ordinary scatter is raised to this relative variance: no camera has less noise than 1 %."""
-_LEAST_SHARE = 0.5
-"""Blocks with a smaller visible share are not judged."""
-_LEAST_LIGHT, _LEAST_RATIO, _SMALLEST_DIVISOR = 1e-4, 1e-3, 1e-6
 _TOP_PERCENTILE = 99.5
 """Percentile of the scatter that is the top of the 8-bit scale of the median."""
 
 
 def thin_objects(blocks: BlockSums) -> Mask:
     """Return the blocks (rows, columns) that a thin object crosses, with their surroundings."""
-    judged = blocks.share > _LEAST_SHARE
+    judged = blocks.share > VALIDITY.least_judged_share
     nothing = np.zeros(judged.shape, bool)
     if not judged.any():
         return nothing
     scatter, step = _scatter_and_step(blocks, judged)
     unusual = scatter / _ordinary(scatter, judged)
-    unexplained = scatter / np.maximum(step**2 / 4.0, _SMALLEST_DIVISOR)
+    unexplained = scatter / np.maximum(step**2 / 4.0, SMALLEST_DIVISOR)
     edge, core = (
         judged & (unusual > limit) & (unexplained > limit / 2)
         for limit in (THIN_OBJECTS.edge, THIN_OBJECTS.core)
@@ -78,13 +78,13 @@ def thin_objects(blocks: BlockSums) -> Mask:
 def _scatter_and_step(blocks: BlockSums, judged: Mask) -> tuple[Array, Array]:
     """Return the relative variance of samples about the ratio of their block, and the largest
     step of the log ratio between neighbouring blocks."""
-    share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
+    share = np.maximum(blocks.share, VALIDITY.least_judged_share)[..., None]
     state, before = blocks.state / share, blocks.baseline / share
-    ratio = state / np.maximum(before, _SMALLEST_DIVISOR)
+    ratio = state / np.maximum(before, SMALLEST_DIVISOR)
     variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
-    relative = np.maximum(variance / share, 0.0) / np.maximum(state, _LEAST_LIGHT) ** 2
+    relative = np.maximum(variance / share, 0.0) / np.maximum(state, LEAST_LIGHT) ** 2
     scatter = np.where(judged, relative.mean(axis=2), 0.0).astype(np.float32)
-    log_ratio = np.log(np.maximum(ratio.mean(axis=2), _LEAST_RATIO)).astype(np.float32)
+    log_ratio = np.log(np.maximum(ratio.mean(axis=2), LEAST_RATIO)).astype(np.float32)
     log_ratio[~judged] = np.median(log_ratio[judged])
     around = np.ones((3, 3), np.uint8)
     return scatter, cv2.dilate(log_ratio, around) - cv2.erode(log_ratio, around)
@@ -94,7 +94,7 @@ def _ordinary(scatter: Array, judged: Mask) -> Array:
     """Return the median scatter around each block, computed with 8 bits of its square root."""
     middle = float(np.median(scatter[judged]))
     root = np.sqrt(np.where(judged, scatter, middle))
-    top = max(float(np.percentile(root[judged], _TOP_PERCENTILE)), _SMALLEST_DIVISOR)
+    top = max(float(np.percentile(root[judged], _TOP_PERCENTILE)), SMALLEST_DIVISOR)
     levels = np.clip(root / top * 255, 0, 255).astype(np.uint8)
     median = (cv2.medianBlur(levels, _AROUND) / 255.0 * top) ** 2
     return np.maximum(median, max(_LEAST_ORDINARY * middle, _LEAST_SCATTER))

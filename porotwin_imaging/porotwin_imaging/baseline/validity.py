@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.baseline.thin_objects import thin_objects
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
@@ -19,10 +20,6 @@ from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_LEAST_BLOCK_SHARE = 0.5
-"""Blocks of cells with a smaller visible share are not judged."""
-_SMALLEST_VARIANCE = 1e-14
-"""Products of variances are raised to this before they divide."""
 _SMALLEST_WINDOW = 5
 """Blocks across the smallest window: 25 values give a correlation."""
 
@@ -77,17 +74,16 @@ def unclipped_cells(sums: CellSums, share: Array) -> tuple[Mask, list[str]]:
 def hidden_sand(sums: BlockSums) -> Mask:
     """Return the blocks (rows, columns) whose pattern of grains is not that of the baseline."""
     parts = [sums.state_square, sums.product, sums.baseline_square, sums.state, sums.baseline]
-    judged = sums.share > _LEAST_BLOCK_SHARE
-    share = np.maximum(sums.share, _LEAST_BLOCK_SHARE)[..., None]
+    judged = sums.share > VALIDITY.least_judged_share
+    share = np.maximum(sums.share, VALIDITY.least_judged_share)[..., None]
     state_square, product, baseline_square, state, baseline = (part / share for part in parts)
     size = max(_SMALLEST_WINDOW, sums.share.shape[1] // VALIDITY.windows_across) | 1
     covariance = _pooled(product - state * baseline, judged, size)
     state_variance = _pooled(state_square - state**2, judged, size)
     baseline_variance = _pooled(baseline_square - baseline**2, judged, size)
     brightness = _pooled(baseline**2, judged, size)
-    correlation = covariance / np.sqrt(
-        np.maximum(state_variance * baseline_variance, _SMALLEST_VARIANCE)
-    )
+    scatter = np.sqrt(np.maximum(state_variance * baseline_variance, 0.0))
+    correlation = covariance / np.maximum(scatter, SMALLEST_DIVISOR)
     textured = baseline_variance > VALIDITY.least_texture**2 * brightness
     differs = (judged & textured & (correlation < VALIDITY.least_correlation)).astype(np.uint8)
     # a thin front of tracer in smooth sand also hides the pattern: only wide places count

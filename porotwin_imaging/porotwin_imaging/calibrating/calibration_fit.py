@@ -68,6 +68,7 @@ from porotwin_imaging.calibrating.sands import SandFactors
 from porotwin_imaging.calibrating.signal_choice import SIGNAL, SignalChoice, choose_signal
 from porotwin_imaging.calibrating.stock_level import StockLevels, diluted_signals, stock_levels
 from porotwin_imaging.calibrating.stock_signal import StockSignal, find_stock_signal
+from porotwin_imaging.geometry.sampling import SAMPLING
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.photograph.photo_names import named
@@ -457,7 +458,7 @@ def _evidence(
 
 def calibration_grid(rig: Rig) -> Grid:
     """Return a grid of nearly square cells."""
-    columns = SIGNAL.columns
+    columns = SAMPLING.judged_columns
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))
 
 

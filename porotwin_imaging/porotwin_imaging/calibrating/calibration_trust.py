@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_core.basis.units import ML
 from porotwin_imaging.baseline.sand_edges import EdgeEvidence
 from porotwin_imaging.calibrating.calibration_evidence import (
@@ -23,9 +23,6 @@ from porotwin_imaging.calibrating.calibration_evidence import (
 )
 from porotwin_imaging.calibrating.core_trend import TRUST, core_trend
 from porotwin_imaging.calibrating.plume_evidence import PlumeEvidence
-
-_NAMED_PHOTOGRAPHS = 3
-"""Photographs named in a line; more would hide the reason."""
 
 
 class CalibrationRefused(InputError):  # noqa: N818  a state of the work
@@ -268,7 +265,7 @@ def _followers(evidence: CalibrationEvidence) -> Iterator[Remark]:
 
 def _named(photographs: Sequence[PhotographEvidence]) -> str:
     """Return the first photographs with their reasons."""
-    named = [f'{one.time:g} s: {one.disagreement}' for one in photographs[:_NAMED_PHOTOGRAPHS]]
+    named = [f'{one.time:g} s: {one.disagreement}' for one in photographs[:NAMED]]
     more = len(photographs) - len(named)
     return ', '.join(named) + (f', and {more} more' if more > 0 else '')
 

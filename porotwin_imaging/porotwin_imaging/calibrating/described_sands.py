@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.rig.sand_interfaces import MOST_SANDS
 from porotwin_imaging.calibrating.sands import SANDS
 
 Array = NDArray[Any]
@@ -44,7 +45,7 @@ def described_kinds(rig: Rig, grid: Grid) -> Labels | None:
     """
     logs = _log_permeability(rig.nominal_map('permeability_m2'))
     levels, index = np.unique(logs, return_inverse=True)
-    if not 1 < len(levels) <= SANDS.most_described:
+    if not 1 < len(levels) <= MOST_SANDS:
         return None
     kinds = index.reshape(logs.shape).astype(np.uint8)
     return np.asarray(

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.numerics.cell_sums import tile_of
 from porotwin_imaging.tracer.response_family import concentration_of
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO, Contrast
@@ -39,8 +40,6 @@ class FrontSettings:
     offset_error: float = 3e-4
     """Standard deviation of the volume at zero injection, relative to the largest [-]: dead volume
     and clocks. An offset of 0.002 that nobody tells bends the response by 0.025."""
-    faulty_offset: float = 0.06
-    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
     photograph_error: float = 2e-4
     """Standard deviation of the volume of one photograph, relative [-]: light."""
     factor_error: float = 0.1
@@ -54,8 +53,6 @@ class FrontSettings:
     """Photographs with less of the largest injected volume are not compared [-]."""
     most_photographs: int = 5
     """Photographs that are compared, small and large plumes; more cost time."""
-    fewest_photographs: int = 3
-    """Photographs that tell the bend from the factor of all volumes."""
     surest_factor: float = 0.05
     """Sands with a larger relative deviation of their factor do not count [-]."""
 
@@ -154,7 +151,10 @@ def fit_fronts(
     Raises:
         InputError: the model cannot run.
     """
-    if len(seen.chosen) < FRONTS.fewest_photographs or not _FACTORS[0] < mass_factor < _FACTORS[1]:
+    if (
+        len(seen.chosen) < MASS_BALANCE.fewest_photographs
+        or not _FACTORS[0] < mass_factor < _FACTORS[1]
+    ):
         return None
     hidden = np.any([~np.isfinite(seen.signals[number]) for number in seen.chosen], axis=0)
     volume = np.where(hidden, 0.0, seen.pore_volume)
@@ -300,7 +300,7 @@ def _over_offsets(measured: Array, fine: Array, widths: Array) -> tuple[Array, i
     usual = _misfits(measured, fine, widths, FRONTS.offset_error)
     if FRONTS.level_error * math.sqrt(float(usual.min()) / count) <= FRONTS.most_misfit:
         return usual, count
-    return _misfits(measured, fine, widths, FRONTS.faulty_offset), count
+    return _misfits(measured, fine, widths, MASS_BALANCE.faulty_offset), count
 
 
 def _misfits(measured: Array, fine: Array, widths: Array, offset_error: float) -> Array:

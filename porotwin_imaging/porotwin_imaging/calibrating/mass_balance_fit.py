@@ -21,7 +21,8 @@ class MassBalanceSettings:
     """Comparing the imaged with the injected mass (`mass_balance_fit.py`)."""
 
     fewest_photographs: int = 3
-    """Photographs that give the level of stock by their mass and reveal an outlier."""
+    """Photographs that give the level of stock by their mass and reveal an outlier, or whose fronts
+    tell the bend from the factor of all volumes."""
     log_error: float = 0.012
     """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
     careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_evidence import FactorSource
 from porotwin_imaging.light.tone_change import FEWEST_SAND_CELLS
+from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 
 
@@ -67,8 +68,6 @@ class SandSettings:
     """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
     described_share: float = 0.008
     """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
-    most_described: int = 12
-    """More permeabilities than this are no sands but a field."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and the inverse of the smallest."""
 
@@ -87,8 +86,8 @@ _LAMP_DEGREE = 4
 """Degree of the light of the lamps: 4 follows a lamp on each side and the corners of a lens."""
 _BRIGHTNESS_WEIGHT = 1.5
 """Weight of brightness against texture and hue; brightness is the sharpest feature."""
-_LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
-"""Light and texture are raised to these before the logarithm."""
+_LEAST_TEXTURE = 1e-3
+"""Texture is raised to this before the logarithm."""
 _JUMP_CELLS = (2, 6)
 """Cells between an interface and the two cells whose colours are extrapolated to it."""
 _FIXED = 1e-4
@@ -153,9 +152,9 @@ def segment(
     """
     if visible.sum() < FEWEST_SAND_CELLS:
         return np.zeros(visible.shape, np.uint8)
-    mean = np.maximum(colours.mean(axis=2), _LEAST_LIGHT)
+    mean = np.maximum(colours.mean(axis=2), LEAST_LIGHT)
     brightness, rough = np.log(mean), np.log(np.maximum(texture, _LEAST_TEXTURE))
-    blue = np.log(np.maximum(colours[..., 2], _LEAST_LIGHT) / mean)
+    blue = np.log(np.maximum(colours[..., 2], LEAST_LIGHT) / mean)
     # texture and hue hardly depend on the lamps, so that these classes separate sand from light
     first = np.zeros(visible.shape, int)
     first[visible] = _clustered([rough, blue], visible)[1]
@@ -165,7 +164,7 @@ def segment(
     labels[visible] = _merged(values, classes)
     tidy = _tidy(labels, visible)
     sharp = _tidy(_sharpened(tidy, colours, visible), visible)
-    logs = np.log(np.maximum(colours, _LEAST_LIGHT))
+    logs = np.log(np.maximum(colours, LEAST_LIGHT))
     return _tidy(_without_lamps(sharp, logs, rough, visible), visible)
 
 
@@ -272,7 +271,7 @@ def _sharpened(labels: Labels, colours: Array, visible: NDArray[np.bool_]) -> La
     kernel = np.ones((2 * SANDS.interface_reach_cells + 1,) * 2, np.uint8)
     near = (cv2.dilate(labels, kernel) != cv2.erode(labels, kernel)) & visible
     markers = np.where(near, 0, labels.astype(np.int32) + 1)
-    logs = cv2.medianBlur(np.log(np.maximum(colours, _LEAST_LIGHT)).astype(np.float32), 3)
+    logs = cv2.medianBlur(np.log(np.maximum(colours, LEAST_LIGHT)).astype(np.float32), 3)
     low, high = np.percentile(logs[visible], [1, 99], axis=0)
     picture = np.clip((logs - low) / np.maximum(high - low, 1e-3) * 255, 0, 255).astype(np.uint8)
     grown = cv2.watershed(picture, np.ascontiguousarray(markers, np.int32)) - 1
@@ -404,7 +403,7 @@ def sand_lights(colours: Array, labels: Labels, visible: NDArray[np.bool_]) -> A
         labels: index of the sand in each cell, shape (nz, nx).
         visible: cells that show sand, shape (nz, nx).
     """
-    brightness = np.log(np.maximum(colours.mean(axis=2), _LEAST_LIGHT))
+    brightness = np.log(np.maximum(colours.mean(axis=2), LEAST_LIGHT))
     even = brightness - _lamps(brightness, labels, visible, int(labels.max()) + 1)
     return np.array(
         [

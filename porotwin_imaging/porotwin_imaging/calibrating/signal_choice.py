@@ -26,8 +26,6 @@ from porotwin_imaging.tracer.tracer_signal import (
 class CalibrationSettings:
     """The calibration from photographs of an injection (`calibration_fit.py`)."""
 
-    columns: int = 400
-    """Cells across the rig during calibration, and width of the picture of sands [px]."""
     tracer_share: float = 0.3
     """Cells above this share of the strongest signal count as tracer for the weights [-]."""
     fewest_tracer_cells: int = 30

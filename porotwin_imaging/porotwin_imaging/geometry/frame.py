@@ -7,6 +7,7 @@ outside the frame are not used, and cells without samples have no value.
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ class ValiditySettings:
     """Which cells of one photograph show their sand (`validity.py`)."""
 
     least_visible_share: float = 0.3
-    """Share of a cell that must be visible for the cell to have a value [-]."""
+    """Share of a cell that must be visible for the cell, or a coarser one, to count [-]."""
     most_clipped_samples: float = 0.05
     """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
     remain are not the same everywhere."""
@@ -33,6 +34,8 @@ class ValiditySettings:
     the strongest tracer of the real photographs, and about 0 on a hand or in a damaged file."""
     least_texture: float = 0.02
     """Contrast of grains in the baseline below which there is no pattern to compare [-]."""
+    least_judged_share: float = 0.5
+    """Visible share of a block of cells from which its grains and its tone are judged [-]."""
     windows_across: int = 40
     """Grain patterns are compared in windows of this fraction of the width of the rig."""
 
@@ -45,6 +48,18 @@ Mask = NDArray[np.bool_]
 
 _REPORTED_SHARE = 1e-3
 """Least share of the sand that is reported [-]: less is the edge of an ordinary shake."""
+
+
+def visible_means(plane: Array, visible: Mask, shape: tuple[int, int]) -> tuple[Array, Array]:
+    """Return the mean of the visible cells over blocks of cells, and the visible share of a block.
+
+    `plane` has the shape (nz, nx, ...), and `visible` (nz, nx); `shape` is that of the blocks.
+    """
+    share, sums = (
+        cv2.resize(one.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
+        for one in (visible, np.where(visible[..., None], plane, 0.0))
+    )
+    return sums / np.maximum(share, VALIDITY.least_visible_share)[..., None], share
 
 
 def in_frame(sampling: Sampling, homography: Array, shape: tuple[int, ...]) -> Mask | None:

@@ -26,6 +26,9 @@ class SamplingSettings:
     """Decoded pixels per cell in each direction that a coarser decoding must leave [px]."""
     least_pixels_per_fine_cell: float = 1.2
     """The same limit for the last step from half to full resolution, which costs the most time."""
+    judged_columns: int = 400
+    """Cells across the rig on which light, noise and sands are judged; finer ones only add noise
+    and time."""
     least_columns: int = 1200
     """Width [px] below which alignment to the baseline becomes inaccurate."""
 

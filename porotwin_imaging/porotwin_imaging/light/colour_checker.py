@@ -17,6 +17,7 @@ from scipy.stats import theilslopes
 
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.photograph.photo_file import OVER_EXPOSED
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,6 @@ class ColourCheckerSettings:
     """Largest misfit of a chart to its published colours, relative to their spread [-]."""
     least_spread: float = 0.02
     """Spread of linear colours below which the surface is even and no chart [-]."""
-    over_exposed: float = 0.955
-    """Lowest linear value of over-exposed patches, grey level 250 [-]."""
     least_light: float = 0.05
     """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
     fewest_patches: int = 4
@@ -242,7 +241,7 @@ def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]
     are omitted. Tukey's biweight reduces the influence of covered patches and patches in glare
     (iteratively reweighted least squares).
     """
-    usable = (patches < COLOUR_CHECKER.over_exposed).all(axis=1) & (patches > 0).any(axis=1)
+    usable = (patches < OVER_EXPOSED).all(axis=1) & (patches > 0).any(axis=1)
     scale = 1.0 / (target.mean(axis=1) + 0.02)  # relative errors, except in dark patches
     weight = usable * scale
     for _ in range(_REWEIGHTINGS):
@@ -357,9 +356,7 @@ def _haze(patches: Array, baseline: Array, seen: Array) -> tuple[Array, Array]:
 def _usable(patches: Array, baseline: Array, least_light: float) -> Array:
     """Return which patches and channels (24, 3) are neither over-exposed nor darker than that."""
     return np.asarray(
-        (patches < COLOUR_CHECKER.over_exposed)
-        & (baseline < COLOUR_CHECKER.over_exposed)
-        & (baseline > least_light)
+        (patches < OVER_EXPOSED) & (baseline < OVER_EXPOSED) & (baseline > least_light)
     )
 
 

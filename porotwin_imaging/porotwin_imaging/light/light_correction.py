@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.frame import VALIDITY, visible_means
+from porotwin_imaging.geometry.sampling import SAMPLING
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.foreign_signal import FOREIGN_SIGNAL, without_foreign_signal
 from porotwin_imaging.light.light_check import (
@@ -27,7 +29,7 @@ from porotwin_imaging.light.light_check import (
 from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
-from porotwin_imaging.numerics.cell_sums import BlockSums
+from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums
 from porotwin_imaging.tracer.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
@@ -36,15 +38,9 @@ Mask = NDArray[np.bool_]
 BelowVeil = Callable[[tuple[float, float, float]], Array]
 """Returns the log ratios (nz, nx, 3) without a veil of this linear red, green and blue."""
 
-_MOST_BLOCKS = 400
-"""Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
 _TONE_ERRORS = {'curve': 0.02, 'haze': 0.03}
 """Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Where
 stock leaves little light, a small error of the haze counts."""
-_LEAST_LIGHT = 1e-4
-"""Linear light of the baseline is raised to this before it divides [-]."""
-_LEAST_SHARE = 0.3
-"""Visible share of a block that counts [-]."""
 
 
 @dataclass(frozen=True)
@@ -163,19 +159,17 @@ def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
     The cells of a coarse map are its blocks.
     """
     nz, nx = visible.shape
-    if nx <= _MOST_BLOCKS:
+    most = SAMPLING.judged_columns
+    if nx <= most:
         return log_ratio, visible
-    size = (_MOST_BLOCKS, max(1, round(nz * _MOST_BLOCKS / nx)))
-    share = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    filled = log_ratio * visible[..., None]
-    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
-    return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
+    means, share = visible_means(log_ratio, visible, (max(1, round(nz * most / nx)), most))
+    return means, share > VALIDITY.least_visible_share
 
 
 def _light(plane: Array, sums: BlockSums, shape: tuple[int, int]) -> Array:
     """Return the linear light of a plane of `sums` at `shape`, with channels."""
-    light = plane / np.maximum(sums.share, _LEAST_SHARE)[..., None]
-    return np.maximum(_resized(light, shape), _LEAST_LIGHT)
+    light = plane / np.maximum(sums.share, VALIDITY.least_visible_share)[..., None]
+    return np.maximum(_resized(light, shape), LEAST_LIGHT)
 
 
 def _resized(plane: Array, shape: tuple[int, int]) -> Array:

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.numerics.row_bands import row_bands
 
@@ -60,8 +61,6 @@ _TRACER_REACH = 25
 """Surroundings of tracer that are not used: this fraction of the width of the rig."""
 _SHAPE_PENALTY = 1e-3
 """Relative penalty on the quadratic where the background does not determine it."""
-_LEAST_TRACE = 1e-6
-"""Least variance of the terms, so that the fit has a solution for any background [-]."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ def _fit(log_ratio: Array, terms: Array, weight: Array) -> tuple[Array, Array]:
     weighted = centred * weight.reshape(-1, 1)
     matrix = weighted.T @ centred / total
     right = weighted.T @ log_ratio.mean(axis=2).ravel() / total
-    size = max(float(np.trace(matrix)), _LEAST_TRACE)  # a single cell has no shape
+    size = max(float(np.trace(matrix)), SMALLEST_DIVISOR)  # a single cell has no shape
     penalty = _SHAPE_PENALTY * np.eye(matrix.shape[0]) * size
     coefficients = np.linalg.solve(matrix + penalty, right)
     flat = log_ratio - (terms @ coefficients)[..., None]

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.frame import VALIDITY, visible_means
+from porotwin_imaging.light.light_drift import LIGHT
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
 
 
@@ -27,18 +30,12 @@ class LocalLightSettings:
     """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
     nodes_across: int = 28
     """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
-    least_share: float = 0.3
-    """Visible share of a block that counts [-]."""
     darkest: float = 0.9
     """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
-    most_brighter: float = 0.08
-    """Brighter places are corrected by at most so much [log ratio]; more is a reflection."""
     least_change: float = 0.02
     """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
     least_part: float = 0.01
     """Share of the sand without tracer that must be changed so [-]."""
-    tolerance: float = 0.06
-    """Cut-off of Tukey's biweight [log ratio]: blocks further from the field show objects."""
 
 
 LOCAL_LIGHT = LocalLightSettings()
@@ -59,9 +56,8 @@ _EXPLAINED, _PALEST = 0.5, 0.01
 """Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
 _WINDOW = (5, 5)
 """Blocks over which missing light is averaged before it is judged."""
-_SMALLEST_DIVISOR = 1e-9
-_TOLD, _TOLD_SHARE = 0.02, 0.005
-"""Changes of light above this, on more than this share of the sand, are told [log, -]."""
+_TOLD_SHARE = 0.005
+"""Unusual light on more than this share of the sand is told [-]."""
 _FIELD_ERROR = 0.1
 """Standard deviation of the field relative to its largest value: measured on photographs with
 known shadows [-]."""
@@ -97,28 +93,21 @@ def local_light(
     if colour is None:
         return None
     light, share = _blocks(residual, visible)
-    seen = share > LOCAL_LIGHT.least_share
+    seen = share > VALIDITY.least_visible_share
     grey, hue = split(light)
     tracer = colour.amount(hue)
     clean = seen & ~_near_tracer(grey, tracer, seen) & (grey > -LOCAL_LIGHT.darkest)
     if not _is_unusual(grey, clean):
         return None
-    field = np.minimum(_smooth_field(grey, clean * share), LOCAL_LIGHT.most_brighter)
+    field = np.minimum(_smooth_field(grey, clean * share), LIGHT.most_brighter)
     return _local_light(field, clean, residual.shape[:2], visible)
 
 
 def _blocks(residual: Array, visible: Mask) -> tuple[Array, Array]:
     """Return means over blocks of cells (rows, columns, 3), and their visible share."""
     nz, nx = visible.shape
-    size = (
-        min(nx, LOCAL_LIGHT.blocks_across),
-        min(nz, max(4, LOCAL_LIGHT.blocks_across * nz // nx)),
-    )
-    weight = visible.astype(np.float32)
-    share = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    filled = np.where(visible[..., None], residual, 0.0).astype(np.float32)
-    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
-    return sums / np.maximum(share, LOCAL_LIGHT.least_share)[..., None], share
+    across = LOCAL_LIGHT.blocks_across
+    return visible_means(residual, visible, (min(nz, max(4, across * nz // nx)), min(nx, across)))
 
 
 def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
@@ -142,7 +131,7 @@ def _average(plane: Array, chosen: Mask, window: tuple[int, int]) -> Array:
     """Return the mean of a plane over the chosen blocks of windows."""
     total = cv2.blur(chosen.astype(np.float64), window)
     sums = cv2.blur((plane * chosen).astype(np.float64), window)
-    return np.asarray(sums / np.maximum(total, _SMALLEST_DIVISOR))
+    return np.asarray(sums / np.maximum(total, SMALLEST_DIVISOR))
 
 
 def _is_unusual(missing: Array, clean: Mask) -> bool:
@@ -172,7 +161,7 @@ def _smooth_field(missing: Array, weight: Array) -> Array:
         system = normal + size * (_BEND_PENALTY * bends + _SLOPE_PENALTY * slopes)
         found = spsolve(system.tocsc(), shape.T @ (data @ missing.ravel()))
         field = (shape @ found).reshape(missing.shape)
-        distance = (missing - field) / LOCAL_LIGHT.tolerance
+        distance = (missing - field) / LIGHT.tolerance
         robust = np.clip(1.0 - distance**2, 0.0, None) ** 2
     return np.asarray(field)
 
@@ -218,8 +207,8 @@ def _local_light(field: Array, clean: Mask, shape: tuple[int, int], visible: Mas
 
 def _remarks(log_gain: Array) -> list[str]:
     """Return what was corrected; `log_gain` (n,) are those of the visible cells."""
-    lines = []
-    for changed, word in ((log_gain < -_TOLD, 'darker'), (log_gain > _TOLD, 'brighter')):
+    lines, unusual = [], LOCAL_LIGHT.least_change
+    for changed, word in ((log_gain < -unusual, 'darker'), (log_gain > unusual, 'brighter')):
         if changed.mean() > _TOLD_SHARE:
             most = 100 * abs(float(np.expm1(np.percentile(log_gain[changed], 50))))
             lines.append(

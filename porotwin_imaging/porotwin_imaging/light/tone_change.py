@@ -27,8 +27,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, light_drift
+from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 
 @dataclass(frozen=True)
@@ -71,15 +74,10 @@ _PALER = 0.1
 photograph, 0.01 of 0.19 and 0.03 of 0.48."""
 _VEIL_ROUNDS = 3
 """Fits of the offsets of the channels, each with the clean sand of the last one."""
-_LEAST_RATIO = 1e-3
-"""Ratios to the baseline are raised to this before the logarithm."""
 _DARK_PERCENTILE = 25.0
 """Percentile of the light that stands for darker sand."""
-_SMALLEST_DIVISOR = 1e-9
 _SEARCH_CELLS = 3000
 """Blocks of cells used in the search."""
-_SEEN_SHARE = 0.5
-"""Visible share from which a block counts [-]."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ class ToneChange:
             bent = log_ratio - self.amount * np.log(before / self.reference)
             return np.asarray(bent / (1.0 + self.amount), np.float32)
         ratio = np.exp(log_ratio) - self.amount / before
-        return np.asarray(np.log(np.maximum(ratio, _LEAST_RATIO)), np.float32)
+        return np.asarray(np.log(np.maximum(ratio, LEAST_RATIO)), np.float32)
 
     def contrast(self, log_ratio: Array, undone: Array) -> Array | float:
         """Return dr / dr', the scatter of log ratios relative to that of the undone ones.
@@ -152,12 +150,12 @@ def haze_of_chart(
         return None, []
     dark = float(np.percentile(before.mean(axis=2)[visible], _DARK_PERCENTILE))
     veil = (float(light.veil[0]), float(light.veil[1]), float(light.veil[2]))
-    haze = ToneChange('haze', float(light.veil.mean()), max(dark, _SMALLEST_DIVISOR), veil)
+    haze = ToneChange('haze', float(light.veil.mean()), max(dark, SMALLEST_DIVISOR), veil)
     if not _tells_tone(before, visible):
         weight = visible.astype(np.float32)
         drift = light_drift(log_ratio, weight, light.straight_gain).channels
         middle = np.median(before[visible], axis=0)
-        hazy = np.log(np.maximum(np.exp(light.straight_gain) + light.veil / middle, _LEAST_RATIO))
+        hazy = np.log(np.maximum(np.exp(light.straight_gain) + light.veil / middle, LEAST_RATIO))
         apart = [float(np.abs(drift - gain).mean()) for gain in (hazy, light.straight_gain)]
         if apart[0] <= apart[1] + TONE.most_level:
             return haze, []
@@ -166,7 +164,7 @@ def haze_of_chart(
 
 def _tells_tone(before: Array, visible: Mask) -> bool:
     """Return whether the sand of the baseline has parts of different brightness."""
-    light = np.log(np.maximum(before.mean(axis=2)[visible], _SMALLEST_DIVISOR))
+    light = np.log(np.maximum(before.mean(axis=2)[visible], SMALLEST_DIVISOR))
     return bool(light.std() >= TONE.least_spread)
 
 
@@ -189,9 +187,10 @@ def tone_change(
     size = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
     search = _Search(
         _block_means(log_ratio, visible, size),
-        np.maximum(_block_means(before, visible, size), _SMALLEST_DIVISOR),
-        np.maximum(_block_means(after, visible, size), _SMALLEST_DIVISOR),
-        _block_means(visible[..., None], np.ones_like(visible), size)[..., 0] > _SEEN_SHARE,
+        np.maximum(_block_means(before, visible, size), SMALLEST_DIVISOR),
+        np.maximum(_block_means(after, visible, size), SMALLEST_DIVISOR),
+        _block_means(visible[..., None], np.ones_like(visible), size)[..., 0]
+        > VALIDITY.least_judged_share,
         checker_gain,
     )
     if not search.is_unusual():
@@ -245,7 +244,7 @@ class _Search:
             return False
         apart = light[chosen] - light[chosen].mean()
         weighted = weight[chosen] * apart
-        slope = weighted @ grey[chosen] / max(float(weighted @ apart), _SMALLEST_DIVISOR)
+        slope = weighted @ grey[chosen] / max(float(weighted @ apart), SMALLEST_DIVISOR)
         seen = apart.std() > TONE.least_spread
         return bool(seen and abs(slope) > TONE.least_slope)
 
@@ -271,15 +270,15 @@ class _Search:
         ratio = haze.undone(self.log_ratio, self.before)
         for _ in range(_VEIL_ROUNDS):
             veil = self._lines(ratio)
-            left = 1.0 - veil / np.maximum(self.after, _SMALLEST_DIVISOR)
-            ratio = self.log_ratio + np.log(np.maximum(left, _LEAST_RATIO))
+            left = 1.0 - veil / np.maximum(self.after, SMALLEST_DIVISOR)
+            ratio = self.log_ratio + np.log(np.maximum(left, LEAST_RATIO))
         red, green, blue = (float(value) for value in veil)
         return replace(haze, amount=float(np.mean(veil)), veil=(red, green, blue))
 
     def _lines(self, ratio: Array) -> Array:
         """Return the offset of every channel (3,), with clean sand by the log ratios `ratio`."""
         weight, residual = self._weighted(ratio)
-        weight = np.maximum(weight, _SMALLEST_DIVISOR * self.visible)
+        weight = np.maximum(weight, SMALLEST_DIVISOR * self.visible)
         smooth = np.exp(ratio - residual).mean(axis=2)
         smooth = smooth / np.average(smooth, weights=weight)
         root = np.sqrt(weight)

@@ -17,13 +17,11 @@ from porotwin_imaging.live.frozen_camera import FrozenCamera
 from porotwin_imaging.live.photo_sequence import Placement, SequenceState, accept, place
 from porotwin_imaging.live.waiting_photos import WaitingPhotos
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
-from porotwin_imaging.photograph.sent_photos import digest_of
+from porotwin_imaging.photograph.sent_photos import MOST_BASELINES, digest_of
 from porotwin_imaging.tracer.calibration import Calibration
 
 WAITING_PHOTOS = 64
 """State photographs that are kept until the baseline arrives, or until they are read."""
-MOST_BASELINES = 8
-"""Baseline photographs that are averaged; more hardly reduce the noise."""
 TRACER_CONCENTRATION = 0.3
 """Cells of a new baseline above this concentration contain tracer [-]. Dye that remains in the
 grains after an experiment is paler."""

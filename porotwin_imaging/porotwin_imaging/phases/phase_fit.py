@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.phases.colour_change import Box, ColourChange
 from porotwin_imaging.phases.phase_colours import (
@@ -33,8 +34,6 @@ from porotwin_imaging.phases.phase_segmentation import probabilities
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_SMALLEST_DIVISOR = 1e-6
-
 
 def found_colours(changes: Sequence[ColourChange], water: Mask) -> PhaseColours:
     """Return the colours of the phases in the photographs.
@@ -48,7 +47,7 @@ def found_colours(changes: Sequence[ColourChange], water: Mask) -> PhaseColours:
     """
     smooth = np.stack([_smooth(change) for change in changes])
     gas = _strongest(smooth, smooth.min(axis=-1))
-    along = gas / max(float(np.linalg.norm(gas)), _SMALLEST_DIVISOR)
+    along = gas / max(float(np.linalg.norm(gas)), SMALLEST_DIVISOR)
     aside = np.linalg.norm(smooth - (smooth @ along)[..., None] * along, axis=-1)
     guess = np.stack([_strongest(smooth, aside), gas])
     colours = _fitted(np.array([WATER, DISSOLVED, GAS]), guess, changes, water)
@@ -97,7 +96,7 @@ def _smooth(change: ColourChange) -> Array:
     """Return the means over 3 x 3 cells (nz, nx, 3), 0 where the sand is not seen."""
     seen = change.visible.astype(np.float32)
     shown = np.where(change.visible[..., None], change.change, 0.0).astype(np.float32)
-    weight = np.maximum(cv2.blur(seen, (3, 3)), _SMALLEST_DIVISOR)
+    weight = np.maximum(cv2.blur(seen, (3, 3)), SMALLEST_DIVISOR)
     return np.asarray(cv2.blur(shown, (3, 3)) / weight[..., None] * seen[..., None])
 
 
@@ -123,7 +122,7 @@ def _fitted(
     size = np.linalg.norm(change_of, axis=1)
     for _ in range(PHASE.rounds):
         found = [probabilities(change, colours, water) for change in changes]
-        law, scatter, total = colours.law.copy(), np.zeros_like(floor), _SMALLEST_DIVISOR
+        law, scatter, total = colours.law.copy(), np.zeros_like(floor), SMALLEST_DIVISOR
         for number in range(1, len(phase)):
             of_colour = [q[number][cells] for q, cells in zip(found, seen, strict=True)]
             weight = np.concatenate(of_colour) * size
@@ -137,7 +136,7 @@ def _fitted(
 
 def _law(change: Array, light: Array, weight: Array) -> Array:
     """Return a and m of each channel (2, 3) by weighted least squares from cells (n, 3)."""
-    total = max(float(weight.sum()), _SMALLEST_DIVISOR)
+    total = max(float(weight.sum()), SMALLEST_DIVISOR)
     law = np.empty((2, len(CHANNELS)))
     for channel in range(len(CHANNELS)):
         design = np.stack([np.ones(len(light)), light[:, channel]], axis=1)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
-from porotwin_imaging.measures.plume_measures import contour_length
+from porotwin_imaging.measures.plume_measures import SMALLEST_PART, contour_length
 from porotwin_imaging.phases.phase_colours import UNKNOWN
 from porotwin_imaging.phases.phase_segmentation import PhaseMap
 
@@ -17,13 +18,8 @@ Array = NDArray[Any]
 
 SURE = 0.9
 """Cells with a smaller confidence are in doubt [-]."""
-SMALLEST_PART = 4
-"""Smaller parts of cells do not count as parts: noise makes spots of a few cells."""
 _OUTLINE_BLUR = 1.0
 """Blur of a map of cells before its outline is measured [cells]: steps of cells are no outline."""
-
-
-_SMALLEST_DIVISOR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ def _outline(numbers: NDArray[np.uint8], phase: int, grid: Grid) -> float:
     """Return the length of the outline of a phase [m]; unknown cells have none."""
     known = (numbers != UNKNOWN).astype(np.float32)
     cells = (numbers == phase).astype(np.float32)
-    share = _blurred(cells) / np.maximum(_blurred(known), _SMALLEST_DIVISOR)
+    share = _blurred(cells) / np.maximum(_blurred(known), SMALLEST_DIVISOR)
     return contour_length(np.where(known > 0, share, np.nan), grid, 0.5)
 
 

@@ -28,13 +28,11 @@ Trust = Literal['exif', 'file', 'arrival']
 
 EARLIEST_S = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
 """Earlier times [s since 1970] are those of a clock that was reset: no rig is as old."""
-AHEAD_S = 2.0
-"""A time may lie after the arrival by this [s]: clocks set over a network agree that well."""
+JITTER_S = 2.0
+"""A time may lie after the arrival, or before the last stamp, by this [s]: clocks set over a
+network agree that well. A time farther before the last stamp is an older photograph."""
 STEP_S = 0.001
 """Distance of two stamps [s] whose times are equal, as in EXIF times without sub-seconds."""
-BACK_S = 2.0
-"""A time before the last stamp by at most this [s] is jitter of a clock, more is an older
-photograph."""
 OLD_INTERVALS = 10.0
 """Photographs that may be old get times before the arrival by this multiple of the interval. A
 setpoint lasts three intervals, so that nobody acts on them."""
@@ -108,7 +106,7 @@ class Stamp:
 
 def believable(time: float | None, arrival: float) -> bool:
     """Return whether a photograph that arrived at `arrival` may be of `time` [s since 1970]."""
-    return time is not None and math.isfinite(time) and EARLIEST_S <= time <= arrival + AHEAD_S
+    return time is not None and math.isfinite(time) and EARLIEST_S <= time <= arrival + JITTER_S
 
 
 def own_time(evidence: TimeEvidence, trust: Trust = 'exif') -> float | None:
@@ -191,7 +189,7 @@ def _stamp(
 ) -> tuple[Stamp, ClockMemory]:
     """Return the stamp of one photograph and the new memory."""
     remarks: list[tuple[str, str]] = []
-    if memory.last is not None and memory.last > evidence.arrival + AHEAD_S:
+    if memory.last is not None and memory.last > evidence.arrival + JITTER_S:
         back = memory.last - evidence.arrival
         line = f"this computer's clock was set back by {back:.0f} s: times begin anew"
         remarks.append((f'set {back:.0f}', line))
@@ -219,7 +217,7 @@ def _stamp(
         return Stamp(None, (*lines, reason)), memory
     if not evidence.in_sequence:
         return Stamp(time, lines), memory
-    if memory.last is not None and time < memory.last - BACK_S:
+    if memory.last is not None and time < memory.last - JITTER_S:
         older = f'{memory.last - time:.0f} s older than the last one, so it is out of order'
         reason = f"photograph '{evidence.name}' left out: it is {older}"
         return Stamp(None, (*lines, reason)), memory
@@ -265,7 +263,7 @@ def _with_lag(
     memory = replace(memory, lags=lags)
     agree = len(lags) == AGREEING and max(lags) - min(lags) <= LAG_SPREAD_S
     wanted = 0.0 if abs(median(lags)) <= interval_s else min(lags)
-    if not agree or abs(wanted - memory.correction) <= max(LAG_SPREAD_S, AHEAD_S):
+    if not agree or abs(wanted - memory.correction) <= LAG_SPREAD_S:
         return memory, []
     relation = 'behind' if wanted > 0 else 'ahead of'
     days = f' ({DAYS.text(abs(wanted))})' if abs(wanted) > DAYS.seconds else ''

@@ -23,6 +23,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
 from porotwin_imaging.photograph.jpeg_file import JPEG_START, jpeg_fault, jpeg_pixels, jpeg_size
+from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,9 @@ class DecodingSettings:
 
 
 DECODING = DecodingSettings()
+
+OVER_EXPOSED = float(LINEAR_LIGHT[DECODING.bright_level])
+"""Lowest linear light of over-exposed pixels and patches [-]."""
 
 
 PNG_START = b'\x89PNG\r\n\x1a\n'

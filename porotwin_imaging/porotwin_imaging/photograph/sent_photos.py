@@ -19,7 +19,7 @@ from porotwin_core.basis.whole_file import whole_file
 
 LINES_FILE = 'sent.jsonl'
 MOST_BASELINES = 8
-"""Baselines that are kept, as many as the topic offers to late subscribers."""
+"""Baselines that are kept, offered to late subscribers and averaged; more hardly reduce noise."""
 
 _LARGEST = 2**63
 """A file system counts bytes and nanoseconds in 64 bits."""

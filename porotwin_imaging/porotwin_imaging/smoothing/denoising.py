@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
 from porotwin_imaging.numerics.row_bands import by_bands
 from porotwin_imaging.smoothing.total_variation import fill, total_variation_denoising
 
 Array = NDArray[Any]
 
-_SMALLEST_DIVISOR = 1e-9
 _LEAST_VISIBLE_WEIGHT = 0.5
 """Smallest data weight of a visible cell [-]: dark stock is noisier than water in absorbance, but
 must not lose more of its height, which is inverse to the weight."""
@@ -51,7 +51,7 @@ def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     median = float(np.median(noise[visible]))
 
     def band(noise: Array, visible: Array) -> tuple[Array]:
-        weights = (median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2
+        weights = (median / np.maximum(noise, SMALLEST_DIVISOR)) ** 2
         return (np.where(visible, np.clip(weights, _LEAST_VISIBLE_WEIGHT, 1.0), 0.0),)
 
     (weights,) = by_bands(band, noise, visible)

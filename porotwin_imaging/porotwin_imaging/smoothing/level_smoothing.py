@@ -23,6 +23,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.frame import VALIDITY
+from porotwin_imaging.geometry.sampling import SAMPLING
+
 
 @dataclass(frozen=True)
 class LevelSmoothingSettings:
@@ -40,10 +44,6 @@ class LevelSmoothingSettings:
     """Least and largest blur [cells]: a front of two cells must stay."""
     least_tracer: float = 0.01
     """Where no value within reach exceeds this there is no tracer to correct [-]."""
-    most_columns: int = 400
-    """Maps with more columns are corrected on coarser cells."""
-    least_share: float = 0.3
-    """Visible share of a coarse cell below which it does not count [-]."""
 
 
 LEVEL_SMOOTHING = LevelSmoothingSettings()
@@ -53,8 +53,6 @@ Array = NDArray[Any]
 
 _LARGEST_EXPONENT = 8.0
 """Cells with a weight below exp(-8) do not count."""
-_LEAST_VARIANCE = 1e-12
-"""Variances are raised to this before they divide."""
 
 
 @dataclass(frozen=True)
@@ -105,17 +103,17 @@ def smooth_along_levels(
         cell_m: size of a cell [m].
     """
     visible = np.isfinite(raw) & np.isfinite(first)
-    factor = max(1, round(first.shape[1] / LEVEL_SMOOTHING.most_columns))
+    factor = max(1, round(first.shape[1] / SAMPLING.judged_columns))
     nz, nx = (max(1, size // factor) for size in first.shape)
     filled = [np.where(visible, plane, 0.0) for plane in (raw, first, noise**2)]
     share, data, guide, variance = (
         _coarse(np.asarray(plane, np.float32), (nz, nx)) for plane in (visible, *filled)
     )
-    seen = share > LEVEL_SMOOTHING.least_share
+    seen = share > VALIDITY.least_visible_share
     data, guide, variance = (
-        plane / np.maximum(share, LEVEL_SMOOTHING.least_share) for plane in (data, guide, variance)
+        plane / np.maximum(share, VALIDITY.least_visible_share) for plane in (data, guide, variance)
     )
-    variance = np.maximum(variance * (nz * nx / first.size), _LEAST_VARIANCE)
+    variance = np.maximum(variance * (nz * nx / first.size), SMALLEST_DIVISOR)
     widths = _Widths.of(cell_m * factor)
     correction, remaining = _corrections(data, guide, variance, seen, widths)
     if factor > 1:
@@ -143,7 +141,7 @@ def _corrections(
     Far from tracer nothing is added: the average would only add noise.
     """
     reach = math.ceil(2.0 * widths.reach)
-    weight = np.maximum(_blurred(seen, widths.guide_blur), _LEAST_VARIANCE)
+    weight = np.maximum(_blurred(seen, widths.guide_blur), SMALLEST_DIVISOR)
     guide = _blurred(np.where(seen, first, 0.0), widths.guide_blur) / weight
     window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     tracer = cv2.dilate((guide > LEVEL_SMOOTHING.least_tracer).astype(np.uint8), window) > 0

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import QUOTED, Remark
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.yaml_reader import yaml_text
@@ -65,8 +65,6 @@ _MOST_DEVIATION = 10.0
 """Largest relative deviation of a file [-]; above 1 nothing is known."""
 _MOST_BLUR_PX = 20.0
 """Largest blur of a file [px]; a camera out of focus has 5."""
-_SHOWN = 40
-"""Characters of a wrong value that a message repeats."""
 _SAME_SIZE = 0.01
 """Relative difference of width or height up to which a rig fits a calibration [-]: a rig
 is measured to some millimetres, and another rig differs by much more."""
@@ -361,7 +359,7 @@ def _number(key: str, value: Any, low: float, high: float) -> float:
         InputError: it is no number, or not between `low` and `high`.
     """
     if type(value) not in (int, float) or not low <= value <= high:
-        said = f'{value!r}'[:_SHOWN]
+        said = f'{value!r}'[:QUOTED]
         raise InputError(f'{key}: {said} is no number from {low:g} to {high:g}; calibrate again')
     return float(value)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
+from porotwin_core.basis.remark import QUOTED
 from porotwin_core.rig.yaml_reader import read_yaml_file
 
 FILE_NAME = 'calibration.yaml'
@@ -34,8 +35,6 @@ _SECTIONS = ('made', 'signal', 'response', 'sands', 'hidden')
 """Keys whose values are sections."""
 _RIG_KEYS = ('name', 'width_m', 'height_m')
 """Keys of `made.rig`."""
-_SHOWN = 40
-"""Characters of a wrong value that a message repeats."""
 
 
 def read_content(path: Path) -> dict[str, Any]:
@@ -84,7 +83,7 @@ def _check_schema(data: dict[str, Any]) -> None:
 def _check_section(name: str, section: Any) -> None:
     """Raise InputError unless the value of the key `name` is a section with the right keys."""
     if not isinstance(section, dict):
-        said = f'{section!r}'[:_SHOWN]
+        said = f'{section!r}'[:QUOTED]
         example = f'{name}: {{file: {name}.png}}' if name == 'hidden' else f'{name}: {{key: value}}'
         raise InputError(f'{name}: {said} is no section; write it as {example}, or calibrate again')
     if name != 'made':  # for the reader, and different in older files
@@ -119,5 +118,5 @@ def _check_rig(rig: Any) -> None:
         )
     for key in _RIG_KEYS[1:]:
         if type(rig[key]) not in (int, float) or not 0 < rig[key] < float('inf'):
-            said = f'{rig[key]!r}'[:_SHOWN]
+            said = f'{rig[key]!r}'[:QUOTED]
             raise InputError(f'made.rig.{key}: {said} is no length in metres; correct it')

@@ -16,6 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.geometry.sampling import SAMPLING
 from porotwin_imaging.tracer.calibration import Calibration
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
@@ -38,8 +40,6 @@ class LightErrorSettings:
     """Cells that determine this colour."""
     smoothing_cells: float = 3.0
     """Width of the local mean of colours [cells]; light changes slowly."""
-    most_columns: int = 400
-    """Maps with many more columns are judged on coarser cells."""
     front_step: float = 0.02
     """Larger steps between cells are fronts [-]."""
     colour_tolerance: float = 0.02
@@ -55,8 +55,6 @@ Array = NDArray[Any]
 
 _STEP = 0.01
 """Step of the log ratio of a numerical derivative [-]."""
-_LEAST_WEIGHT = 1e-6
-"""Weights are raised to this before they divide."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ def light_error(
 
     Light changes slowly, so that fine maps are judged on coarser cells.
     """
-    factor = round(seen.values.shape[1] / LIGHT_ERROR.most_columns)
+    factor = round(seen.values.shape[1] / SAMPLING.judged_columns)
     if factor > 1:
         coarse = light_error(_coarser(seen, factor), calibration)
         return np.asarray(cv2.resize(coarse, seen.values.shape[::-1]))
@@ -155,7 +153,7 @@ def _foreign_light(
         [_smooth(apart[..., channel], even, LIGHT_ERROR.smoothing_cells) for channel in range(3)],
         axis=-1,
     )
-    found = (smooth * turned).sum(axis=-1) / np.maximum((turned**2).sum(axis=-1), _LEAST_WEIGHT)
+    found = (smooth * turned).sum(axis=-1) / np.maximum((turned**2).sum(axis=-1), SMALLEST_DIVISOR)
     doubt = LIGHT_ERROR.colour_tolerance + LIGHT_ERROR.dye_tolerance * share
     return np.sqrt(np.maximum(found**2 - doubt**2, 0.0))
 
@@ -190,4 +188,4 @@ def _smooth(values: Array, visible: NDArray[np.bool_], sigma: float) -> Array:
     """Return the local mean of the visible `values`, by a Gaussian of width `sigma` [cells]."""
     weight = cv2.GaussianBlur(visible.astype(np.float32), (0, 0), sigma)
     total = cv2.GaussianBlur(np.where(visible, values, 0.0).astype(np.float32), (0, 0), sigma)
-    return np.asarray(total / np.maximum(weight, _LEAST_WEIGHT))
+    return np.asarray(total / np.maximum(weight, SMALLEST_DIVISOR))

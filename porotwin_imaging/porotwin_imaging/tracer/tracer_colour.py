@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 
 Array = NDArray[Any]
@@ -31,7 +32,6 @@ _FEWEST_CELLS = 20
 """Cells with much tracer that determine the colour."""
 _LEAST_STRENGTH = 0.1
 """Hue relative to grey darkening below which a dye is as grey as a shadow [-]."""
-_SMALLEST_DIVISOR = 1e-9
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class TracerColour:
         darkening = -np.asarray(absorbance, float)
         hue = darkening - darkening.mean()
         size = float(np.linalg.norm(hue))
-        strength = size / max(abs(float(darkening.mean())), _SMALLEST_DIVISOR)
+        strength = size / max(abs(float(darkening.mean())), SMALLEST_DIVISOR)
         return cls(hue / size, strength) if strength >= _LEAST_STRENGTH else None
 
     def amount(self, hue: Array) -> Array:

@@ -44,6 +44,7 @@ from porotwin_recording.experiment.experiment_folder import Progress, write_fold
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_recording.experiment.rig_pauses import pauses_text
+from porotwin_recording.experiment.segments import SINCE_1970_NS
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_records import TopicQos
@@ -53,7 +54,7 @@ from porotwin_recording.tables.one_writer import one_writer
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 
-IMPORT_START = 1_000_000_000 * SECOND
+IMPORT_START = SINCE_1970_NS
 """Start of every imported experiment [ns], 2001-09-09 01:46:40 UTC; equal folders, equal bags."""
 
 _QOS = {

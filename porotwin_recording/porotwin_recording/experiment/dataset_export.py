@@ -8,7 +8,7 @@ import contextlib
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import netCDF4
 import numpy as np
@@ -24,16 +24,12 @@ from porotwin_recording.experiment.dataset_variables import (
 )
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import Recording
+from porotwin_recording.tables.concentration import MAPS_AT_ONCE
+from porotwin_recording.tables.map_writer import COMPRESSION_LEVEL
 from porotwin_recording.tables.one_writer import one_writer
 
 Format = Literal['zarr', 'netcdf']
 
-ZLIB_LEVEL: Final = 4
-"""Level of the compression, from 1 (fastest) to 9 (smallest)."""
-
-MAPS_AT_ONCE = 16
-"""Maps that are read at once, and written to the disk before they count as done: an interrupted
-export goes on behind them."""
 
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps, and their total."""
@@ -232,7 +228,7 @@ def _define_netcdf(path: Path, variables: dict[str, Variable], about: dict[str, 
                     chunksizes=(1, sizes['z'], sizes['x']),
                     fill_value=np.float32(np.nan),
                     zlib=True,
-                    complevel=ZLIB_LEVEL,
+                    complevel=COMPRESSION_LEVEL,
                 )
             variable.setncatts(each.attributes)
 

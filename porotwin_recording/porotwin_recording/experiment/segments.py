@@ -3,11 +3,12 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.wells import WellRates
 from porotwin_recording.mcap.serialization import SECOND
 from porotwin_recording.tables.photos import Role
 
-SINCE_1970 = 1_000_000_000 * SECOND
+SINCE_1970_NS = int(SINCE_1970) * SECOND
 """Stamps from here on [ns] count from 1970: one stamp is one moment.
 
 Smaller stamps count from the start of an experiment, and the next experiment has them again.
@@ -143,7 +144,7 @@ def joined(segments: list[Segment]) -> list[Segment]:
 def _sent_again(earlier: Segment, later: Segment) -> bool:
     if not later.maps:
         return True
-    if min(*earlier.maps, *later.maps) < SINCE_1970:
+    if min(*earlier.maps, *later.maps) < SINCE_1970_NS:
         return False
     overlap = [stamp for stamp in later.maps if stamp <= max(earlier.maps)]
     shared = later.maps.keys() & earlier.maps.keys()

@@ -18,8 +18,10 @@ import cftime
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_checks.checks.map_values import MOST_STOCK
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.other_unit import PERCENT
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -46,8 +48,6 @@ FirstRow = Literal['top', 'bottom']
 NAMES = {quantity: ALL_NAMES[quantity] for quantity in ('concentration', 'time', 'x', 'z')}
 """Names of quantities, the surest first."""
 
-MOST_STOCK = 1.3
-"""Largest concentration of noisy maps [-]; larger values are in another unit."""
 
 FAR_FROM_SQUARE, NEARLY_SQUARE = 1.3, 1.1
 """Longer over shorter side of a cell: maps are taken as transposed if they have cells beyond the
@@ -67,7 +67,6 @@ REAL_KINDS = 'biuf'
 NO_NUMBERS = ('nan', 'na', 'n/a', '#n/a', '#nv', 'null', 'none', '-', '--', 'inf', '1.#qnan')
 """Words for no value in tables, in small letters."""
 
-PERCENT = 100.0
 
 AMOUNTS = re.compile(r'(kg|g|mg|ug|µg|mol|mmol|ppm|ppb)\b')
 """Begin of units of dye per volume, such as mg/l."""

@@ -11,6 +11,7 @@ from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_regular
 from porotwin_core.rig.yaml_reader import read_yaml_file
+from porotwin_recording.mcap.mcap_index import PIECE
 
 METADATA = 'metadata.yaml'
 """Description of a rosbag2 folder."""
@@ -20,9 +21,6 @@ COMPRESSED = '.zstd'
 
 _OTHERS = ('.db3', f'.db3{COMPRESSED}', '.bag')
 """Suffixes of bags in other formats: SQLite, and ROS 1."""
-
-_PIECE = 1 << 20
-"""Bytes that are unpacked at once."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +230,7 @@ def unpacked(path: Path, target: Path) -> Path:
     try:
         with open_regular(path) as source, target.open('wb') as copy:
             reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
-            while piece := reader.read(_PIECE):
+            while piece := reader.read(PIECE):
                 done += copy.write(piece)
                 check_declared(path, (done,))
     except zstandard.ZstdError as error:
@@ -262,7 +260,7 @@ def plain_data(path: Path, data: bytes) -> bytes:
     try:
         plain = bytearray()
         with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-            while piece := reader.read(_PIECE):
+            while piece := reader.read(PIECE):
                 plain += piece
                 check_declared('it', (len(plain),))
         return bytes(plain)

@@ -68,7 +68,7 @@ _CHUNK_BEGIN = struct.Struct('<BQQQQI')
 _MESSAGE_BEGIN = struct.Struct('<BQHIQQ')
 """Begin of a message: opcode, length, channel, sequence, log time, publish time."""
 
-_PIECE = 1 << 20
+PIECE = 1 << 20
 """Bytes of a chunk that are unpacked at once."""
 
 _WINDOW = 1 << 22
@@ -227,7 +227,7 @@ class _ChunkContent:
 
     def _skip(self, count: int) -> None:
         while count > 0:
-            count -= len(self._read(min(count, _PIECE)))
+            count -= len(self._read(min(count, PIECE)))
 
     def _read(self, count: int) -> bytes:
         data = self._source.read(count)

@@ -55,9 +55,10 @@ _COORDINATE_UNITS = {
 _NO_UNIT = {'', '1', '1.0', '-', 'none', 'dimensionless', 'unitless', 'fraction'}
 """Words in files for a number without a unit."""
 
-_MAPS_AT_ONCE = 16
-"""Maps in memory during iteration: 14 MB at 750 x 300 cells."""
 
+MAPS_AT_ONCE = 16
+"""Maps in memory at once, 14 MB at 750 x 300 cells, and in a part of a file being written: a kill
+costs at most so many."""
 
 VIRTUAL: Final = 'virtual rig'
 """Last words of the program of maps that the virtual rig made itself."""
@@ -131,8 +132,8 @@ class MapSeries:
         return self.read(number, number + 1)[0]
 
     def __iter__(self) -> Iterator[Maps]:
-        for start in range(0, len(self), _MAPS_AT_ONCE):
-            yield from self.read(start, min(start + _MAPS_AT_ONCE, len(self)))
+        for start in range(0, len(self), MAPS_AT_ONCE):
+            yield from self.read(start, min(start + MAPS_AT_ONCE, len(self)))
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> NDArray:
         maps = self[:]
@@ -234,8 +235,8 @@ def _tell_range(path: Path, variable: netCDF4.Variable) -> None:
     if not has_range(netcdf_attributes(variable)):
         return
     total: Counts = {}
-    for start in range(0, len(variable), _MAPS_AT_ONCE):
-        for why, count in _values(variable, start, start + _MAPS_AT_ONCE)[1].items():
+    for start in range(0, len(variable), MAPS_AT_ONCE):
+        for why, count in _values(variable, start, start + MAPS_AT_ONCE)[1].items():
             total[why] = total.get(why, 0) + count
     if total:
         LOG.warning('%s: %s', path, in_words(total, variable.size))
@@ -255,7 +256,7 @@ def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:
     variable = _variable(dataset, path, name, ('time', 'z', 'x'))
     if not np.issubdtype(variable.dtype, np.number):
         raise InputError(f'{path}: {name} is {variable.dtype}; write float32')
-    check_variable(path, variable, _MAPS_AT_ONCE)
+    check_variable(path, variable, MAPS_AT_ONCE)
     unit = _unit(variable)
     if unit.lower() not in _NO_UNIT:
         stock = '100 %' if unit == '%' else f'the stock in {unit}'

@@ -18,6 +18,7 @@ from porotwin_core.basis.errors import write_error
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import (
+    MAPS_AT_ONCE,
     UNKNOWN_ORIGIN,
     ConcentrationMaps,
     ConcentrationWriter,
@@ -25,9 +26,6 @@ from porotwin_recording.tables.concentration import (
     open_maps,
 )
 from porotwin_recording.tables.map_writer import check_next
-
-MAPS_PER_PART = 16
-"""Maps of a part: a kill costs at most so many."""
 
 _SOURCE = 'source.json'
 """File beside the parts that tells their source."""
@@ -112,7 +110,7 @@ class MapParts:
             self._part = ConcentrationWriter(file, self._grid, origin=self._origin)
         self._part.append(time, concentration, deviation=deviation, systematic=systematic)
         self._last, self._in_part = time, self._in_part + 1
-        if self._in_part == MAPS_PER_PART:
+        if self._in_part == MAPS_AT_ONCE:
             self._end_part()
 
     def _end_part(self) -> None:

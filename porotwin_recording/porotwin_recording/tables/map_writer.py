@@ -15,7 +15,7 @@ from porotwin_core.geometry.grid import Grid
 _TIMES_PER_CHUNK = 4096
 """A NetCDF chunk of one time would cost a kilobyte of memory per map."""
 
-_COMPRESSION_LEVEL: Final = 4
+COMPRESSION_LEVEL: Final = 4
 """Level of zlib, from 1 (fastest) to 9 (smallest)."""
 
 
@@ -75,7 +75,7 @@ class MapWriter:
                 kind,
                 ('time', 'z', 'x'),
                 zlib=True,
-                complevel=_COMPRESSION_LEVEL,
+                complevel=COMPRESSION_LEVEL,
                 shuffle=shuffle,
                 chunksizes=(1, self.grid.nz, self.grid.nx),
                 fill_value=fill,
