@@ -39,8 +39,8 @@ def command(
     """Compare predictions with and without COSTA to recordings.
 
     Errors are relative to the observed maps, one step ahead and free-running. These maps have noise
-    themselves; --reference names better ones. The output holds the observed maps, those of the free
-    run and those of the free run with COSTA.
+    themselves; --reference names better ones. The output holds the observed maps and both free
+    runs.
 
     Example: ./porotwin evaluate models/monday run3 --output evaluation
 

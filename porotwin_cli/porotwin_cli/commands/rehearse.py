@@ -84,7 +84,7 @@ def command(
 
     With --photo-width-px the folder holds photographs instead of maps. Two rehearsals with the same
     seed have the same camera, so that a known injection calibrates it for the other one. --truth
-    keeps what the camera would see without noise, for `evaluate --reference`.
+    keeps the maps without noise, for `evaluate --reference`.
 
     Example: ./porotwin rehearse planned --output rehearsed --effect leak:x=0.6,z=0.3,rate=-50
 

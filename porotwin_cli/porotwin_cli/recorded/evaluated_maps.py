@@ -10,8 +10,8 @@ from porotwin_costa.evaluation.evaluation import FrameFields
 from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
 
 MAP_KINDS = {'observed': 'observed', 'free_run': 'free_predicted', 'corrected': 'free_corrected'}
-"""Names of the files of a recording, and their fields: what the errors are relative to, the free
-run of the model, and that with COSTA."""
+"""Names of the files of a recording, and their fields: the maps of the errors, the free run of the
+model, and the free run with COSTA."""
 
 
 class EvaluatedMaps(ExitStack):
