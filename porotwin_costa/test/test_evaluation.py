@@ -115,6 +115,27 @@ def test_free_run_starts_anew_after_an_interruption(model, unseen_frames):
     assert before.free_predicted > before.predicted
 
 
+def test_errors_relative_to_better_maps_leave_the_noise_of_the_observed_ones_out(
+    model, unseen_frames
+):
+    noise = 0.05 * np.random.default_rng(3).standard_normal(unseen_frames.concentration.shape)
+    noisy = dataclasses.replace(unseen_frames, concentration=unseen_frames.concentration + noise)
+    seen = []
+    result = _run(model, [noisy], _nothing, references=[unseen_frames], see=seen.append)
+    beside_noise = _run(model, [noisy], _nothing).frames[-1].free_predicted
+    assert result.frames[-1].free_predicted < beside_noise
+    assert len(seen) == 24
+    last = seen[-1]
+    assert np.array_equal(last.observed, unseen_frames.concentration[-1])
+    assert relative_error(last.free_predicted, last.observed) == result.frames[-1].free_predicted
+
+
+def test_a_reference_without_a_map_of_the_time_is_refused(model, unseen_frames):
+    other = dataclasses.replace(unseen_frames, times=unseen_frames.times + 7.0, name='truth.nc')
+    with pytest.raises(InputError, match=r'truth.nc: has no map at 30 s'):
+        _run(model, [unseen_frames], _nothing, references=[other])
+
+
 def test_cells_that_were_not_observed_do_not_count(model, unseen_frames):
     concentration = unseen_frames.concentration.copy()
     concentration[24, :, :3] = np.nan

@@ -1,6 +1,7 @@
 """The calibration record and its file."""
 
 from copy import deepcopy
+from dataclasses import replace
 from functools import reduce
 
 import cv2
@@ -265,3 +266,13 @@ def test_a_calibration_that_may_be_of_another_rig_is_told(
     assert (doubt and doubt.code) == code
     baseline = make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
     assert (str(doubt) in baseline.remarks) == (code is not None)
+
+
+def test_errors_of_scale_and_shape_do_not_average_out_over_the_cells() -> None:
+    response = Response((0.0, 1.0), (0.0, 1.0), (0.02, 0.02))
+    two = replace(Calibration(response=response), scale_error=0.03, factor_deviations=(0.04, 0.0))
+    sands = np.repeat([[0, 1]], 50, axis=0).astype(np.uint8)
+    one, even = np.ones((50, 2)), 1e-6 * np.ones((50, 2))
+    parts = (0.03, 0.02, 0.5 * 0.04)  # half of the tracer is in the first sand
+    assert two.mass_deviation(one, sands, even) == pytest.approx(np.linalg.norm(parts))
+    assert two.mass_deviation(0.0 * one, sands, even) == 0.0

@@ -105,6 +105,15 @@ def test_water_behind_the_tracer_is_no_hollow_plume() -> None:
     assert found.hollow == pytest.approx(1.0, abs=0.05)
 
 
+def test_clean_water_that_flows_past_a_resting_well_is_no_hollow_plume() -> None:
+    rest, begin = WellRate(0.0, 1.0), WellRate(RATE, 1.0)
+    rows = (ScheduleRow(650.0, 'left', rest), ScheduleRow(650.0, 'right', begin))
+    gone = [disc(RATE * 650.0, 0.35, hole=0.9) + disc(RATE * (time - 650.0), 0.75)
+            for time in TIMES[1:]]  # fmt: skip
+    found = evidence(Schedule((*log().rows, *rows)), [disc(RATE * TIMES[0]), *gone])
+    assert found.hollow == pytest.approx(1.0, abs=0.05)
+
+
 def test_hidden_cells_count_as_clean() -> None:
     hidden = [np.where(GRID.x[None, :] > 0.6, np.nan, disc(RATE * time)) for time in TIMES]
     assert evidence(log(), hidden).filled == pytest.approx(1.0, abs=0.05)

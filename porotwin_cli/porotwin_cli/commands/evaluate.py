@@ -24,16 +24,38 @@ def command(
     effect: Annotated[
         list[str], typer.Option(help='Effect of the physics-based model, as in its training.')
     ] = [],  # noqa: B006 (typer reads the default once)
-    output: Annotated[Path | None, typer.Option(help='Folder for a table and pictures.')] = None,
+    reference: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help='NetCDF file of maps that take the place of the observed ones in the errors, such '
+            'as truth.nc of the demo or of rehearse --truth. One for each recording.'
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help='Folder for a table, maps and pictures.')
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Compare predictions with and without COSTA to recordings.
 
-    Errors are relative to the observed maps, one step ahead and free-running.
+    Errors are relative to the observed maps, one step ahead and free-running. These maps have noise
+    themselves; --reference names better ones. The output holds the observed maps and both free
+    runs.
 
     Example: ./porotwin evaluate models/monday run3 --output evaluation
+
+    Example: ./porotwin evaluate models/monday rehearsed --reference truth.nc
     """
-    from porotwin_cli.recorded.costa_data import frames_of, open_all, source_name, with_effects
+    from contextlib import nullcontext
+
+    from porotwin_cli.recorded.costa_data import (
+        frames_of,
+        open_all,
+        references_of,
+        source_name,
+        with_effects,
+    )
+    from porotwin_cli.recorded.evaluated_maps import EvaluatedMaps
     from porotwin_core.model.learnt_physics import LearntPhysics
     from porotwin_core.rig import load_rig
     from porotwin_costa.correction.corrective_model import CorrectiveModel
@@ -43,7 +65,7 @@ def command(
     from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 
     if output is not None:
-        refuse_file(output, 'table and pictures')
+        refuse_file(output, 'table, maps and pictures')
         check_writable(output)
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
@@ -59,21 +81,27 @@ def command(
     for recording in experiments:
         if source_name(recording) in learned.provenance['sources']:
             say(f'{recording.source}: the model learned from it; expect larger errors on others')
+    better = references_of(reference or [], experiments, learned.grid)
     solver = LearntModels(nominal, learned.grid, preset)
     physics = solver.model(LearntPhysics())
     step = None if learned.learnt is None else LearntStep(learned.learnt, solver)
-    result = evaluate(
-        [frames_of(recording, learned.grid) for recording in experiments],
-        time_step=learned.time_step,
-        predict=physics.predict,
-        correct=physics.correct,
-        correction=partial(corrective_source, learned, physics=step),
-    )
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
+        maps = EvaluatedMaps(output, learned.grid, len(experiments))
+    with nullcontext() if output is None else maps as written:
+        result = evaluate(
+            [frames_of(recording, learned.grid) for recording in experiments],
+            time_step=learned.time_step,
+            predict=physics.predict,
+            correct=physics.correct,
+            correction=partial(corrective_source, learned, physics=step),
+            references=better,
+            see=(lambda _: None) if written is None else written.see,
+        )
+    if output is not None:
         result.write_csv(output / 'errors.csv')
         write_pictures(result, learned.grid, output)
-        say(f'table and pictures: {output}')
+        say(f'table, maps and pictures: {output}')
     if as_json:
         names = ('predicted', 'corrected', 'free_predicted', 'free_corrected')
         means = {name: result.mean(name) for name in names}

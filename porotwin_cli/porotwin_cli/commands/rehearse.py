@@ -67,6 +67,10 @@ def command(
             max=WIDEST_PX,
         ),
     ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help='NetCDF file for the same maps without noise, outside the folder.'),
+    ] = None,
     seed: Annotated[int, typer.Option(help='Seed of noise and camera.', min=0)] = 1,
     as_json: Json = False,
 ) -> None:
@@ -79,13 +83,15 @@ def command(
     whether these rates would show them.
 
     With --photo-width-px the folder holds photographs instead of maps. Two rehearsals with the same
-    seed have the same camera, so that a known injection calibrates it for the other one.
+    seed have the same camera, so that a known injection calibrates it for the other one. --truth
+    keeps the maps without noise, for `evaluate --reference`.
 
     Example: ./porotwin rehearse planned --output rehearsed --effect leak:x=0.6,z=0.3,rate=-50
 
     Example: ./porotwin rehearse planned --output photographed --photo-width-px 1600
     """
     from porotwin_cli.options.grids import grid_of
+    from porotwin_cli.options.output_files import check_output
     from porotwin_core.basis.whole_folder import whole_folder
     from porotwin_recording.experiment.experiment_folder import MAPS_FILE
     from porotwin_recording.experiment.recording import open_recording
@@ -95,6 +101,8 @@ def command(
     from porotwin_rig.map_camera import MapNoise
 
     refuse_existing(output)
+    if truth is not None:
+        check_output(truth, experiment)
     effects = parse_effects(';'.join(effect or []))
     _refuse_rig_alone(experiment)
     recording = open_recording(experiment)
@@ -127,6 +135,7 @@ def command(
             noise=MapNoise(),
             grid=map_grid,
             photo_width_px=photo_width_px,
+            truth=truth,
             progress=lambda share: bar.update(task, completed=share),
         )
         if photographs:  # imaging makes the maps

@@ -17,8 +17,11 @@ from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
 from porotwin_core.model.preset_names import PRESET_WORDS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from porotwin_cli.recorded.free_run_errors import LateMaps
     from porotwin_core.geometry.grid import FloatArray, Grid
+    from porotwin_core.rig import EffectDescription
     from porotwin_recording.experiment.recording import Recording
 
 MOST_CELLS = 10_000_000
@@ -125,7 +128,7 @@ def command(
         device=device,
     )
     origin = MapOrigin(program=maker('simulate'))
-    compared = _late_maps(recording, cells, times)
+    compared = _late_maps(recording, cells, times, preset, effects)
     shown = chosen_maps(len(moments))
     pictured: list[FloatArray] = []
     with ConcentrationWriter(output, cells, origin=origin) as writer, progress() as bar:
@@ -185,13 +188,19 @@ def _diagnosis(recording: 'Recording') -> str:
     return f'; ./porotwin diagnose {source} --output REPORT finds the cause of an error'
 
 
-def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':
+def _late_maps(
+    recording: 'Recording',
+    grid: 'Grid',
+    times: str,
+    preset: str,
+    effects: 'Sequence[EffectDescription]',
+) -> 'LateMaps | None':
     """Return the maps to compare with; None: there are none at these times and cells."""
     from porotwin_cli.recorded.free_run_errors import LateMaps
 
     if recording.maps is None or times or recording.grid != grid or len(recording.times) < 2:
         return None
-    return LateMaps(recording)
+    return LateMaps(recording, preset, effects)
 
 
 def _parse_times(text: str) -> list[float]:

@@ -9,10 +9,12 @@ import numpy as np
 
 from porotwin_cli.recorded.given_twice import refuse_twice
 from porotwin_cli.terminal import progress
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import crew
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.free_run_gate import Judge, kept_runs
@@ -25,6 +27,7 @@ from porotwin_costa.training.rollout_training import CURRICULUM, Stage
 from porotwin_costa.training.run_training import Experiments, train_from_runs
 from porotwin_costa.training.training import TrainingProgress, train
 from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.tables.concentration import open_maps
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_solver.effects import parse_effect
 from porotwin_solver.model.presets import IMPLICIT
@@ -52,6 +55,27 @@ def frames_of(recording: Recording, grid: Grid) -> Frames:
         ),
         grid,
     )
+
+
+def references_of(
+    paths: Sequence[Path], recordings: Sequence[Recording], grid: Grid
+) -> list[Frames]:
+    """Return the better maps at `paths` on `grid`, one file for each of the `recordings`; or none.
+
+    Raises:
+        InputError: there is a file too few or too many, or one cannot be read.
+    """
+    if paths and len(paths) != len(recordings):
+        raise InputError(
+            f'--reference: {len(paths)} files for {len(recordings)} recordings; give one for each, '
+            'in their order'
+        )
+    found = []
+    for path, recording in zip(paths, recordings, strict=False):
+        maps = open_maps(path, recording.rig)
+        values = np.asarray(maps[:], dtype=float)
+        found.append(resampled(Frames(maps.times, values, Schedule(), name=str(path)), grid))
+    return found
 
 
 def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:

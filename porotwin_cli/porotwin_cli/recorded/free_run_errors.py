@@ -4,18 +4,36 @@ A camera blurs fronts over a part of a cell. A sharp front beside a blurred one 
 no better model removes, so the error is told with the model blurred as well.
 """
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.error_parts import (
+    COARSER,
+    ErrorParts,
+    error_parts,
+    held_out_frames,
+    in_words,
+)
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.noise import blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
-from porotwin_diagnosis.data.sample import HELD_OUT_SHARE, TRACER_PRESENT
+from porotwin_diagnosis.data.sample import (
+    HELD_OUT_SHARE,
+    TRACER_PRESENT,
+    Sample,
+    coarsened,
+    read_sample,
+)
 from porotwin_recording.experiment.recording import Recording
+from porotwin_solver.model.simulation import simulate
 
 LACKS_START = (
     '. The free run starts clean, but the first map holds tracer from before the recording: these '
@@ -37,6 +55,7 @@ class FreeRunErrors:
         blur_cells: width of that blur [cells], chosen for the least error.
         noise: error of a perfect model with that blur, by the noise of the maps.
         lacks_start: whether the first map holds tracer that the free run does not start with.
+        parts: parts of `error`, of a dozen frames; None where there are too few.
     """
 
     error: float
@@ -44,29 +63,41 @@ class FreeRunErrors:
     blur_cells: float
     noise: float
     lacks_start: bool = False
+    parts: ErrorParts | None = None
 
     def __str__(self) -> str:
         """Return the errors in words."""
+        parts = '' if self.parts is None else f'. It is made by: {in_words(self.parts)}'
         return (
             f'free run beside the maps of the recording, last {percent(HELD_OUT_SHARE)}: error '
             f'{percent(self.error, 1)}, or {percent(self.blurred_error, 1)} with fronts blurred as '
             f'in the maps (--blur {self.blur_cells:.2f}); the noise of the maps alone, without '
-            f'blur, makes {percent(self.noise, 1)}' + (LACKS_START if self.lacks_start else '')
+            f'blur, makes {percent(self.noise, 1)}' + (LACKS_START if self.lacks_start else parts)
         )
 
 
 @dataclass
 class LateMaps:
-    """The compared frames of a recording, and the simulated maps at their times."""
+    """The compared frames of a recording, and the simulated maps at their times.
+
+    `preset` and `effects` are those of the simulation.
+    """
 
     recording: Recording
+    preset: str
+    effects: Sequence[EffectDescription]
     _simulated: dict[int, FloatArray] = field(default_factory=dict)
+    _frames: Sample | None = None
 
     def __post_init__(self) -> None:
         times = self.recording.times
         begin = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
         chosen = evenly_spread(np.flatnonzero(times >= begin), MOST_FRAMES)
-        self._wanted = {int(number) for number in chosen}
+        self._late = tuple(map(int, chosen))
+        with suppress(InputError):  # too few frames for the parts
+            self._frames = held_out_frames(read_sample(self.recording))
+        more = () if self._frames is None else np.searchsorted(times, self._frames.times)
+        self._wanted = {*self._late, *map(int, more)}
 
     def see(self, number: int, simulated: FloatArray) -> None:
         """Keep the simulated map of frame `number` if it is compared."""
@@ -77,10 +108,10 @@ class LateMaps:
         """Return the errors of the maps that were seen; None if they show no tracer."""
         maps = self.recording.maps
         assert maps is not None
-        observed = np.stack([maps[number] for number in self._simulated]).astype(float)
+        observed = np.stack([maps[number] for number in self._late]).astype(float)
         if not np.nanmax(observed, initial=0.0) > TRACER_PRESENT:
             return None
-        predicted = np.stack(list(self._simulated.values()))
+        predicted = np.stack([self._simulated[number] for number in self._late])
         noise = measure_noise(observed)
         width = measure_point_spread_width(observed, predicted, noise)
         spread = blurred(predicted, width)
@@ -90,4 +121,22 @@ class LateMaps:
             width,
             noise_floor(noise, spread, observed),
             initial_tracer(self.recording) is not None,
+            self._parts(width),
         )
+
+    def _parts(self, width: float) -> ErrorParts | None:
+        """Return the parts of the error with the blur `width` [cells], None with too few frames."""
+        late = self._frames
+        if late is None:
+            return None
+        numbers = np.searchsorted(self.recording.times, late.times)
+        coarse = simulate(
+            late.rig,
+            late.schedule,
+            late.times,
+            grid=coarsened(late, COARSER).grid,
+            preset=self.preset,
+            effects=self.effects,
+        )
+        predicted = np.stack([self._simulated[int(number)] for number in numbers])
+        return error_parts(late, predicted, coarse, width)

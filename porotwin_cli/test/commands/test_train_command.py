@@ -7,6 +7,12 @@ from pathlib import Path
 import pytest
 from cli_examples import porotwin
 
+from porotwin_cli.recorded.costa_data import references_of
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rig import load_rig
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import open_maps
+
 
 @pytest.mark.slow
 def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> None:
@@ -25,6 +31,16 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     assert late['costa'] <= 1.02 * late['model']
     assert (tmp_path / 'm.pairs').is_file()
     assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
+    for kind in ('observed', 'free_run', 'corrected'):
+        maps = open_maps(tmp_path / 'evaluation' / f'maps_{kind}.nc', load_rig(rig))
+        assert maps.grid.shape == (56, 94)
+        assert len(maps) > 1
+    itself = porotwin(
+        'evaluate', tmp_path / 'm', experiment, *arguments[:2], '--json',
+        '--reference', tmp_path / 'evaluation' / 'maps_free_run.nc',
+    )  # fmt: skip
+    assert itself.returncode == 0, itself.stderr
+    assert json.loads(itself.stdout)['free_predicted'] < 1e-6
     assert 'the model learned from it' in result.stderr
     for command in (['evaluate', tmp_path / 'm', experiment], ['up', *_up(experiment, tmp_path)]):
         refused = porotwin(*command, '--preset', 'fast')
@@ -50,6 +66,13 @@ def test_evaluate_refuses_a_file_as_output_before_it_works(tmp_path: Path) -> No
     result = porotwin('evaluate', tmp_path / 'model', tmp_path, '--output', taken)
     assert result.returncode == 2
     assert 'is a file; name a folder' in result.stderr
+
+
+def test_evaluate_wants_a_reference_for_each_recording(experiment: Path, tmp_path: Path) -> None:
+    grid = load_rig(experiment / 'rig.yaml').default_grid()
+    one = open_recording(experiment)
+    with pytest.raises(InputError, match='1 files for 2 recordings'):
+        references_of([tmp_path / 'truth.nc'], [one, one], grid)
 
 
 def test_train_refuses_an_unknown_network_before_it_works(experiment: Path, tmp_path: Path) -> None:

@@ -9,12 +9,14 @@ import csv
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.rates.wells import WellRates
@@ -57,13 +59,19 @@ class FrameErrors:
 
 @dataclass(frozen=True)
 class FrameFields:
-    """Concentrations (nz, nx) [-] at `time` [s], for a picture like the paper's COSTA figures."""
+    """Concentrations (nz, nx) [-] at `time` [s], for files and pictures.
+
+    `predicted` and `corrected` are one step ahead; `free_...` are those of a run from the first
+    frame on. `observed` is the map that they are compared with.
+    """
 
     experiment: str
     time: float
     observed: FloatArray
     predicted: FloatArray
     corrected: FloatArray
+    free_predicted: FloatArray
+    free_corrected: FloatArray
 
 
 @dataclass(frozen=True)
@@ -132,8 +140,9 @@ def evaluate(
     predict: PredictFn,
     correct: CorrectFn,
     correction: CorrectionFn,
+    references: Sequence[Frames] = (),
     shown_times: Sequence[float] = PAPER_TIMES,
-    progress: Callable[[int], None] = lambda _: None,
+    see: Callable[[FrameFields], None] = lambda _: None,
 ) -> Evaluation:
     """Return the errors of every frame that follows another by `time_step` [s].
 
@@ -146,23 +155,25 @@ def evaluate(
         predict: the physics-based model.
         correct: the physics-based model with a corrective source term.
         correction: the data-driven model.
+        references: better maps of each experiment, such as the virtual rig's own. Errors are then
+            relative to them; steps still start at the observed maps. None: the observed maps.
         shown_times: times [s] of the frames whose fields are kept.
-        progress: called with the number of frames after each one.
+        see: called with the fields of each frame.
 
     Raises:
-        InputError: no frame can be evaluated.
+        InputError: no frame can be evaluated, or a reference has no map of its time.
     """
     models = _Models(predict, correct, correction, time_step)
     errors: list[FrameErrors] = []
     shown: list[FrameFields] = []
     names = []
-    for experiment in experiments:
+    for experiment, reference in zip_longest(experiments, references):
         names.append(experiment.name)
-        for frame_errors, frame_fields in _frames(experiment, models):
+        for frame_errors, frame_fields in _frames(experiment, models, reference):
             errors.append(frame_errors)
             if any(abs(frame_errors.time - wanted) < time_step / 2 for wanted in shown_times):
                 shown.append(frame_fields)
-            progress(len(errors))
+            see(frame_fields)
     if not errors:
         raise InputError(
             f'{", ".join(names) or "no recording"}: no two known frames {time_step:g} s apart, the '
@@ -192,8 +203,14 @@ class _Models(NamedTuple):
         return predicted, corrected, answer.status
 
 
-def _frames(experiment: Frames, models: _Models) -> Iterator[tuple[FrameErrors, FrameFields]]:
-    """Yield errors and fields of each frame that follows another by a time step."""
+def _frames(
+    experiment: Frames, models: _Models, reference: Frames | None
+) -> Iterator[tuple[FrameErrors, FrameFields]]:
+    """Yield errors and fields of each frame that follows another by a time step.
+
+    Raises:
+        InputError: the `reference` has no map of the time of a frame.
+    """
     free_predicted = free_corrected = prediction = None
     sequence = 0
     for pair in frame_pairs(experiment, models.time_step, Counter()):
@@ -202,6 +219,8 @@ def _frames(experiment: Frames, models: _Models) -> Iterator[tuple[FrameErrors, 
         start, end = (float(experiment.times[pair.number + k]) for k in (0, 1))
         before = np.asarray(experiment.concentration[pair.number], dtype=float)
         observed = np.asarray(experiment.concentration[pair.number + 1], dtype=float)
+        if reference is not None:
+            observed = _map_at(reference, end)
         rates = mean_rates(experiment.schedule, start, end)
         before = fill_unseen(before, prediction)
         if free_predicted is None or free_corrected is None or not pair.follows:
@@ -222,7 +241,33 @@ def _frames(experiment: Frames, models: _Models) -> Iterator[tuple[FrameErrors, 
             status=status,
             free_status=free_status,
         )
-        yield errors, FrameFields(experiment.name, end, observed, predicted, corrected)
+        yield (
+            errors,
+            FrameFields(
+                experiment.name,
+                end,
+                observed,
+                predicted,
+                corrected,
+                free_predicted,
+                free_corrected,
+            ),
+        )
+
+
+def _map_at(frames: Frames, time: float) -> FloatArray:
+    """Return the map (nz, nx) at `time` [s].
+
+    Raises:
+        InputError: there is none.
+    """
+    number = int(np.abs(frames.times - time).argmin())
+    if abs(frames.times[number] - time) > SAME_STAMP_S:
+        raise InputError(
+            f'{frames.name}: has no map at {time:g} s, where the recording has one; give maps of '
+            'the same times'
+        )
+    return np.asarray(frames.concentration[number], dtype=float)
 
 
 def _mass_defect(concentration: FloatArray, observed: FloatArray) -> float:

@@ -276,6 +276,18 @@ class Sample:
         """
         return self.decorrelated(smooth * self.weight(width)[: len(smooth)], width)
 
+    def camera_change(self, predicted: FloatArray, point_spread_width: float) -> FloatArray:
+        """Return the change (nt, nz, nx) [-] of maps by the most probable shared errors.
+
+        They are those that bring the maps `predicted` (nt, nz, nx) nearest to the observed ones, at
+        their own cost. `point_spread_width` [cells] is that of `whitened`.
+        """
+        shared = self._shared(SMOOTHING_WIDTH, len(predicted))
+        if self.shared_errors is None or shared is None:
+            return np.zeros_like(predicted)
+        residual = self.unshared_residual(predicted, point_spread_width=point_spread_width)
+        return np.tensordot(shared.most_probable(residual), self._modes(len(predicted)), axes=1)
+
     def decorrelated(self, residual: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
         """Return a whitened `residual` without the errors that all maps share, C^(-1/2) r."""
         shared = self._shared(width, len(residual))
@@ -286,14 +298,18 @@ class Sample:
         if self.shared_errors is None:
             return None
         if (width, count) not in self._decorrelations:
-            sands = sands_of(self.rig, self.grid)
-            maps = self.observed_or_zero[:count]
-            modes = error_modes(self.shared_errors, maps, sands, self.grid) * self.seen_mask[:count]
+            modes = self._modes(count)
             smooth = gaussian_filter(modes, (0.0, 0.0, width, width))[..., ::STRIDE, ::STRIDE]
             cost = SYSTEMATIC_MISFIT**2 * max(1, int(np.count_nonzero(self.front_mask[:count])))
             white = (smooth * self.weight(width)[:count]).astype(np.float32)
             self._decorrelations[width, count] = SharedErrors(white, cost)
         return self._decorrelations[width, count]
+
+    def _modes(self, count: int) -> FloatArray:
+        """Return the modes (k, count, nz, nx) [-] of the shared errors, of the first frames."""
+        assert self.shared_errors is not None
+        maps, sands = self.observed_or_zero[:count], sands_of(self.rig, self.grid)
+        return error_modes(self.shared_errors, maps, sands, self.grid) * self.seen_mask[:count]
 
     @cached_property
     def _decorrelations(self) -> dict[tuple[float, int], SharedErrors]:

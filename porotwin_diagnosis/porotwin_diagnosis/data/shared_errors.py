@@ -24,10 +24,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, uniform_filter
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
+from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
 
 LEAST_TRACER = 0.02
 """Concentration [-] above which deviations are read: below, they are those of clean sand."""
@@ -209,6 +210,17 @@ class SharedErrors:
         flat = self._flat
         taken = flat.T @ (self._share @ (flat @ residual.ravel()))
         return np.asarray(residual - taken.reshape(residual.shape))
+
+    def most_probable(self, residual: FloatArray) -> FloatArray:
+        """Return the errors b (k,) of that least sum, in standard deviations.
+
+        Each lies within its 90 % interval.
+        """
+        flat = self._flat
+        root = np.linalg.cholesky(flat @ flat.T + self.cost * np.eye(len(flat)))
+        wanted = np.linalg.solve(root, flat @ residual.ravel())
+        bounds = (-INTERVAL_DEVIATIONS, INTERVAL_DEVIATIONS)
+        return np.asarray(lsq_linear(root.T, wanted, bounds).x)
 
     @cached_property
     def effective_number(self) -> float:

@@ -5,18 +5,20 @@ relative L2 norms over the last 30 % of a recording, which no fit has seen.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_diagnosis.data.error_parts import COARSER, ErrorParts, error_parts, held_out_frames
 from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
-from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.data.sample import Sample, coarsened
 from porotwin_diagnosis.data.shared_errors import best_level
-from porotwin_diagnosis.decision.numerics import Numerics, before_and_after
+from porotwin_diagnosis.decision.numerics import ACCURATE, Numerics, before_and_after
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
 
 LEAST_GAP = 1e-4
@@ -51,6 +53,7 @@ class HeldOut:
         error_after: relative L2 error of `after`.
         noise_floor: relative L2 error of true maps, from noise and blur (see `bounded_floor`).
         point_spread_width: width [cells] over which the camera blurs maps.
+        parts: parts of `error_after`; None where they were not measured.
         level_known: whether the level of the stock in `observed` is known; a calibration on the
             same rig leaves it open.
     """
@@ -63,6 +66,7 @@ class HeldOut:
     error_after: float
     noise_floor: float
     point_spread_width: float = 0.0
+    parts: ErrorParts | None = None
     level_known: bool = True
 
     @property
@@ -132,6 +136,9 @@ def measure_held_out(
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
     before, after = before_and_after(part, model, numerics)
     width = measure_point_spread_width(observed, after, sample.noise)
+    frames = held_out_frames(sample)
+    places = [int(np.abs(part.times - time).argmin()) for time in frames.times]
+    coarse = Forward(coarsened(frames, COARSER), preset=ACCURATE).maps(model.effects)
     return HeldOut(
         recording.times[chosen],
         observed,
@@ -141,6 +148,7 @@ def measure_held_out(
         part.relative_error(after),
         bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
+        error_parts(frames, after[places], np.clip(coarse, 0.0, 1.0), width),
         level_known=sample.shared_errors is None,
     )
 
@@ -160,6 +168,15 @@ def bounded_floor(noise: Noise, after: FloatArray, observed: FloatArray) -> floa
     blurred_after = blurred(after, noise.point_spread_width)
     left = min(relative_error(maps[known], observed[known]) for maps in (after, blurred_after))
     return max(measured, min(stated, left))
+
+
+def remaining_parts(parts: Sequence[HeldOut]) -> ErrorParts | None:
+    """Return the parts of the errors after of all recordings; None where none were measured."""
+    each = [part.parts for part in parts if part.parts is not None]
+    if not each:
+        return None
+    columns = zip(*(asdict(one).values() for one in each), strict=True)
+    return ErrorParts(*map(root_mean_square, columns))
 
 
 def gap_closed(before: float, after: float, floor: float) -> float:

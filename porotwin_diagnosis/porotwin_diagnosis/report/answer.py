@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from porotwin_diagnosis.advice.partial_cause import is_dipole
+from porotwin_diagnosis.data.error_parts import in_words
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
-from porotwin_diagnosis.decision.held_out import camera_errors
+from porotwin_diagnosis.decision.held_out import camera_errors, remaining_parts
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
@@ -71,8 +72,9 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
             )
         return f'**Unexplained** ({sure}). {gap}. {_nothing_explains(result, summary)}.'
     return (
-        f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}{_described(result)}'
-    )
+        f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}{_described(result)} '
+        f'{_remaining(result)}'
+    ).strip()
 
 
 def _described(result: Diagnosis) -> str:
@@ -100,7 +102,7 @@ def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:
             ' The rest is no larger than the errors that a solver and a calibration leave, and '
             'shows no effect.'
         )
-    return words
+    return f'{words} {_remaining(result)}'.strip()
 
 
 def _named(result: Diagnosis, summary: Summary) -> str:
@@ -364,7 +366,13 @@ def _how_much(result: Diagnosis, summary: Summary) -> list[str]:
     before, after, floor = (percent(errors[key]) for key in ('before', 'after', 'noise_floor'))
     improved = f'; {after} with the correction' if verdict.kept else ''
     lines.append(f'Error in the held-out part: {before}{improved}; {floor} from noise and blur.')
-    return lines
+    return [*lines, *filter(None, [_remaining(result)])]
+
+
+def _remaining(result: Diagnosis) -> str:
+    """Name the parts of the error that remains; empty where they were not measured."""
+    parts = remaining_parts(result.held_out)
+    return f'The remaining error: {in_words(parts)}.' if parts else ''
 
 
 def _parameters(row: Mapping[str, Any]) -> Iterable[str]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 from porotwin_diagnosis.advice.cause import Place
@@ -11,6 +12,7 @@ from porotwin_diagnosis.decision.held_out import (
     HeldOut,
     gap_closed,
     gap_closed_with_interval,
+    remaining_parts,
     root_mean_square,
 )
 from porotwin_diagnosis.decision.probabilities import stated_probabilities
@@ -62,6 +64,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'alternative_effects': [_joint_rows(result, names) for names in verdict.alternatives],
         'effects': _effects(result),
         'error': errors_of(held_out)._asdict(),
+        'remaining': _remaining(held_out),
         'where': {
             'centre': _centre(result),
             'hot_spots': [_spot(spot) for spot in result.gap.spots],
@@ -100,6 +103,12 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'read': [origin_of(recording) for recording in result.recordings],
         },
     }
+
+
+def _remaining(held_out: Sequence[HeldOut]) -> dict[str, float] | None:
+    """Return the parts of the error that remains; None where they were not measured."""
+    parts = remaining_parts(held_out)
+    return parts and {name: round(value, 5) for name, value in asdict(parts).items()}
 
 
 def _belief(result: Diagnosis) -> dict[str, float] | None:

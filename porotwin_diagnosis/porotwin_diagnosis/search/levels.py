@@ -22,6 +22,7 @@ from scipy.optimize import minimize_scalar
 from porotwin_core.basis.parallel import Crew, ThreadCrew
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.error_parts import COARSER
 from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import Sample, coarsened
 from porotwin_diagnosis.model.effect_traits import is_slow_on_fine_grids
@@ -47,7 +48,8 @@ from porotwin_diagnosis.thresholds import (
     WELL_DISTANCE,
 )
 
-SCREENING, SCREENING_COLUMNS = 2, 40
+SCREENING = COARSER
+SCREENING_COLUMNS = 40
 """Cells of the recording per screening cell, each way, and the fewest columns of screening cells.
 On fewer columns a plume is only a few cells wide."""
 

@@ -102,7 +102,8 @@ class CalibrationEvidence:
             the core; 0 for a core that is stock. NaN without a core.
         mass_factor: imaged over injected volume, fitted with an offset; 1 if log and anchor agree.
             NaN without a pump log.
-        mass_factor_deviation: standard deviation of `mass_factor`.
+        mass_factor_deviation: standard deviation of `mass_factor`, by the photographs and by the
+            stated errors of the calibration (`Calibration.mass_deviation`).
         mass_offset: imaged volume at zero injection, relative to the largest injected volume.
         mass_misfit: root mean square distance of the photographs from that line, relative to the
             largest injected volume.

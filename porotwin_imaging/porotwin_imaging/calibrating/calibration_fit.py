@@ -14,7 +14,7 @@ Without a core the mass gives the level of stock; without a pump log too, the st
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -213,24 +213,26 @@ def fit_calibration(
         except InputError as error:  # the model cannot run this pump log; the camera can
             lines.append(f'fronts were not compared with the model of the rig: {error}')
         response = fitted(fronts)
-    evidence = _evidence(injection, plumes_seen, stock, response, fronts, known, dilutions)
-    plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
-    edges = sand_edges(seen.baseline.mask.unlit)
-    remarks = judged(evidence, plume, edges, seen.cover)
-    lines += [*evidence_lines(evidence), *(str(one) for one in remarks if not one.refused)]
     labels, factors = plumes_seen.labels, plumes_seen.factors
     calibration = Calibration(
         plumes_seen.choice.signal,
         response.curve(stock.level),
         np.ascontiguousarray(labels[::-1]) if len(factors.values) > 1 else None,
         factors.values,
-        made=_origin(source, rig, evidence),
         scale_error=stock.scale_error,
         factor_deviations=factors.deviations,
         blur_px=fronts.blur_px if fronts else None,
     )
+    systematic = calibration.mass_deviation(plumes_seen.tracer[-1], labels, injection.volume)
+    evidence = _evidence(
+        injection, plumes_seen, stock, response, fronts, known, dilutions, systematic
+    )
+    plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
+    edges = sand_edges(seen.baseline.mask.unlit)
+    remarks = judged(evidence, plume, edges, seen.cover)
+    lines += [*evidence_lines(evidence), *(str(one) for one in remarks if not one.refused)]
     return CalibrationFit(
-        calibration=calibration,
+        calibration=replace(calibration, made=_origin(source, rig, evidence)),
         evidence=evidence,
         remarks=remarks,
         lines=lines,
@@ -426,8 +428,12 @@ def _evidence(
     fronts: FrontFit | None,
     known: Sequence[Dilution],
     dilutions: Sequence[DilutionPhoto],
+    systematic: float,
 ) -> CalibrationEvidence:
-    """Return the findings of all steps."""
+    """Return the findings of all steps.
+
+    `systematic` is the relative deviation of the imaged mass by the calibration [-].
+    """
     curve = response.curve(stock.level)
     imaged = injection.integrals([curve.concentration_of(plane) for plane in plumes.tracer])
     line = injection.mass_line(imaged)
@@ -446,7 +452,9 @@ def _evidence(
         colour_bend=plumes.choice.colour_bend,
         core_flatness=core_flatness(plumes.stock, plumes.factors.reference),
         mass_factor=line.factor if line else float('nan'),
-        mass_factor_deviation=line.deviation if line else float('nan'),
+        mass_factor_deviation=float(np.hypot(line.deviation, systematic * line.factor))
+        if line
+        else float('nan'),
         mass_offset=line.offset / max(injection.injected) if line else float('nan'),
         mass_misfit=line.misfit if line else float('nan'),
         fronts=fronts,

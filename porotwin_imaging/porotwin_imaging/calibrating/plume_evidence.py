@@ -7,7 +7,7 @@ to 2 %.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,7 +33,7 @@ _FEWEST_CELLS = 40
 _LARGE_SHARE = 0.5
 """Photographs with this share of the largest injected volume show the volume of the plume [-]."""
 _MIDDLE = 0.25
-"""The middle of a plume, relative to its radius [-]."""
+"""The middle of a plume, relative to its radius; this share of it tells whether it is pale [-]."""
 _MARGIN_CELLS = 3
 """A well belongs to a plume within this distance of its outline [cells]."""
 
@@ -110,7 +110,15 @@ def plume_evidence(
         strongest=max((row.rate.concentration for row in rows), default=math.nan),
         told_wells=told,
         seen_wells=seen,
-        hollow=_hollow(signals[:count], found, fluids, [wells[w] for w in told if w in seen]),
+        hollow=_hollow(
+            signals[:count],
+            found,
+            fluids,
+            [
+                _injecting(schedule, time, {w: wells[w] for w in told if w in seen})
+                for time in times[:count]
+            ],
+        ),
         apart=_apart([region for region, _ in found], fluids, [wells[w] for w in told], grid),
     )
 
@@ -184,25 +192,42 @@ def _cell(rig: Rig, well: str, grid: Grid) -> tuple[int, int]:
     return int(place.z_m / grid.dz), int(place.x_m / grid.dx)
 
 
+def _injecting(
+    schedule: Schedule | None, time: float, cells: Mapping[str, tuple[int, int]]
+) -> tuple[int, int] | None:
+    """Return the cell of the well among `cells` that injected tracer last before `time` [s].
+
+    Clean water of a canal or another well flows past a well that rests.
+    """
+    latest = None
+    for _, _, rates in schedule.intervals(-math.inf, time) if schedule else ():
+        injecting = [w for w in cells if w in rates and rates[w].rate * rates[w].concentration > 0]
+        latest = next((cells[well] for well in injecting), latest)
+    return latest
+
+
 def _hollow(
     signals: Sequence[Array],
     found: Sequence[tuple[Mask, float]],
     fluids: Sequence[float],
-    cells: Sequence[tuple[int, int]],
+    cells: Sequence[tuple[int, int] | None],
 ) -> float:
-    """Return the signal around the first of `cells` relative to the level, in the median of
-    photographs. Hidden cells count as empty: places brighter than the baseline are left out."""
-    if not cells:
-        return math.nan
-    row, column = cells[0]
+    """Return the signal around the cell of each photograph relative to the level, in their median.
+
+    Hidden cells count as empty: places brighter than the baseline are left out. A photograph
+    without a cell tells nothing.
+    """
     ratios = []
-    for signal, (region, level), fluid in zip(signals, found, fluids, strict=True):
-        if level > 0 and not fluid < _LARGE_SHARE * max(fluids):
+    for signal, (region, level), fluid, cell in zip(signals, found, fluids, cells, strict=True):
+        if cell is not None and level > 0 and not fluid < _LARGE_SHARE * max(fluids):
+            row, column = cell
             reach = max(2, int(_MIDDLE * math.sqrt(region.sum() / math.pi)))
             around = signal[
                 max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
             ]
-            ratios.append(float(np.median(np.nan_to_num(around))) / level)
+            # flow past the well leaves tracer on one side of it only
+            brightest = np.quantile(np.nan_to_num(around), 1.0 - _MIDDLE)
+            ratios.append(float(brightest) / level)
     return float(np.median(ratios)) if ratios else math.nan
 
 

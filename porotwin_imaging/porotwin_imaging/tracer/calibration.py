@@ -234,6 +234,28 @@ class Calibration:
         scale_part = self.scale_error * concentration
         return np.sqrt(scale_part**2 + shape_part**2 + factor_part**2)
 
+    def mass_deviation(self, signal: Array, sands: Labels, volume: Array) -> float:
+        """Return the relative standard deviation of the tracer in a map that the calibration makes.
+
+        The parts are those of `systematic_deviation`. Scale and shape are one error everywhere, and
+        the factor is one in each sand, so that they do not average out over the cells.
+
+        Args:
+            signal: signal times factor of the sand [-], (nz, nx), 0 away from tracer.
+            sands: index of the sand in each cell, (nz, nx).
+            volume: pore volume of the cells [m^3], (nz, nx).
+        """
+        held = float(np.sum(self.response.concentration_of(signal) * volume))
+        if held <= 0.0:
+            return 0.0
+        shape = float(np.sum(self.response.deviation_of(signal) * volume))
+        change = self.response.slope_at(signal) * signal * volume
+        parts = [
+            deviation * float(change[sands == number].sum())
+            for number, deviation in enumerate(self.factor_deviations)
+        ]
+        return float(np.hypot(self.scale_error, np.linalg.norm([shape, *parts]) / held))
+
     def _map_of(self, values: tuple[float, ...], grid: Grid) -> Array:
         """Return one value per sand as a map (nz, nx): the mean over the sands in each cell."""
         if self.sands is None:
