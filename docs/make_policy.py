@@ -43,6 +43,9 @@ PUBLISH = KINDS['Publishes']
 RECORDER = 'recorder'
 """The node that may subscribe to everything."""
 
+OF_WELLS = {'display': ('display/measured_ml_h/*', 'display/setpoint_ml_h/*')}
+"""Topics that a node publishes for each well, whose names the rig gives."""
+
 Rights = dict[tuple[str, str], set[str]]
 """Names by element and attribute of the policy, such as ('topics', 'publish')."""
 
@@ -57,6 +60,8 @@ def policy(nodes_page: str) -> str:
         if attribute in ('reply', 'execute')
         for name in names
     }
+    for node, topics in OF_WELLS.items():
+        nodes[node][0][PUBLISH].update(topics)
     published = set().union(*(rights.get(PUBLISH, set()) for rights, _ in nodes.values()))
     nodes[RECORDER][0].setdefault(('topics', 'subscribe'), set()).update(published)
     root = ET.Element('policy', version='0.2.0')

@@ -14,5 +14,10 @@ setup(
     install_requires=['setuptools'],
     zip_safe=False,
     license='Apache-2.0',
-    entry_points={'console_scripts': ['page_node = porotwin_page.page_node:main']},
+    entry_points={
+        'console_scripts': [
+            'display_node = porotwin_page.display_node:main',
+            'page_node = porotwin_page.page_node:main',
+        ],
+    },
 )

@@ -124,9 +124,22 @@ def test_a_change_is_checked_and_taken(node_of_ranges: Node) -> None:
     assert node_of_ranges.set_parameters([Parameter('count', value=5)])[0].successful
     refused = node_of_ranges.set_parameters([Parameter('count', value=10)])[0]
     assert not refused.successful
-    assert 'from 1 to 9' in refused.reason
+    assert 'Min: 1, Max: 9, value: 10' in refused.reason
     assert taken == [5]
     assert node_of_ranges.get_parameter('count').value == 5
+
+
+def test_programs_read_the_range_of_a_parameter(node_of_ranges: Node) -> None:
+    declare(node_of_ranges, 'count', 3, 'a number', at_least=1)
+    declare(node_of_ranges, 'share', 0.5, 'a share [-]', at_least=0.0, at_most=1.0)
+    declare(node_of_ranges, 'any', 0.5, 'any number')
+    count, share, free = map(node_of_ranges.describe_parameter, ('count', 'share', 'any'))
+    (whole,), (between,) = count.integer_range, share.floating_point_range
+    assert (whole.from_value, whole.to_value, whole.step) == (1, 2**63 - 1, 0)
+    assert (between.from_value, between.to_value, between.step) == (0.0, 1.0, 0.0)
+    assert not free.floating_point_range
+    assert count.read_only
+    assert count.description == 'a number'
 
 
 @pytest.mark.parametrize('second', [10, 7])

@@ -55,6 +55,11 @@ def paint(values: FloatArray, low: float, high: float, table: Colours) -> Colour
     return np.flipud(pixels)
 
 
+def on_grey(pixels: Colours) -> Colours:
+    """Return pixels (rows, columns, 4) without transparency (rows, columns, 3): grey there."""
+    return np.where(pixels[..., 3:] == 0, np.uint8(128), pixels[..., :3])
+
+
 def png(pixels: Colours) -> bytes:
     """Return pixels (rows, columns, 4), blue-green-red-alpha, as a PNG file.
 

@@ -8,9 +8,12 @@ import array
 import json
 import math
 from collections.abc import Iterable, MutableSequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
@@ -90,6 +93,26 @@ def map_to_msg(values: FloatArray | None) -> MutableSequence[float]:
     if values is None:
         return array.array('f')
     return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
+
+
+def image_to_msg(pixels: NDArray[Any], header: Header) -> Image:
+    """Return pixels as the image that every viewer of ROS draws; NaN stays NaN.
+
+    Args:
+        pixels: numbers (rows, columns), or colours (rows, columns, 3), blue-green-red of 8 bits;
+            the top row first.
+        header: of the map that they show.
+    """
+    coloured = pixels.ndim == 3
+    data = np.ascontiguousarray(pixels, np.uint8 if coloured else '<f4')
+    return Image(
+        header=header,
+        height=data.shape[0],
+        width=data.shape[1],
+        encoding='bgr8' if coloured else '32FC1',
+        step=data.strides[0],
+        data=array.array('B', data.tobytes()),
+    )
 
 
 def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:

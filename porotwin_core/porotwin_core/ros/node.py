@@ -19,7 +19,12 @@ from weakref import WeakKeyDictionary
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -49,7 +54,7 @@ from porotwin_core.rig import Rig, load_rig
 from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
-from porotwin_core.ros.parameter_rule import ParameterRule
+from porotwin_core.ros.parameter_rule import LARGEST_WHOLE, ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
 from porotwin_core.ros.ros_environment import check_environment, check_keys, check_shared_memory
 from porotwin_core.ros.senders import LEASE_S, hearers
@@ -189,23 +194,38 @@ def declare(
     rule = ParameterRule(
         name, default, description, at_least, at_most, tuple(choices), on_change is not None
     )
-    descriptor = ParameterDescriptor(
-        description=description,
-        read_only=on_change is None,
-        additional_constraints=rule.constraint,
-    )
     _rules.setdefault(node, []).append(rule)
     try:
-        value = node.declare_parameter(name, default, descriptor).value
+        value = node.declare_parameter(name, default).value
     except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
     rule.check(value, node.get_name())
+    # only now, because rclpy refuses a value by its descriptor in words of its own
+    node.set_descriptor(name, _descriptor(rule, node.describe_parameter(name).type))
     if on_change is not None:
         if node not in _handlers:
             _handlers[node] = {}
             node.add_on_set_parameters_callback(partial(_on_set, node))
         _handlers[node][name] = on_change
     return value
+
+
+def _descriptor(rule: ParameterRule, kind: int) -> ParameterDescriptor:
+    """Return the rule of a parameter as ROS 2 knows it, with a range that programs read."""
+    descriptor = ParameterDescriptor(
+        type=kind,
+        description=rule.description,
+        read_only=not rule.changeable,
+        additional_constraints=rule.constraint,
+    )
+    if rule.constraint and isinstance(rule.default, float):
+        most = sys.float_info.max
+        low, high = max(float(rule.at_least), -most), min(float(rule.at_most), most)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif rule.constraint and isinstance(rule.default, int):
+        low, high = max(rule.at_least, -LARGEST_WHOLE), min(rule.at_most, LARGEST_WHOLE)
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return descriptor
 
 
 _rules: WeakKeyDictionary[Node, list[ParameterRule]] = WeakKeyDictionary()

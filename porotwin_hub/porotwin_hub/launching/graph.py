@@ -90,6 +90,7 @@ class GraphSettings:
     page_token: Path | None = _option(
         None, 'file with the token of confirmations on the page, made if missing; none: a new token'
     )
+    display: bool = _option(False, 'publish maps and rates for Foxglove, RViz, rqt and PlotJuggler')
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
     namespace: str = _option(NAMESPACE, 'namespace of the nodes; each rig has its own')
@@ -126,6 +127,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         *_diagnosis_node(settings, modelled),
         *_mend_node(settings, modelled),
         *page_node(settings),
+        *_display_node(settings),
     ]
 
 
@@ -236,6 +238,13 @@ def page_node(settings: GraphSettings) -> list[NodeDescription]:
     if settings.page_token is not None:
         parameters['token_file'] = str(settings.page_token)
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
+
+
+def _display_node(settings: GraphSettings) -> list[NodeDescription]:
+    if not settings.display:
+        return []
+    parameters: Parameters = {'use_sim_time': settings.use_sim_time}
+    return [NodeDescription('display', 'porotwin_page', 'display_node', parameters)]
 
 
 def camera_node(settings: GraphSettings) -> NodeDescription:
@@ -357,6 +366,7 @@ def parameter_template() -> str:
         mend='ask',
         siblings=True,
         page='HOST:PORT',
+        display=True,
         pumps=somewhere,
     )
     given = {node.name: node.parameters for node in live_graph(everything)}
