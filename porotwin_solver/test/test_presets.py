@@ -13,7 +13,7 @@ def test_presets_are_found_by_their_names() -> None:
     assert {name: preset.scheme for name, preset in PRESETS.items()} == {
         'fast': Scheme.SUPERBEE,
         'accurate': Scheme.THIRD_ORDER,
-        'sharp': Scheme.SUPERBEE,
+        'sharp': Scheme.COMPRESSIVE,
         'upwind': Scheme.UPWIND,
         'implicit': Scheme.UPWIND,
     }

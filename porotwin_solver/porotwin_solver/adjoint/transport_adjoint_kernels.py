@@ -19,7 +19,7 @@ from porotwin_solver.transport.awake_cells import differs
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.transport import FluxAccumulators, Sources
-from porotwin_solver.transport.transport_kernels import Sides, slope
+from porotwin_solver.transport.transport_kernels import Sides, slope, slope_bounds
 
 CELL, WELL = -1, 4
 """The bound of a cell's range that is the cell itself, or its well, instead of a side."""
@@ -73,14 +73,22 @@ def slope_adjoint(behind, ahead, cfl, scheme, bar):
     sign = 1.0 if ahead > 0.0 else -1.0
     a, b = abs(ahead), abs(behind)
     half = 0.5 * (1.0 - cfl)
-    first, second = min(a, 2.0 * b), min(2.0 * a, b)
+    most_a, most_b = slope_bounds(cfl, scheme)
+    first, second = min(a, most_b * b), min(most_a * a, b)
+    widened = 0.0
     if first > second:
         superbee = first
-        by_a, by_b = (1.0, 0.0) if a < 2.0 * b else (0.0, 2.0)
+        by_a, by_b = (1.0, 0.0) if a < most_b * b else (0.0, most_b)
+        if by_b > 0.0:
+            widened = -0.5 * most_b**2 * b
     else:
         superbee = second
-        by_a, by_b = (2.0, 0.0) if 2.0 * a < b else (0.0, 1.0)
+        by_a, by_b = (most_a, 0.0) if most_a * a < b else (0.0, 1.0)
+        if by_a > 0.0:
+            widened = 0.5 * most_a**2 * a
     by_cfl = -0.5 * superbee
+    if scheme == Scheme.COMPRESSIVE:
+        by_cfl += half * widened
     by_a *= half
     by_b *= half
     if scheme == Scheme.THIRD_ORDER:

@@ -51,6 +51,18 @@ def cfl_rates(flux, sources, storage, rate, first, last):
 
 
 @compiled
+def slope_bounds(cfl, scheme):
+    """Return the most that a slope may be in units of the smaller difference: ahead and behind.
+
+    The two of superbee hold for every CFL number; Roe's CFL-superbee takes those of this one (Kemm,
+    Int. J. Numer. Methods Fluids 67 (2011) 404-440).
+    """
+    if scheme == Scheme.COMPRESSIVE:
+        return 2.0 / (1.0 - cfl), 2.0 / cfl
+    return 2.0, 2.0
+
+
+@compiled
 def slope(behind, ahead, cfl, scheme):
     """Return the limited increment from a cell's mean to its face.
 
@@ -61,7 +73,8 @@ def slope(behind, ahead, cfl, scheme):
         return 0.0
     sign = 1.0 if ahead > 0.0 else -1.0
     a, b = abs(ahead), abs(behind)
-    superbee = max(min(a, 2.0 * b), min(2.0 * a, b))
+    most_ahead, most_behind = slope_bounds(cfl, scheme)
+    superbee = max(min(a, most_behind * b), min(most_ahead * a, b))
     if scheme == Scheme.THIRD_ORDER:
         third = ((2.0 - cfl) * a + (1.0 + cfl) * b) / 3.0
         return sign * 0.5 * (1.0 - cfl) * min(third, superbee)
