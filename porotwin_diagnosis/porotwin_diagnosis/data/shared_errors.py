@@ -46,9 +46,6 @@ STOCK_LEVEL = 0.05
 a plume in the same rig. Immobile water, decay or fading light makes this core paler, and so all
 maps too bright by 1 to 7 % on the virtual rig."""
 
-MOST_LEVEL_ERROR = 3.0 * STOCK_LEVEL
-"""Largest relative error of the level of the stock in calibrated maps."""
-
 SHIFT_OVER_PLACE, CORNER_OVER_PLACE = 0.8, 0.9
 """Deviations of a common shift and of a corner over the deviation of the place. A shaken baseline
 shifts everything, corners are read off one by one. Of a bilinear displacement the root mean square
@@ -148,14 +145,20 @@ def error_modes(
 
 
 def best_level(maps: FloatArray, observed: FloatArray) -> float:
+    """Return `nearest_level` of calibrated maps: within three deviations of 1."""
+    return float(
+        np.clip(nearest_level(maps, observed), 1.0 - 3.0 * STOCK_LEVEL, 1.0 + 3.0 * STOCK_LEVEL)
+    )
+
+
+def nearest_level(maps: FloatArray, observed: FloatArray) -> float:
     """Return the factor [-] on `maps` that brings them nearest to `observed` maps (nt, nz, nx).
 
-    It differs from 1 by `MOST_LEVEL_ERROR` at most. NaN marks what is not seen.
+    NaN marks what is not seen. It is 1 where nothing tells it.
     """
     known = np.isfinite(observed)
-    squares = float(maps[known] @ maps[known])
-    factor = float(maps[known] @ observed[known]) / squares if squares > 0.0 else 1.0
-    return float(np.clip(factor, 1.0 - MOST_LEVEL_ERROR, 1.0 + MOST_LEVEL_ERROR))
+    product = float(maps[known] @ observed[known])
+    return product / float(maps[known] @ maps[known]) if product > 0.0 else 1.0
 
 
 def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, FloatArray]:

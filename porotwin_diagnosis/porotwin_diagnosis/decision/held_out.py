@@ -130,7 +130,7 @@ def measure_held_out(
     assert recording.maps is not None
     observed = np.stack([recording.maps[int(index)] for index in chosen]).astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
-    before, after = before_and_after(part, model, numerics)
+    before, after = map(part.at_scale, before_and_after(part, model, numerics))
     width = measure_point_spread_width(observed, after, sample.noise)
     return HeldOut(
         recording.times[chosen],
@@ -141,7 +141,7 @@ def measure_held_out(
         part.relative_error(after),
         bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
-        level_known=sample.shared_errors is None,
+        level_known=sample.shared_errors is None and sample.least_scale is None,
     )
 
 
