@@ -438,6 +438,7 @@ def _delivered(
     sizes = measured_errors(maps, systematic, sands, recording.grid)
     random = np.maximum(deviation**2 - systematic**2, 0.0)
     own = np.sqrt(random + (LOCAL_SHARE * systematic) ** 2)
+    sizes = sizes.of_open_scale if stored.origin.scale else sizes
     return np.where(np.isfinite(own), own, 0.0), sizes
 
 

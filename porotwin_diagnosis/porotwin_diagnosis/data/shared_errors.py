@@ -18,7 +18,7 @@ cell. Only the level of the stock has a fixed one: imaging cannot know it. `Shar
 modes out of a residual as far as their deviations allow.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,11 @@ class ErrorSizes:
     bend: float
     place_m: float
     blur_m2: float
+
+    @property
+    def of_open_scale(self) -> 'ErrorSizes':
+        """These errors without that of the scale, where predictions take the best one anyway."""
+        return replace(self, scales=(0.0,) * len(self.scales))
 
 
 def measured_errors(

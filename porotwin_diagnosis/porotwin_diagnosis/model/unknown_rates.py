@@ -293,30 +293,64 @@ def settled(recordings: Sequence[Recording], *, crew: Executor | None = None) ->
     """
     samples = tuple(read_sample(recording) for recording in recordings)
     sources = sources_of(samples, crew=crew)
-    if not sources.unknown and all(sample.least_scale is None for sample in samples):
+    relative = [sample.least_scale is not None for sample in samples]
+    if not sources.unknown and not any(relative):
         return Settled(tuple(recordings), samples, sources, (None,) * len(samples))
-    effects = sources.first_effects()
-    levels = [_level(forward, effects) for forward in sources.fitter.forwards]
-    rig = recordings[0].rig.with_effects(effects)
+    found, levels = at_first_rates(sources)
+    rig = found.fitter.samples[0].rig
     recordings = [
-        replace(one, rig=rig, maps=_scaled(one.present_maps, level or 1.0))
+        replace(one, rig=rig, maps=_scaled(one.present_maps, level))
         for one, level in zip(recordings, levels, strict=True)
     ]
     samples = tuple(
-        replace(read_sample(one), least_scale=level)
-        for one, level in zip(recordings, levels, strict=True)
+        replace(read_sample(one), least_scale=level if unscaled else None)
+        for one, level, unscaled in zip(recordings, levels, relative, strict=True)
     )
     sources = sources_of(samples, crew=crew)
-    return Settled(tuple(recordings), sources.with_modes(), sources, tuple(levels))
+    cores = (level if unscaled else None for level, unscaled in zip(levels, relative, strict=True))
+    return Settled(tuple(recordings), sources.with_modes(), sources, tuple(cores))
 
 
-def _level(forward: Forward, effects: Sequence[EffectDescription]) -> float | None:
-    """Return the concentration [-] of the core of relative maps; None for others."""
+def at_first_rates(sources: Sources) -> tuple[Sources, list[float]]:
+    """Return `sources` at the rates that suit the fitted frames best without effects.
+
+    Relative maps are brought to the scale of the stock. With them come the factors that do so [-].
+    Tracer of the first map is on their scale too, so that the next round may find another one.
+    """
+    samples, factors = list(sources.fitter.samples), np.ones(len(sources.fitter.samples))
+    rounds = 1 if all(sample.initial is None for sample in samples) else 3
+    for _ in range(rounds):
+        effects = sources.first_effects()
+        levels = [_level(forward, effects) for forward in sources.fitter.forwards]
+        rig = samples[0].rig.with_effects(effects)
+        samples = [
+            replace(_rescaled(sample, level), rig=rig)
+            for sample, level in zip(samples, levels, strict=True)
+        ]
+        factors *= levels
+        sources = sources_of(samples, crew=sources.fitter.forwards[0].crew)
+    return sources, list(factors)
+
+
+def _rescaled(sample: Sample, factor: float) -> Sample:
+    """Return `sample` with its maps times `factor`."""
+    own, initial, least = sample.own_deviation, sample.initial, sample.least_scale
+    return replace(
+        sample,
+        observed=factor * sample.observed,
+        own_deviation=None if own is None else factor * own,
+        initial=None if initial is None else factor * initial,
+        least_scale=None if least is None else factor * least,
+    )
+
+
+def _level(forward: Forward, effects: Sequence[EffectDescription]) -> float:
+    """Return the factor [-] that brings relative maps to the scale of the stock; 1 for others."""
     sample = forward.sample
     if sample.least_scale is None:
-        return None
+        return 1.0
     maps = forward.maps(effects)
-    return float(sample.least_scale / nearest_level(maps, sample.at_scale(maps)))
+    return float(1.0 / nearest_level(maps, sample.at_scale(maps)))
 
 
 def sources_of(samples: Sequence[Sample], *, crew: Executor | None = None) -> Sources:
