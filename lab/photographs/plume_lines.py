@@ -5,7 +5,6 @@ a well. The tip is its place farthest from the well. The centre line is the midd
 every column.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -145,12 +144,3 @@ def open_water(rig: Rig, grid: Grid) -> NDArray[np.bool_]:
         if body.corners_m is not None:
             wet |= inside(places, np.array(body.corners_m)).reshape(grid.shape)
     return cv2.dilate(wet.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-
-
-def plume_volumes(values: Array, lines: Mapping[str, PlumeLine], pores: Array) -> dict[str, float]:
-    """Return the volume of each plume as undiluted core [m^3], by well.
-
-    `pores` (nz, nx) is the pore volume of the cells [m^3].
-    """
-    whole = without_holes(values) * pores
-    return {name: float(whole[line.cells].sum()) for name, line in lines.items()}

@@ -3,11 +3,11 @@
     ./porotwin experiment seepage --photographs FOLDER
 
 The photographs are grey prints of different crop, without a chart, and nobody noted what the tubes
-delivered. Their maps have a relative scale. The growth of the plumes between the first two
-photographs gives the rate of each tube, as if its ink were undiluted. The model starts from the
-map of the second one. It is compared with the later ones by tips and centre lines. The flow of
-1.25 l/h that Pennink measured gives the conductivity in `rigs/pennink_1904/rig.yaml`; nothing is
-fitted to the later photographs.
+delivered. Their maps have a relative scale. The first two photographs and the prior of
+`rigs/pennink_1904/rig.yaml` give the rate of each tube with an interval, as a diagnosis fits
+unknown rates. The model starts from the map of the second one. It is compared with the later ones
+by tips and centre lines. The flow of 1.25 l/h that Pennink measured gives the conductivity in
+`rig.yaml`; nothing is fitted to the later photographs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,14 +28,17 @@ from lab.photographs.plume_lines import (
     line_of,
     open_water,
     plume_lines,
-    plume_volumes,
     without_holes,
 )
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import MINUTE_S, from_ml_h, to_ml_h
+from porotwin_core.basis.units import MINUTE_S, from_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig import Rig, Well, load_rig
+from porotwin_diagnosis.data.noise import Noise
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.data.shared_errors import measured_errors, sands_of
+from porotwin_diagnosis.model.unknown_rates import SourceRate, at_first_rates, sources_of
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.calibrating.relative_scale import relative_calibration
 from porotwin_imaging.geometry.alignment import align
@@ -72,6 +75,7 @@ class SeenPhoto:
         values: its relative map, shape (nz, nx).
         plumes: its plumes by well.
         status: remarks.
+        deviation, systematic: standard deviation of the map, and the part that all maps share.
     """
 
     time: float
@@ -80,6 +84,8 @@ class SeenPhoto:
     values: Array
     plumes: dict[str, PlumeLine]
     status: list[str]
+    deviation: Array
+    systematic: Array
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,8 @@ def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
     rig = load_rig(RIG)
     grid = rig.default_grid()
     seen = map_photographs(rig, grid, photographs)
-    rates = rates_by_growth(rig, grid, seen[:SEEN])
+    fitted = fitted_rates(rig, grid, seen[:SEEN])
+    rates = {name: rate.rate_ml_h for name, rate in fitted.items()}
     predictions = predict(rig, grid, seen, rates)
     draw(folder / 'seepage.png', rig, grid, seen, predictions)
     return [
@@ -113,6 +120,7 @@ def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
             'minutes': one.seen.time / MINUTE_S,
             'tube': well,
             'rate_ml_h': round(rates[well]),
+            'rate_90': '{:.0f} to {:.0f}'.format(*fitted[well].interval_ml_h),
             'tip_cm': _centimetres(error.tip),
             'ahead_cm': _centimetres(error.ahead),
             'line_cm': _centimetres(error.line),
@@ -157,20 +165,52 @@ def _seen(name: str, data: bytes, rig: Rig, baseline: Baseline) -> SeenPhoto:
         found.values,
         plume_lines(found.values, rig, baseline.grid),
         found.status,
+        found.deviation,
+        found.systematic,
     )
 
 
-def rates_by_growth(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, float]:
-    """Return the rate of every tube [ml/h] by the growth of its plume between two photographs.
+def fitted_rates(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, SourceRate]:
+    """Return the rate of every tube, fitted to the second of the photographs `seen`.
 
-    The ink counts as undiluted. So the rates are the largest that the photographs allow.
+    The model starts from the map of the first one.
     """
-    pores = rig.cell_pore_volume(grid)
-    first, second = (plume_volumes(one.values, one.plumes, pores) for one in seen)
-    duration = seen[1].time - seen[0].time
-    return {
-        well: to_ml_h((volume - first.get(well, 0.0)) / duration) for well, volume in second.items()
-    }
+    first, second = seen
+    tubes = (
+        ScheduleRow(0.0, name, WellRate(_believed(well), 1.0)) for name, well in rig.wells.items()
+    )
+    maps, systematic = second.values[None], second.systematic[None]
+    errors = measured_errors(maps, systematic, sands_of(rig, grid), grid)
+    sample = Sample(
+        rig=rig,
+        schedule=Schedule(tuple(tubes)),
+        grid=grid,
+        times=np.array([second.time]),
+        observed=maps,
+        fitted_frames=1,
+        noise=Noise(0.0, 0.0, 0.0),
+        start=first.time,
+        held_out_start=second.time,
+        end=second.time,
+        initial=np.where(_in_plumes(first), without_holes(first.values), 0.0),
+        own_deviation=np.nan_to_num(second.deviation)[None],
+        shared_errors=errors.of_open_scale,
+        least_scale=1.0,
+    )
+    sources, _ = at_first_rates(sources_of([sample]))
+    nothing = sources.fitter.evaluate((), np.zeros(0))
+    return {rate.well: rate for rate in sources.beside(nothing)[1]}
+
+
+def _in_plumes(seen: SeenPhoto) -> NDArray[np.bool_]:
+    """Return the cells (nz, nx) of all plumes of a photograph."""
+    return np.any([line.cells for line in seen.plumes.values()], axis=0)
+
+
+def _believed(well: Well) -> float:
+    """Return the median of the prior of a tube [m^3/s]."""
+    assert well.believed_rate_ml_h is not None
+    return from_ml_h(well.believed_rate_ml_h[0])
 
 
 def predict(

@@ -11,6 +11,7 @@ from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.gap_map import GapMap
+from porotwin_diagnosis.model.unknown_rates import SourceRate
 from porotwin_recording.experiment.recording import Recording
 
 
@@ -28,6 +29,7 @@ class Diagnosis:
         strengths: the smallest visible strength of each effect, by name.
         proposals: checks and experiments that would show more.
         excluded: names of effects that were not considered.
+        rates: the rates of sources that nobody measured.
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
         partial: effects that close much of an unexplained gap, and the remainder.
@@ -47,3 +49,4 @@ class Diagnosis:
     remainder: RemainderForm | None = None
     partial: PartialCause | None = None
     remarks: tuple[str, ...] = ()
+    rates: tuple[SourceRate, ...] = ()

@@ -8,6 +8,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
 from porotwin_core.basis.errors import InputError
@@ -20,7 +21,7 @@ from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_diagnosis.data.odd_heads import odd_heads
-from porotwin_diagnosis.data.sample import Sample, read_sample
+from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.held_out import HeldOut, measure_held_out
@@ -31,6 +32,7 @@ from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import map_gap
+from porotwin_diagnosis.model.unknown_rates import beside_the_rates, settled
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
 from porotwin_diagnosis.search.findings import Findings
@@ -88,7 +90,8 @@ def examine(
     ]
     for line in averaged:
         tell(line)
-    samples = tuple(read_sample(recording) for recording in recordings)
+    start = settled(recordings, crew=crew)
+    recordings, samples = start.recordings, start.samples
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
     findings, levels = search_effects(
         samples,
@@ -101,8 +104,10 @@ def examine(
     progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
     numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)
+    joint, rates = start.sources.beside(explanation.model)
+    explanation = replace(explanation, model=beside_the_rates(explanation.model, joint))
     held_out = tuple(
-        measure_held_out(recording, sample, explanation.model, numerics)
+        measure_held_out(recording, sample, joint, numerics)
         for recording, sample in zip(recordings, samples, strict=True)
     )
     evidence = gather(samples, findings, explanation, numerics, held_out)
@@ -132,7 +137,9 @@ def examine(
         excluded=tuple(excluded),
         remainder=remainder,
         partial=partial,
+        rates=tuple(rates),
         remarks=(
+            *start.told(rates),
             *untried_lines(findings),
             *odd_lines(recordings, OF_TABLES),
             *odd,

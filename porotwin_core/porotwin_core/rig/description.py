@@ -351,6 +351,8 @@ class Rig(Section):
         apart = {'name', 'camera', 'control', 'hydraulic_conductivity_m_s', *SAND_KEYS}
         data = self.model_dump(mode='json', exclude=apart)
         del data['boundaries']['heads_m']
+        for well in data['wells'].values():
+            del well['rate_prior_ml_h']
         if raised := self.boundaries.raised_heads:  # only differences count
             data['boundaries']['raised_heads_m'] = raised
         if self.water:  # beside other water the level counts

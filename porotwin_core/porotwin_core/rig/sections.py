@@ -1,6 +1,9 @@
 """The sections of `rig.yaml`: boundaries, wells, camera and effects. Units are in the key names."""
 
+import math
+import operator
 from collections.abc import Mapping
+from statistics import NormalDist
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
@@ -13,7 +16,14 @@ from pydantic import (
 )
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rig.numbers import NotNegative, NotNegativeRate, Number, Positive, Share
+from porotwin_core.rig.numbers import (
+    NotNegative,
+    NotNegativeRate,
+    Number,
+    Positive,
+    PositiveRate,
+    Share,
+)
 
 DEFAULT_WELL_RADIUS = 0.004
 """Radius of a well without `radius_m` [m]: a tube of the small rig (experiment folder format)."""
@@ -249,6 +259,29 @@ class Well(Section):
     x_m: Number = Field(description='distance of the well from the left edge of the sand [m]')
     z_m: Number = Field(description='height of the well above the lower edge of the sand [m]')
     radius_m: Positive = Field(DEFAULT_WELL_RADIUS, description='radius of the well [m]')
+    rate_prior_ml_h: tuple[PositiveRate, PositiveRate] | None = Field(
+        None,
+        description='90 % interval of a rate that nobody measured [ml/h]: least and greatest value '
+        'of the largest rate; a diagnosis fits it',
+    )
+
+    @model_validator(mode='after')
+    def _is_interval(self) -> Self:
+        if self.rate_prior_ml_h is not None and not operator.lt(*self.rate_prior_ml_h):
+            low, high = self.rate_prior_ml_h
+            raise ValueError(f'rate_prior_ml_h [{low:g}, {high:g}]: the first must be less')
+        return self
+
+    @property
+    def believed_rate_ml_h(self) -> tuple[float, float] | None:
+        """Median [ml/h] and deviation of the log [-] of an unknown rate; None: it is known.
+
+        The rate is lognormal, and `rate_prior_ml_h` its 90 % interval.
+        """
+        if self.rate_prior_ml_h is None:
+            return None
+        low, high = map(math.log, self.rate_prior_ml_h)
+        return math.exp(0.5 * (low + high)), 0.5 * (high - low) / NormalDist().inv_cdf(0.95)
 
 
 class Camera(Section):

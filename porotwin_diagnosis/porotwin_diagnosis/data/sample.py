@@ -41,6 +41,7 @@ from porotwin_diagnosis.data.shared_errors import (
     best_level,
     error_modes,
     measured_errors,
+    nearest_level,
     sands_of,
 )
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
@@ -112,6 +113,11 @@ class Sample:
         own_deviation: delivered standard deviation [-] of each value by itself, (nt, nz, nx); None
             where the recording has none.
         shared_errors: delivered standard deviations of the errors that all maps share, or None.
+        rate_modes: change of the maps [-] by one deviation of each unknown rate, (k, nt, nz, nx);
+            None if all rates are known.
+        least_scale: least map value [-] of undiluted stock, where the scale of the maps is open: 1
+            for maps whose core counts as 1. Predictions take the scale that suits the fitted frames
+            best. None if the scale is known.
     """
 
     rig: Rig
@@ -128,6 +134,8 @@ class Sample:
     may_have_held_tracer: bool = False
     own_deviation: FloatArray | None = None
     shared_errors: ErrorSizes | None = None
+    rate_modes: FloatArray | None = None
+    least_scale: float | None = None
 
     @property
     def model_start(self) -> float:
@@ -263,7 +271,8 @@ class Sample:
 
         The arguments have the meaning of `whitened`.
         """
-        expected = self.noise.expected(blurred(np.clip(predicted, 0.0, 1.0), point_spread_width))
+        shown = np.clip(self.at_scale(predicted), 0.0, 1.0)
+        expected = self.noise.expected(blurred(shown, point_spread_width))
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         return np.asarray(at_compared_cells(residual, width) * self.weight(width)[:count])
@@ -295,7 +304,7 @@ class Sample:
 
     def _shared(self, width: float, count: int) -> SharedErrors | None:
         """Return the shared errors of the first `count` frames, for residuals of `width`."""
-        if self.shared_errors is None:
+        if self.shared_errors is None and self.rate_modes is None:
             return None
         if (width, count) not in self._decorrelations:
             modes = self._modes(count)
@@ -307,9 +316,11 @@ class Sample:
 
     def _modes(self, count: int) -> FloatArray:
         """Return the modes (k, count, nz, nx) [-] of the shared errors, of the first frames."""
-        assert self.shared_errors is not None
-        maps, sands = self.observed_or_zero[:count], sands_of(self.rig, self.grid)
-        return error_modes(self.shared_errors, maps, sands, self.grid) * self.seen_mask[:count]
+        modes = [] if self.rate_modes is None else [self.rate_modes[:, :count]]
+        if self.shared_errors is not None:
+            sands, maps = sands_of(self.rig, self.grid), self.observed_or_zero[:count]
+            modes.append(error_modes(self.shared_errors, maps, sands, self.grid))
+        return np.concatenate(modes) * self.seen_mask[:count]
 
     @cached_property
     def _decorrelations(self) -> dict[tuple[float, int], SharedErrors]:
@@ -322,17 +333,25 @@ class Sample:
         It covers the held-out frames, or the fitted ones with `held_out=False`.
         """
         part = slice(self.fitted_frames, None) if held_out else slice(None, self.fitted_frames)
-        seen = self.seen_mask[part] > 0
+        predicted, seen = self.at_scale(predicted), self.seen_mask[part] > 0
         observed = self.observed[part][seen]
         norm = max(float(np.linalg.norm(observed)), 1e-12)
         return float(np.linalg.norm(predicted[part][seen] - observed)) / norm
+
+    def at_scale(self, predicted: FloatArray) -> FloatArray:
+        """Return `predicted` (nt, nz, nx) on the scale of the maps."""
+        if self.least_scale is None:
+            return predicted
+        part = slice(None, self.fitted_frames or len(self.times))
+        found = nearest_level(predicted[part], self.observed[part])
+        return predicted * max(found, self.least_scale)
 
     def at_level(self, predicted: FloatArray) -> FloatArray:
         """Return `predicted` (nt, nz, nx) at the level of the stock that the held-out maps have.
 
         Only a calibration on the same rig leaves this level open.
         """
-        if self.shared_errors is None:
+        if self.shared_errors is None and self.least_scale is None:
             return predicted
         late = slice(self.fitted_frames, None)
         return predicted * best_level(predicted[late], self.observed[late])
@@ -396,6 +415,7 @@ def read_sample(recording: Recording) -> Sample:
         may_have_held_tracer=start is Start.LATE_OR_USED,
         own_deviation=own,
         shared_errors=shared,
+        least_scale=1.0 if maps.origin.scale else None,
     )
 
 
@@ -430,6 +450,7 @@ def _delivered(
     sizes = measured_errors(maps, systematic, sands, recording.grid)
     random = np.maximum(deviation**2 - systematic**2, 0.0)
     own = np.sqrt(random + (LOCAL_SHARE * systematic) ** 2)
+    sizes = sizes.of_open_scale if stored.origin.scale else sizes
     return np.where(np.isfinite(own), own, 0.0), sizes
 
 
@@ -459,7 +480,7 @@ def coarsened(sample: Sample, factor: int) -> Sample:
     observed = np.stack([conservative_resample(frame, grid.shape) for frame in sample.observed])
     correlation = max(LEAST_COARSE_CORRELATION, sample.noise.correlation / factor)
     noise = replace(sample.noise, correlation=correlation)
-    own = sample.own_deviation
+    own, modes = sample.own_deviation, sample.rate_modes
     return replace(
         sample,
         grid=grid,
@@ -468,4 +489,7 @@ def coarsened(sample: Sample, factor: int) -> Sample:
         own_deviation=None
         if own is None
         else np.stack([conservative_resample(frame, grid.shape) for frame in own]),
+        rate_modes=None
+        if modes is None
+        else np.array([[conservative_resample(frame, grid.shape) for frame in m] for m in modes]),
     )

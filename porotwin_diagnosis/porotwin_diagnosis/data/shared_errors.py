@@ -18,7 +18,7 @@ cell. Only the level of the stock has a fixed one: imaging cannot know it. `Shar
 modes out of a residual as far as their deviations allow.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,9 +46,6 @@ STOCK_LEVEL = 0.05
 """Relative deviation of the concentration that the calibration took for stock. It took the core of
 a plume in the same rig. Immobile water, decay or fading light makes this core paler, and so all
 maps too bright by 1 to 7 % on the virtual rig."""
-
-MOST_LEVEL_ERROR = 3.0 * STOCK_LEVEL
-"""Largest relative error of the level of the stock in calibrated maps."""
 
 SHIFT_OVER_PLACE, CORNER_OVER_PLACE = 0.8, 0.9
 """Deviations of a common shift and of a corner over the deviation of the place. A shaken baseline
@@ -80,6 +77,11 @@ class ErrorSizes:
     bend: float
     place_m: float
     blur_m2: float
+
+    @property
+    def of_open_scale(self) -> 'ErrorSizes':
+        """These errors without that of the scale, where predictions take the best one anyway."""
+        return replace(self, scales=(0.0,) * len(self.scales))
 
 
 def measured_errors(
@@ -149,14 +151,20 @@ def error_modes(
 
 
 def best_level(maps: FloatArray, observed: FloatArray) -> float:
+    """Return `nearest_level` of calibrated maps: within three deviations of 1."""
+    return float(
+        np.clip(nearest_level(maps, observed), 1.0 - 3.0 * STOCK_LEVEL, 1.0 + 3.0 * STOCK_LEVEL)
+    )
+
+
+def nearest_level(maps: FloatArray, observed: FloatArray) -> float:
     """Return the factor [-] on `maps` that brings them nearest to `observed` maps (nt, nz, nx).
 
-    It differs from 1 by `MOST_LEVEL_ERROR` at most. NaN marks what is not seen.
+    NaN marks what is not seen. It is 1 where nothing tells it.
     """
     known = np.isfinite(observed)
-    squares = float(maps[known] @ maps[known])
-    factor = float(maps[known] @ observed[known]) / squares if squares > 0.0 else 1.0
-    return float(np.clip(factor, 1.0 - MOST_LEVEL_ERROR, 1.0 + MOST_LEVEL_ERROR))
+    product = float(maps[known] @ observed[known])
+    return product / float(maps[known] @ maps[known]) if product > 0.0 else 1.0
 
 
 def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, FloatArray]:

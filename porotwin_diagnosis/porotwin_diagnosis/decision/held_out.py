@@ -134,7 +134,7 @@ def measure_held_out(
     assert recording.maps is not None
     observed = np.stack([recording.maps[int(index)] for index in chosen]).astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
-    before, after = before_and_after(part, model, numerics)
+    before, after = map(part.at_scale, before_and_after(part, model, numerics))
     width = measure_point_spread_width(observed, after, sample.noise)
     frames = held_out_frames(sample)
     places = [int(np.abs(part.times - time).argmin()) for time in frames.times]
@@ -149,7 +149,7 @@ def measure_held_out(
         bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
         error_parts(frames, after[places], np.clip(coarse, 0.0, 1.0), width),
-        level_known=sample.shared_errors is None,
+        level_known=sample.shared_errors is None and sample.least_scale is None,
     )
 
 

@@ -25,16 +25,34 @@ def misdeliver(physics: Physics, values: Values) -> Physics:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the factor of a pumping well; in a closed rig the sinks follow."""
+    """Fit the factor of a pumping well; in a closed rig the sinks follow.
+
+    An unknown rate is fitted beside every effect (`unknown_rates`) instead.
+    """
+    if context.rig.wells[context.well].rate_prior_ml_h is not None:
+        return []
     factor = FitParameter('factor', '-', 1.0, 0.02, 0.0, 5.0)
     return [Candidate('rate', (factor,), {'well': context.well})]
 
 
 def believed(rig: Rig) -> Sequence[Candidate]:
-    """Believe in pumps that deliver as commanded, to RATE_DEVIATION."""
-    factor = FitParameter('factor', '-', 1.0, RATE_DEVIATION, 0.0, MOST_FACTOR, log=True)
+    """Believe in pumps that deliver as commanded, to RATE_DEVIATION or as far as rig.yaml knows."""
     # by name, so that the order of the wells in rig.yaml changes no draw
-    return [Candidate('rate', (factor,), {'well': well}) for well in sorted(rig.wells)]
+    return [
+        _of_well(name, (well.believed_rate_ml_h or (0.0, RATE_DEVIATION))[1])
+        for name, well in sorted(rig.wells.items())
+    ]
+
+
+def unknown_rates(rig: Rig, wells: Iterable[str]) -> list[Candidate]:
+    """Return the factors of those of the `wells` whose rate nobody measured."""
+    return [_of_well(name, RATE_DEVIATION) for name in wells if rig.wells[name].rate_prior_ml_h]
+
+
+def _of_well(well: str, step: float) -> Candidate:
+    """Return the factor of a `well`, in steps of its logarithm [-]."""
+    factor = FitParameter('factor', '-', 1.0, step, 0.0, MOST_FACTOR, log=True)
+    return Candidate('rate', (factor,), {'well': well})
 
 
 def rate_factors(effects: Iterable[EffectDescription]) -> dict[str, float]:
