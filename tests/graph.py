@@ -42,7 +42,7 @@ class Listener:
         for name, (message_type, profile) in TOPICS.items():
             self.node.create_subscription(message_type, name, self._keep(name), profile)
         self._thread = NodeThread(self.node)
-        self._callers: dict[str, tuple[Any, Voucher]] = {}
+        self._callers: dict[tuple[str, str], tuple[Any, Voucher]] = {}
 
     def _keep(self, name: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
@@ -68,22 +68,19 @@ class Listener:
 
     def answer(self, caller: str, kind: Any, name: str, request: Any, timeout: float) -> Any:
         """Return the answer to the node `caller`, which vouches; fail after `timeout` [s]."""
-        if caller not in self._callers:
+        if (caller, name) not in self._callers:
             node = rclpy.create_node(
                 caller, namespace=self.node.get_namespace(), context=self.node.context
             )
             self.spin(node)
-            self._callers[caller] = node, Voucher(node)
-        node, voucher = self._callers[caller]
-        client = node.create_client(kind, name)
-        try:
-            assert client.wait_for_service(timeout), name
-            voucher.vouch(name, request)
-            future = client.call_async(request)
-            self.wait_for(f'an answer of {name}', future.done, timeout=timeout)
-            return future.result()
-        finally:
-            node.destroy_client(client)
+            # it stays: an ended client is seen for a moment, and two of a name are refused
+            self._callers[caller, name] = node.create_client(kind, name), Voucher(node)
+        client, voucher = self._callers[caller, name]
+        assert client.wait_for_service(timeout), name
+        voucher.vouch(name, request)
+        future = client.call_async(request)
+        self.wait_for(f'an answer of {name}', future.done, timeout=timeout)
+        return future.result()
 
     def close(self) -> None:
         """Stop listening."""

@@ -99,9 +99,18 @@ class Laboratory:
         )
         self.wait('mend to see the photograph', lambda: header in self.seen)
 
-    def answer(self, sequence: int, *, accept: bool, name: str = 'terminal') -> Outcome:
+    def forged_answer(self, sequence: int) -> str:
+        """Accept an offer as a stranger; return the refusal."""
+        client = self.node.create_client(AnswerMend, 'mend/answer')
+        self.wait('the mend node', client.service_is_ready)
+        future = client.call_async(AnswerMend.Request(sequence=sequence, accept=True))
+        self.wait('a refusal', future.done)
+        self.node.destroy_client(client)
+        return str(future.result().outcome.message)
+
+    def answer(self, sequence: int, *, accept: bool) -> Outcome:
         request = AnswerMend.Request(sequence=sequence, accept=accept)
-        answer = self.listener.answer(name, AnswerMend, 'mend/answer', request, PATIENCE_S)
+        answer = self.listener.answer('terminal', AnswerMend, 'mend/answer', request, PATIENCE_S)
         return answer.outcome
 
     def effects_of_the_solver(self) -> list[str]:
@@ -136,8 +145,7 @@ def test_an_offer_acts_when_accepted_and_is_taken_back_when_photographs_disagree
         'Pump injector delivers 60 % of the commanded rate: with it the model errs by 2 % instead '
         'of 30 %.'
     )
-    forged = lab.answer(1, accept=True, name='stranger').message
-    assert 'only /porotwin/page or terminal may' in forged
+    assert 'only /porotwin/page or terminal may' in lab.forged_answer(1)
     assert lab.effects_of_the_solver() == []
     assert 'does not exist' in lab.answer(7, accept=True).message
     assert lab.answer(1, accept=True).code == Outcome.OK
