@@ -70,7 +70,8 @@ def policy(nodes_page: str) -> str:
         words, served = _words(module)
         # a node may offer a service only with some parameters
         rights.setdefault(('services', 'reply'), set()).update(served)
-        heard = {vouched_by(CALLERS[name]) for name in rights['services', 'reply'] & CALLERS.keys()}
+        served = rights['services', 'reply'] & CALLERS.keys()
+        heard = {vouched_by(caller) for name in served for caller in CALLERS[name]}
         rights.setdefault(('topics', 'subscribe'), set()).update(heard)
         own = set().union(*rights.values())
         for name in sorted(words & offered.keys() - own):

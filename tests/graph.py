@@ -10,9 +10,11 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
+from rclpy.node import Node
 
 from porotwin_core.ros import qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE, NodeDescription
 from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
@@ -40,6 +42,7 @@ class Listener:
         for name, (message_type, profile) in TOPICS.items():
             self.node.create_subscription(message_type, name, self._keep(name), profile)
         self._thread = NodeThread(self.node)
+        self._callers: dict[tuple[str, str], tuple[Any, Voucher]] = {}
 
     def _keep(self, name: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
@@ -58,6 +61,26 @@ class Listener:
                 counts = {name: len(messages) for name, messages in self.messages.items()}
                 assert remaining > 0, f'waited {timeout:g} s for {purpose}; received {counts}'
                 self._changed.wait(min(remaining, 0.5))
+
+    def spin(self, node: Node) -> None:
+        """Call the callbacks of `node`, of the same context, until the end."""
+        self._thread.executor.add_node(node)
+
+    def answer(self, caller: str, kind: Any, name: str, request: Any, timeout: float) -> Any:
+        """Return the answer to the node `caller`, which vouches; fail after `timeout` [s]."""
+        if (caller, name) not in self._callers:
+            node = rclpy.create_node(
+                caller, namespace=self.node.get_namespace(), context=self.node.context
+            )
+            self.spin(node)
+            # it stays: an ended client is seen for a moment, and two of a name are refused
+            self._callers[caller, name] = node.create_client(kind, name), Voucher(node)
+        client, voucher = self._callers[caller, name]
+        assert client.wait_for_service(timeout), name
+        voucher.vouch(name, request)
+        future = client.call_async(request)
+        self.wait_for(f'an answer of {name}', future.done, timeout=timeout)
+        return future.result()
 
     def close(self) -> None:
         """Stop listening."""

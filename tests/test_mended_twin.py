@@ -69,10 +69,11 @@ class Laboratory:
         self.states = player.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.cycles = player.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         self.measured = player.create_publisher(WellRates, 'wells/measured', qos.FIELD)
-        self.answers = node.create_client(AnswerMend, 'mend/answer')
         self.info = node.create_client(ModelInfo, 'solver/info')
+        diagnosis = rclpy.create_node('diagnosis', namespace=NAMESPACE, context=node.context)
+        listener.spin(diagnosis)
         self.diagnosis = ActionServer(
-            node, Diagnose, 'diagnosis/diagnose', self._diagnose, callback_group=group
+            diagnosis, Diagnose, 'diagnosis/diagnose', self._diagnose, callback_group=group
         )
 
     def _diagnose(self, goal: Any) -> Diagnose.Result:
@@ -98,10 +99,19 @@ class Laboratory:
         )
         self.wait('mend to see the photograph', lambda: header in self.seen)
 
+    def forged_answer(self, sequence: int) -> str:
+        """Accept an offer as a stranger; return the refusal."""
+        client = self.node.create_client(AnswerMend, 'mend/answer')
+        self.wait('the mend node', client.service_is_ready)
+        future = client.call_async(AnswerMend.Request(sequence=sequence, accept=True))
+        self.wait('a refusal', future.done)
+        self.node.destroy_client(client)
+        return str(future.result().outcome.message)
+
     def answer(self, sequence: int, *, accept: bool) -> Outcome:
-        future = self.answers.call_async(AnswerMend.Request(sequence=sequence, accept=accept))
-        self.wait('an answer', future.done)
-        return future.result().outcome
+        request = AnswerMend.Request(sequence=sequence, accept=accept)
+        answer = self.listener.answer('terminal', AnswerMend, 'mend/answer', request, PATIENCE_S)
+        return answer.outcome
 
     def effects_of_the_solver(self) -> list[str]:
         future = self.info.call_async(ModelInfo.Request())
@@ -124,7 +134,7 @@ def test_an_offer_acts_when_accepted_and_is_taken_back_when_photographs_disagree
     laboratory: tuple[RunningGraph, Laboratory],
 ) -> None:
     graph, lab = laboratory
-    lab.wait('mend and solver', lambda: lab.answers.service_is_ready() and bool(lab.effects))
+    lab.wait('mend and solver', lambda: lab.info.service_is_ready() and bool(lab.effects))
     lab.wait('mend to listen', lambda: lab.cycles.get_subscription_count() > 0)
     lab.wait('mend to see maps', lambda: lab.states.get_subscription_count() > 0)
     lab.wait('mend to tell', lambda: lab.node.count_publishers('mend/seen') > 0)
@@ -135,6 +145,8 @@ def test_an_offer_acts_when_accepted_and_is_taken_back_when_photographs_disagree
         'Pump injector delivers 60 % of the commanded rate: with it the model errs by 2 % instead '
         'of 30 %.'
     )
+    assert 'only /porotwin/page or terminal may' in lab.forged_answer(1)
+    assert lab.effects_of_the_solver() == []
     assert 'does not exist' in lab.answer(7, accept=True).message
     assert lab.answer(1, accept=True).code == Outcome.OK
     assert lab.effects_of_the_solver() == ['rate']

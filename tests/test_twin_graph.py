@@ -116,13 +116,9 @@ def check_setpoints(graph: RunningGraph, limits: Limits) -> None:
 
 def check_confirmations(graph: RunningGraph, limits: Limits) -> None:
     """Check that the hub takes the rates that a person confirms."""
-    client = graph.listener.node.create_client(ConfirmRates, 'operator/confirm')
-    assert client.wait_for_service(10.0)
 
     def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
-        future = client.call_async(request)
-        graph.listener.wait_for('an answer of the operator', future.done, timeout=10.0)
-        return future.result()
+        return graph.listener.answer('page', ConfirmRates, 'operator/confirm', request, 10.0)
 
     def confirm(wells: Any = ()) -> None:
         """Confirm the newest setpoint; the next one may come before the answer."""

@@ -138,10 +138,13 @@ def test_a_program_without_a_name_is_waited_for_once(monkeypatch: pytest.MonkeyP
 
 
 def test_two_senders_of_one_name_are_refused() -> None:
-    assert only([], '/hub', 'calls') is None
-    assert only([Sender('/hub', '01')], '/hub', 'calls') == Sender('/hub', '01')
-    with pytest.raises(InputError, match='2 nodes /hub: each calls; if one has just died'):
-        only([Sender('/hub', '01'), Sender('/hub', '02')], '/hub', 'calls')
+    graph: Any = Graph()
+    hub, again = Sender('/porotwin/hub', '01'), Sender('/porotwin/hub', '02')
+    assert only(graph, [], ['hub'], 'calls') == []
+    page = Sender('/porotwin/page', '03')
+    assert only(graph, [hub, page], ['hub', 'page'], 'calls') == [hub, page]
+    with pytest.raises(InputError, match='2 nodes /porotwin/hub: each calls; if one has just died'):
+        only(graph, [hub, again], ['hub'], 'calls')
 
 
 def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,4 +152,4 @@ def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch)
     graph: Any = Graph(service='_NODE_NAME_UNKNOWN_')
     assert callers(graph, 'asset/control')[0].node.endswith('_NODE_NAME_UNKNOWN_')
     with pytest.raises(InputError, match='a program without a name calls asset/control'):
-        only(callers(graph, 'asset/control'), '/porotwin/guard', 'calls asset/control')
+        only(graph, callers(graph, 'asset/control'), ['guard'], 'calls asset/control')

@@ -17,11 +17,14 @@ from porotwin_core.ros.senders import SENDERS, vouched_by  # noqa: E402
 from porotwin_core.ros.service_answer import answer_within  # noqa: E402
 from porotwin_core.ros.vouching import CALLERS, OnlyCaller, Voucher  # noqa: E402
 from porotwin_msgs.msg import Effect, Setpoint, Vouched  # noqa: E402
-from porotwin_msgs.srv import Control, SetEffects  # noqa: E402
+from porotwin_msgs.srv import AnswerMend, Control, SetEffects  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
 SERVICE = 'asset/control'
+
+
+NODES = ('pumps', 'guard', 'page', 'terminal', 'stranger')
 
 
 class Pumps:
@@ -63,7 +66,7 @@ def graph(domain: int) -> Iterator[Callable[[str], Any]]:
     """Make nodes by name; each spins in threads of its own."""
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
-    nodes = [rclpy.create_node(name, context=context) for name in ('pumps', 'guard', 'stranger')]
+    nodes = [rclpy.create_node(name, context=context) for name in NODES]
     spinning = NodeThread(*nodes, threads=4)
     yield {node.get_name(): node for node in nodes}.__getitem__
     spinning.end()
@@ -119,10 +122,29 @@ def test_a_request_with_nan_is_vouched_for(graph: Callable[[str], Any]) -> None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     voucher.vouch(SERVICE, request)
-    assert caller.check(request).node == caller.node
+    assert caller.check(request).node == '/guard'
     request.effects[0].parameter_values[1] = 0.2
     with pytest.raises(InputError):
         caller.check(request)
+
+
+def test_a_service_of_several_callers_knows_which_one_asks(graph: Callable[[str], Any]) -> None:
+    caller = OnlyCaller(graph('pumps'), 'mend/answer')
+    for name in ('page', 'terminal'):
+        node = graph(name)
+        voucher = Voucher(node)
+        node.create_client(AnswerMend, 'mend/answer')
+        request = AnswerMend.Request(sequence=len(name))
+        deadline = time.monotonic() + 20.0
+        while f'/{name}' not in [
+            one.node for one in senders.callers(graph('pumps'), 'mend/answer')
+        ]:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        with pytest.raises(InputError, match='only /page or terminal may, which does not know'):
+            caller.check(request)
+        voucher.vouch('mend/answer', request)
+        assert caller.check(request).node == f'/{name}'
 
 
 def test_a_stranger_cannot_vouch(graph: Callable[[str], Any]) -> None:
@@ -146,4 +168,4 @@ def test_a_stranger_cannot_vouch(graph: Callable[[str], Any]) -> None:
 
 
 def test_every_caller_is_a_node_of_the_graph() -> None:
-    assert {vouched_by(name) for name in CALLERS.values()} <= SENDERS.keys()
+    assert {vouched_by(name) for names in CALLERS.values() for name in names} <= SENDERS.keys()

@@ -55,6 +55,9 @@ MOST_TRIES = 3
 RETRY_S = 2.0
 """Time until a pair is tried again [s]."""
 
+TRAIN = 'costa/train'
+"""Action of the node costa."""
+
 TIMER_S = 0.5
 """Time between two looks for work [s]."""
 
@@ -153,7 +156,7 @@ class TrainerNode(TwinNode):
     def _connect(self) -> None:
         self._predict = self.create_client(Predict, 'solver/predict')
         self._residual = self.create_client(Residual, 'solver/residual')
-        self._train = ActionClient(self, Train, 'costa/train')
+        self._train = ActionClient(self, Train, TRAIN)
         follow(self, NewState, 'asset/new_state', self._on_state, qos.FIELD)
         follow(self, CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         follow_effects(self, self._on_effects)
@@ -192,9 +195,9 @@ class TrainerNode(TwinNode):
 
     def _on_timer(self) -> None:
         self._next()
-        ready = self._train.server_is_ready()
+        ready = self._train.server_is_ready() and not self._foreign(senders.goals_of(TRAIN))
         if self._retraining.lost(time.monotonic(), server_ready=ready):
-            self.get_logger().warning('the training was lost with its node; it is sent again')
+            self.get_logger().warning('the training was lost; it is sent again')
         if ready and self._retraining.wanted(time.monotonic()):
             self._retrain()
 
@@ -211,7 +214,8 @@ class TrainerNode(TwinNode):
         ready = self._predict.service_is_ready() and self._residual.service_is_ready()
         if not ready or now < self._next_request or not (self._pair or self._pending):
             return
-        if self._foreign(self._predict) or self._foreign(self._residual):
+        if self._foreign(self._predict.srv_name) or self._foreign(self._residual.srv_name):
+            self._next_request = now + RETRY_S
             return
         self._pair = pair = self._pair or self._pending.popleft()
         request = Predict.Request(
@@ -247,18 +251,19 @@ class TrainerNode(TwinNode):
             if self._request is None or answered is not self._request[1]:
                 return
             self._request = None
-            if not self._foreign(client):
+            if self._foreign(client.srv_name):
+                self._next_request = time.monotonic() + RETRY_S
+            else:
                 self._take(answered.result(), use)
             self._next()
 
         future.add_done_callback(done)
 
-    def _foreign(self, client: Any) -> bool:
-        """Return whether another node offers a service of the solver; the pair then waits."""
+    def _foreign(self, service: str) -> bool:
+        """Return whether another node offers a service too; the pair or the training then waits."""
         try:
-            senders.check_servers(self, client.srv_name)
+            senders.check_servers(self, service)
         except InputError as error:
-            self._next_request = time.monotonic() + RETRY_S
             self.get_logger().warning(str(error), throttle_duration_sec=REPORT_S)
             return True
         return False
@@ -329,6 +334,9 @@ class TrainerNode(TwinNode):
         handle.get_result_async().add_done_callback(self._on_trained)
 
     def _on_trained(self, future: Future) -> None:
+        if self._foreign(senders.goals_of(TRAIN)):
+            self._retraining.refused(time.monotonic())
+            return
         self._retraining.finished()
         result = future.result().result
         if result.outcome.code != Outcome.OK:

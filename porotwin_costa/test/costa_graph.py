@@ -76,6 +76,10 @@ class Client:
                 raise AssertionError(f'{reason}\n{stop(node) if node else ""}')
             time.sleep(0.05)
 
+    def spin(self, node: Any) -> None:
+        """Call the callbacks of `node` as well, until the end."""
+        self._thread.executor.add_node(node)
+
     def close(self) -> None:
         """End the node."""
         self._thread.end()

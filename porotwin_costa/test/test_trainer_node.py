@@ -1,6 +1,7 @@
 """The trainer as a real process: pairs and weights in files, which a restart finds."""
 
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from costa_graph import HIDDEN, Asset, offer_solver, start, stop  # noqa: E402
+from rcl_interfaces.msg import Log  # noqa: E402
+from rclpy.action import ActionServer  # noqa: E402
 
 from porotwin_core.basis.errors import InputError  # noqa: E402
 from porotwin_costa.correction.corrective_model import CorrectiveModel  # noqa: E402
@@ -17,6 +20,7 @@ from porotwin_costa.data.dataset import load_dataset  # noqa: E402
 from porotwin_costa.data.physics_id import PhysicsId  # noqa: E402
 from porotwin_costa.trainer_node import known_pairs  # noqa: E402
 from porotwin_costa.training.live_training import not_used  # noqa: E402
+from porotwin_msgs.action import Train  # noqa: E402
 from porotwin_msgs.srv import DataModelInfo  # noqa: E402
 
 FRAMES = 13
@@ -114,6 +118,41 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
     corrective = CorrectiveModel.load(newest)
     assert corrective.architecture.name == 'local'
     assert corrective.provenance['samples'] in (40, 43)
+
+
+@pytest.mark.graph
+def test_a_trainer_sends_no_goal_while_a_stranger_offers_training(
+    client, model, training_frames, twin, asset, tmp_path
+):
+    goals, lines = [], []
+    stranger = rclpy.create_node('stranger', context=client.node.context)
+
+    def take(goal):
+        goals.append(goal)
+        goal.succeed()
+        return Train.Result()
+
+    client.spin(stranger)
+    server = ActionServer(stranger, Train, 'costa/train', take)
+    client.node.create_subscription(Log, '/rosout', lambda log: lines.append(log.msg), 100)
+    trainer = twin()
+    asset.wait_for_trainer()
+    services = offer_solver(client, model)
+    try:
+        for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
+            asset.experiment(frames, begin, FRAMES)
+        asset.finish()
+        refusal = '/stranger offers costa/train too, and only /costa may'
+        client.until('it is not refused', lambda: any(refusal in line for line in lines))
+        folder = tmp_path / 'run' / 'pairs'
+        client.until('no pairs', lambda: folder.is_dir() and len(load_dataset(folder)) >= 20)
+        time.sleep(1.5)  # three looks whether a training is due
+    finally:
+        for service in services:
+            client.solver.destroy_service(service)
+        server.destroy()
+        stranger.destroy_node()
+    assert goals == [], stop(trainer)
 
 
 @pytest.mark.graph

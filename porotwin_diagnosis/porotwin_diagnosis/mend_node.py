@@ -38,9 +38,10 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
+from porotwin_core.ros.senders import check_servers, goals_of
 from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.single_instance import only_one
-from porotwin_core.ros.vouching import Voucher
+from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_diagnosis.mending.finding import read_finding
 from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
@@ -62,6 +63,9 @@ NICENESS = 5
 
 THREADS = 4
 """Threads for messages, for answers of the operator, for those of other nodes, and a spare one."""
+
+DIAGNOSE = 'diagnosis/diagnose'
+"""Action of the diagnosis node."""
 
 LOOK_S = 0.2
 """Time between two looks whether a diagnosis is wanted, done or overdue [s]."""
@@ -176,6 +180,7 @@ class MendNode(TwinNode):
         )
         follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         answers = MutuallyExclusiveCallbackGroup()
+        self._people = OnlyCaller(self, 'mend/answer')
         self.create_service(AnswerMend, 'mend/answer', self._on_answer, callback_group=answers)
         self._voucher = Voucher(self)
         self._solver = self.create_client(
@@ -183,7 +188,7 @@ class MendNode(TwinNode):
         )
         # one group: an answer cannot overtake the note that it is due
         asking = MutuallyExclusiveCallbackGroup()
-        self._diagnosis = ActionClient(self, Diagnose, 'diagnosis/diagnose', callback_group=asking)
+        self._diagnosis = ActionClient(self, Diagnose, DIAGNOSE, callback_group=asking)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look, callback_group=asking, clock=steady)
 
@@ -271,6 +276,9 @@ class MendNode(TwinNode):
         if not self._diagnosis.server_is_ready():
             self._give_up('no diagnosis: its node does not run; it is asked again later')
             return
+        if foreign := self._foreign():
+            self._give_up(f'no diagnosis: {foreign}; it is asked again later')
+            return
         newest = self._states.newest
         if newest is None:
             self._give_up(
@@ -284,6 +292,14 @@ class MendNode(TwinNode):
         self._overdue = False
         sent = self._diagnosis.send_goal_async(Diagnose.Goal())
         sent.add_done_callback(partial(self._on_goal, self._asked))
+
+    def _foreign(self) -> str:
+        """Return what another node does that offers diagnoses too; '' for none."""
+        try:
+            check_servers(self, goals_of(DIAGNOSE))
+        except InputError as error:
+            return str(error)
+        return ''
 
     def _on_goal(self, asked: _Asked, future: Any) -> None:
         goal = future.result()
@@ -316,6 +332,9 @@ class MendNode(TwinNode):
         if self._asked is not asked:
             return  # given up before
         self._asked = self._goal = None
+        if foreign := self._foreign():
+            self._give_up(f'no verdict: {foreign}; it is asked again later')
+            return
         result = future.result().result
         if result.outcome.code != Outcome.OK:
             self._give_up(f'no verdict: {result.outcome.message}')
@@ -345,6 +364,7 @@ class MendNode(TwinNode):
         self, request: AnswerMend.Request, response: AnswerMend.Response
     ) -> AnswerMend.Response:
         try:
+            self._people.check(request)
             with self._lock:
                 self._mender.answer(request.sequence, accept=request.accept)
             response.outcome = conversions.ok()

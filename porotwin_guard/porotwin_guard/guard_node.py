@@ -121,8 +121,7 @@ class GuardNode(TwinNode):
             InputError: another node does; one line with its name.
         """
         found = senders.publishers(self, 'wells/setpoint')
-        own = senders.full_name(self, self.get_name())
-        senders.refuse_others(found, own, 'publishes wells/setpoint')
+        senders.refuse_others(self, found, [senders.GUARD], 'publishes wells/setpoint')
         if another := another_lives(self):
             raise InputError(another)
 

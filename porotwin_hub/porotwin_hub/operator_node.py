@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from std_msgs.msg import String
@@ -15,7 +16,7 @@ from std_msgs.msg import String
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age
-from porotwin_core.ros import conversions, qos, senders
+from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
@@ -72,7 +73,11 @@ class OperatorNode(TwinNode):
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
         self._page = OnlyCaller(self, 'operator/confirm')
-        self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
+        # a forged request is waited for, and a setpoint must not wait for it
+        apart = MutuallyExclusiveCallbackGroup()
+        self.create_service(
+            ConfirmRates, 'operator/confirm', self._on_confirm, callback_group=apart
+        )
         if stands_for_asset:
             self._guard = OnlyCaller(self, 'asset/control')
             self.create_service(Control, 'asset/control', self._on_control)
@@ -156,6 +161,7 @@ class OperatorNode(TwinNode):
         self, request: ConfirmRates.Request, response: ConfirmRates.Response
     ) -> ConfirmRates.Response:
         try:
+            caller = self._page.check(request)
             changed = conversions.rates_from_msg(request.wells)
             rates = self._book.confirmed(request.sequence, changed)
         except InputError as error:
@@ -168,16 +174,9 @@ class OperatorNode(TwinNode):
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME
         self._measured.publish(message)
-        _print(confirmation_in_words(request.sequence, changed, self._confirming(request)))
+        _print(confirmation_in_words(request.sequence, changed, caller.node))
         response.outcome = conversions.ok()
         return response
-
-    def _confirming(self, request: ConfirmRates.Request) -> list[str]:
-        """Return the node that confirms: the page if it vouches, or else all others that may."""
-        found = [one.node for one in senders.callers(self, 'operator/confirm')]
-        if self._page.vouches(request):
-            return [self._page.node]
-        return [name for name in found if name != self._page.node]
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:

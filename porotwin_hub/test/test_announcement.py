@@ -67,8 +67,8 @@ def test_times_are_times_of_the_day_or_of_the_experiment() -> None:
 
 
 def test_a_confirmation_names_its_sender_and_what_differs() -> None:
-    line = confirmation_in_words(23, {'barrier1': WellRate(from_ml_h(170.0))}, ['/rig/\x1b[2Jpage'])
+    line = confirmation_in_words(23, {'barrier1': WellRate(from_ml_h(170.0))}, '/rig/\x1b[2Jpage')
     assert line == (
         r'confirmed by /rig/\x1b[2Jpage: setpoint 23 is set, but barrier1 at 170.0 ml/h'
     )
-    assert confirmation_in_words(4, {}, []) == 'confirmed by somebody: setpoint 4 is set'
+    assert confirmation_in_words(4, {}, '/page') == 'confirmed by /page: setpoint 4 is set'

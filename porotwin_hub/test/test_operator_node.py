@@ -37,15 +37,16 @@ class Desk:
             clock=lambda: self.now, context=context, parameter_overrides=overrides
         )
         self.peer = rclpy.create_node('guard', context=context)
+        self.page = rclpy.create_node('page', context=context)
         self.executor = executor_of(4, context)
-        for node in (self.operator, self.peer):
+        for node in (self.operator, self.peer, self.page):
             self.executor.add_node(node)
         self.setpoints = self.peer.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self.measured: list[WellRates] = []
         self.peer.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
-        self.confirm = self.peer.create_client(ConfirmRates, 'operator/confirm')
+        self.confirm = self.page.create_client(ConfirmRates, 'operator/confirm')
         self.control = self.peer.create_client(Control, 'asset/control')
-        self.voucher = Voucher(self.peer)
+        self.guard_vouches, self.page_vouches = Voucher(self.peer), Voucher(self.page)
         self.spin_until(
             lambda: (
                 self.setpoints.get_subscription_count() > 0
@@ -76,8 +77,12 @@ class Desk:
 
     def ask(self, request: object) -> str:
         """Return the message of the outcome of a request to confirm or to control."""
-        client = self.confirm if isinstance(request, ConfirmRates.Request) else self.control
-        self.voucher.vouch('asset/control', request)
+        if isinstance(request, ConfirmRates.Request):
+            client = self.confirm
+            self.page_vouches.vouch('operator/confirm', request)
+        else:
+            client = self.control
+            self.guard_vouches.vouch('asset/control', request)
         future = client.call_async(request)
         self.spin_until(future.done)
         return str(future.result().outcome.message)
@@ -143,7 +148,7 @@ def test_setpoints_are_announced_confirmed_and_expire(
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)
-    desk.spin_until(lambda: shows('confirmed by /'))
+    desk.spin_until(lambda: shows('confirmed by /page: '))
     confirmed = desk.measured[0]
     assert conversions.time_from_msg(confirmed.start) == pytest.approx(17.0)
     assert confirmed.header.stamp == confirmed.start
@@ -154,6 +159,31 @@ def test_setpoints_are_announced_confirmed_and_expire(
     desk.spin_until(lambda: len(desk.measured) == 2)
     safe = Limits.of(small_rig).safe()
     assert conversions.rates_from_msg(desk.measured[1].wells) == safe
+
+
+def test_only_the_page_confirms_rates(
+    desk: Desk, other: dict[str, WellRate], capfd: pytest.CaptureFixture[str]
+) -> None:
+    desk.setpoints.publish(setpoint(1, other))
+    desk.spin_until(lambda: desk.operator._book.newest == 1)
+    stranger = rclpy.create_node('stranger', context=desk.peer.context)
+    client = stranger.create_client(ConfirmRates, 'operator/confirm')
+    desk.executor.add_node(stranger)
+    desk.spin_until(client.service_is_ready)
+    future = client.call_async(ConfirmRates.Request(sequence=1))
+    desk.spin_until(future.done)
+    assert 'and only /page may' in future.result().outcome.message
+    assert (
+        sum('confirmation refused: ' in line for line in capfd.readouterr().err.splitlines()) == 1
+    )
+    stranger.destroy_client(client)
+    # a client of the page is no proof either
+    future = desk.confirm.call_async(ConfirmRates.Request(sequence=1))
+    desk.spin_until(future.done)
+    assert 'only /page may, which does not know of it' in future.result().outcome.message
+    assert desk.measured == []
+    assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
+    desk.spin_until(lambda: len(desk.measured) == 1)
 
 
 def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(

@@ -418,6 +418,7 @@ class PageNode(TwinNode):
         if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
+        self._voucher.vouch('mend/answer', request)
         response = twin_answer_within(self, client, request, LONGEST_ANSWER_S, look=self._go_on)
         if response is None:
             raise ConfirmationUnavailable(

@@ -5,9 +5,9 @@ import os
 import urllib.error
 import urllib.request
 
-from faults.fault import Answer, fault
+from faults.fault import Answer, LogLine, fault
 from faults.stage import Stage
-from porotwin_core.rates.wells import WellRate
+from porotwin_core.basis.units import to_ml_h
 from porotwin_core.ros import conversions, qos
 from porotwin_msgs.msg import MendOffer
 from porotwin_msgs.srv import ConfirmRates, LoadModel
@@ -16,13 +16,21 @@ NOTHING = 'nothing'
 
 
 def asked(
-    stage: Stage, path: str, *, host: str = '', body: object = None, encoding: str = ''
+    stage: Stage,
+    path: str,
+    *,
+    host: str = '',
+    body: object = None,
+    encoding: str = '',
+    token: str = '',
 ) -> tuple[int, str]:
     """Return status and text of a request to the page."""
     address = stage.graph.wait_for_log('page', 'page: http', timeout=60.0).split('page: ')[1]
     request = urllib.request.Request(address.split('#')[0].split()[0].rstrip('/') + path)
     if host:
         request.add_header('Host', host)
+    if token:
+        request.add_header('Authorization', f'Bearer {token}')
     if encoding:
         request.add_header('Content-Encoding', encoding)
     if body is not None:
@@ -104,8 +112,7 @@ def model_that_never_ends(stage: Stage) -> None:
     mends='confirm the setpoint on the page',
 )
 def unknown_setpoint(stage: Stage) -> None:
-    answer = stage.call(ConfirmRates, 'operator/confirm', ConfirmRates.Request(sequence=9999))
-    assert 'setpoint 9999 is not the newest' in answer.outcome.message
+    assert 'setpoint 9999 is not the newest' in confirmed(stage, 9999, {})
 
 
 @fault(
@@ -116,11 +123,36 @@ def unknown_setpoint(stage: Stage) -> None:
 )
 def impossible_confirmation(stage: Stage) -> None:
     sequence = stage.graph.messages['wells/setpoint'][-1].sequence
-    for rate in (1e300 / 3.6e9, -1e9 / 3.6e9):
-        rates = {**stage.limits.safe(), 'injector': WellRate(rate, 1.0)}
-        request = ConfirmRates.Request(sequence=sequence, wells=conversions.rates_to_msg(rates))
-        answer = stage.call(ConfirmRates, 'operator/confirm', request)
-        assert answer.outcome.message, f'{rate:g} m3/s was accepted'
+    safe = {well: to_ml_h(rate.rate) for well, rate in stage.limits.safe().items()}
+    for rate_ml_h in (1e300, -1e9):
+        assert confirmed(stage, sequence, {**safe, 'injector': rate_ml_h})
+
+
+def confirmed(stage: Stage, sequence: int, rates_ml_h: dict[str, float]) -> str:
+    """Confirm rates at the page, and return why it refuses."""
+    body = {'sequence': sequence, 'rates_ml_h': rates_ml_h}
+    token = (stage.folder / 'page_token').read_text(encoding='utf-8').strip()
+    status, text = asked(stage, '/confirm', body=body, token=token)
+    assert status == 400, text
+    return text
+
+
+@fault(
+    'A program confirms rates, beside the page or before it leaves.',
+    LogLine('operator', 'confirmation refused: '),
+    does='Refuses the confirmation, if the page does not know of it. No measured rate changes.',
+    mends='end the program; confirm on the page',
+)
+def forged_confirmation(stage: Stage) -> None:
+    sequence = stage.graph.messages['wells/setpoint'][-1].sequence
+    wells = conversions.rates_to_msg(stage.limits.safe())
+    confirmation = ConfirmRates.Request(sequence=sequence, wells=wells)
+    answer = stage.call(ConfirmRates, 'operator/confirm', confirmation)
+    assert 'only /porotwin/page may' in answer.outcome.message
+    before = stage.graph.log('operator').count('confirmed by')
+    for _ in range(3):
+        stage.call_and_leave(ConfirmRates, 'operator/confirm', confirmation)
+    assert stage.graph.log('operator').count('confirmed by') == before
 
 
 @fault(

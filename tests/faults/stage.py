@@ -362,6 +362,7 @@ def _nodes(folder: Path) -> list[NodeDescription]:
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
         page='127.0.0.1:0',
+        page_token=folder / 'page_token',
     )
     more: dict[str, dict[str, Any]] = {
         'camera': {'patience': PATIENCE_S},

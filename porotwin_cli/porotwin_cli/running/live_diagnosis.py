@@ -12,10 +12,14 @@ from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short
+from porotwin_core.ros.senders import check_servers, goals_of
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
+
+DIAGNOSE = 'diagnosis/diagnose'
+"""Action of the diagnosis node."""
 
 SEARCH_S = 10.0
 """Longest search for a node of the graph [s]."""
@@ -43,15 +47,16 @@ def diagnose_run_so_far(
         namespace: namespace of the graph.
 
     Raises:
-        InputError: the run so far cannot be diagnosed.
+        InputError: the run so far cannot be diagnosed, or another node offers diagnoses too.
         WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
         KeyboardInterrupt: after Ctrl-C has cancelled the diagnosis.
     """
     node = live_node('diagnose', namespace=namespace)
-    client = ActionClient(node, Diagnose, 'diagnosis/diagnose')
+    client = ActionClient(node, Diagnose, DIAGNOSE)
     with listening(node) as executor:
         try:
             result = _result(client, executor, output, progress)
+            check_servers(node, goals_of(DIAGNOSE))
         finally:
             client.destroy()
     if result.outcome.code == Outcome.INVALID_INPUT:

@@ -7,17 +7,22 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Self
 
-from porotwin_cli.running.live_diagnosis import LAST_ANSWER_S, SEARCH_S
+from porotwin_cli.running.live_diagnosis import LAST_ANSWER_S, POLL_S, SEARCH_S
 from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
 from porotwin_core.ros.following import follow
-from porotwin_core.ros.senders import check_servers
+from porotwin_core.ros.senders import TERMINAL
+from porotwin_core.ros.service_answer import twin_answer_within
+from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
 from porotwin_msgs.srv import AnswerMend
 from porotwin_page.mend_answer import LONGEST_ANSWER_S
+
+ANSWERS = 'mend/answer'
+"""Service of the mend node."""
 
 STATES = {
     MendOffer.OFFERED: 'offered',
@@ -57,9 +62,9 @@ class MendDesk:
         self.newest: MendOffer | None = None
 
     def __enter__(self) -> Self:
-        self._node = node = live_node('mend_desk', namespace=self._namespace)
+        self._node = node = live_node(TERMINAL, namespace=self._namespace)
         follow(node, MendOffer, 'mend/offer', self._take, qos.CONFIG)
-        self._client = node.create_client(AnswerMend, 'mend/answer')
+        self._calling: tuple[Any, Voucher] | None = None  # who only looks does not call
         self._listening.enter_context(listening(node))
         return self
 
@@ -74,7 +79,19 @@ class MendDesk:
 
     def send(self, sequence: int, *, accept: bool) -> Any:
         """Send an answer, and return the future of its outcome."""
-        return self._client.call_async(AnswerMend.Request(sequence=sequence, accept=accept))
+        client, request = self._asking(sequence, accept=accept)
+        return client.call_async(request)
+
+    def _asking(self, sequence: int, *, accept: bool) -> tuple[Any, AnswerMend.Request]:
+        """Return the client and the request of an answer, which this node vouches for."""
+        if self._calling is None:
+            client = self._node.create_client(AnswerMend, ANSWERS)
+            client.wait_for_service(SEARCH_S)
+            self._calling = client, Voucher(self._node)
+        client, voucher = self._calling
+        request = AnswerMend.Request(sequence=sequence, accept=accept)
+        voucher.vouch(ANSWERS, request)
+        return client, request
 
     def wait_for_node(self) -> None:
         """Return when the mend node answers.
@@ -82,7 +99,10 @@ class MendDesk:
         Raises:
             WorkFailed: there is none.
         """
-        if not self._client.wait_for_service(SEARCH_S):
+        name, deadline = self._node.resolve_service_name(ANSWERS), time.monotonic() + SEARCH_S
+        while not self._node.count_services(name) and time.monotonic() < deadline:
+            time.sleep(POLL_S)
+        if not self._node.count_services(name):
             raise WorkFailed(
                 'no mend node answers; start the twin with ./porotwin up --mend ask, on this '
                 'machine and with the same --domain or ROS_DOMAIN_ID'
@@ -110,17 +130,13 @@ class MendDesk:
                 answers as well.
             WorkFailed: no answer came, or the solver is silent.
         """
-        check_servers(self._node, self._client.srv_name)
-        future = self.send(sequence, accept=accept)
-        deadline = time.monotonic() + LONGEST_ANSWER_S
-        while not future.done():
-            if time.monotonic() > deadline:
-                raise WorkFailed(
-                    f'the mend node did not answer within {LONGEST_ANSWER_S:g} s; try again'
-                )
-            time.sleep(0.05)
-        check_servers(self._node, self._client.srv_name)
-        outcome = future.result().outcome
+        client, request = self._asking(sequence, accept=accept)
+        response = twin_answer_within(self._node, client, request, LONGEST_ANSWER_S)
+        if response is None:
+            raise WorkFailed(
+                f'the mend node did not answer within {LONGEST_ANSWER_S:g} s; try again'
+            )
+        outcome = response.outcome
         if outcome.code == Outcome.INVALID_INPUT:
             raise InputError(outcome.message)
         if outcome.code != Outcome.OK:

@@ -5,7 +5,8 @@ receiver that accepts one sender therefore refuses all messages while another no
 """
 
 import time
-from collections.abc import Collection, Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,9 @@ from porotwin_core.basis.errors import InputError
 
 GUARD = 'guard'
 """Name of the node that alone may set the pumps."""
+
+TERMINAL = 'terminal'
+"""Name of the node of a command by which a person acts on the running twin."""
 
 PLAYER = 'player'
 """Name of the node that plays a recording: it sends the messages of all nodes."""
@@ -41,7 +45,7 @@ SENDERS: Mapping[str, tuple[str, ...]] = {
     'tracer/predicted': ('hub',),
     'wells/measured': ('operator', 'pumps', 'virtual_rig'),
     'wells/setpoint': (GUARD,),
-    **{vouched_by(name): (name,) for name in ('guard', 'hub', 'mend', 'page')},
+    **{vouched_by(name): (name,) for name in ('guard', 'hub', 'mend', 'page', TERMINAL)},
 }
 """The only nodes that send each topic; none named: any one node. `following` subscribes to these
 topics, and nothing else that uses them does. Any node may send its health."""
@@ -97,9 +101,9 @@ def check_senders(node: Any, topic: str, *, replayed: bool = True) -> list[Sende
                 f'several nodes publish {topic} ({", ".join(several)}); end all but one'
             )
         return present
-    allowed = {full_name(node, name) for name in (*names, *((PLAYER,) if replayed else ()))}
-    found = [sender for sender in present if sender.node not in allowed]
-    refuse_others(found, full_name(node, ' or '.join(names)), f'publishes {topic}')
+    player = full_name(node, PLAYER)
+    found = [sender for sender in present if not (replayed and sender.node == player)]
+    refuse_others(node, found, names, f'publishes {topic}')
     return present
 
 
@@ -140,55 +144,64 @@ def check_servers(node: Any, service: str) -> list[Sender]:
     Raises:
         InputError: another node offers it too; one line with its name.
     """
+    name = service.removesuffix(goals_of(''))
     owner = service.split('/')[0]
     names = SENDERS['wells/measured'] if owner == ASSET else (owner,)
     # the DDS topic of the answers
     topic = f'rr{node.resolve_service_name(service)}Reply'
     found = _named_senders(node, topic, mangled=True)
-    allowed = {full_name(node, name) for name in names}
-    others = [server for server in found if server.node not in allowed]
-    refuse_others(others, full_name(node, ' or '.join(names)), f'offers {service}')
+    refuse_others(node, found, names, f'offers {name}')
     several = sorted({server.node for server in found})
     if len(several) > 1:
-        raise InputError(f'several nodes offer {service} ({", ".join(several)}); end all but one')
+        raise InputError(f'several nodes offer {name} ({", ".join(several)}); end all but one')
     return found
 
 
-def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
-    """Check that every sender in `found` is the node `expected`.
+def goals_of(action: str) -> str:
+    """Return the service that takes the goals of `action`; ROS 2 makes it for every action."""
+    return f'{action}/_action/send_goal'
+
+
+def refuse_others(node: Any, found: Collection[Sender], names: Sequence[str], doing: str) -> None:
+    """Check that every sender in `found` is a node of one of the `names`.
 
     Args:
+        node: the node that looks.
         found: from `publishers`, `callers` or `check_servers`.
-        expected: full name of the one node.
+        names: of the nodes that may.
         doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    others = sorted({sender.node for sender in found} - {expected})
+    allowed = {full_name(node, name) for name in names}
+    others = sorted({sender.node for sender in found} - allowed)
     if others:
         name = others[0].replace(UNKNOWN_NODE, 'a program without a name')
+        expected = full_name(node, ' or '.join(names))
         raise InputError(f'{name} {doing} too, and only {expected} may; end it')
 
 
-def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
-    """Return the only sender in `found`, the node `expected`; None if `found` is empty.
+def only(node: Any, found: Collection[Sender], names: Sequence[str], doing: str) -> list[Sender]:
+    """Return `found`: at most one node of each of the `names`.
 
     Args:
+        node: the node that looks.
         found: from `publishers` or `callers`.
-        expected: full name of the one node.
+        names: of the nodes that may.
         doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
-        InputError: another node does so too, or there are several nodes `expected`.
+        InputError: another node does so too, or there are several nodes of a name.
     """
-    refuse_others(found, expected, doing)
-    if len(found) > 1:
-        raise InputError(
-            f'{len(found)} nodes {expected}: each {doing}; if one has just died, wait '
-            f'{LEASE_S:g} s; to run two rigs, give each a ROS_DOMAIN_ID of its own'
-        )
-    return next(iter(found), None)
+    refuse_others(node, found, names, doing)
+    for name, count in Counter(sender.node for sender in found).items():
+        if count > 1:
+            raise InputError(
+                f'{count} nodes {name}: each {doing}; if one has just died, wait '
+                f'{LEASE_S:g} s; to run two rigs, give each a ROS_DOMAIN_ID of its own'
+            )
+    return list(found)
 
 
 def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:

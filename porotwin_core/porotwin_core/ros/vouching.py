@@ -1,12 +1,13 @@
-"""Services that one node alone may call: that node tells beforehand what it asks.
+"""Services that few nodes may call: a caller tells beforehand what it asks.
 
-ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. The one
-node that may call therefore publishes each request before it makes it. The service takes only what
-it has heard so. It follows that topic as every topic whose sender matters.
+ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. A node
+that may call therefore publishes each request before it makes it. The service takes only what it
+has heard so. It follows that topic as every topic whose sender matters.
 """
 
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from threading import Condition
 from typing import Any
 
@@ -21,17 +22,18 @@ from porotwin_core.ros.senders import vouched_by
 from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
 from porotwin_msgs.msg import Vouched
 
-CALLERS: Mapping[str, str] = {
-    'asset/control': senders.GUARD,
-    'guard/control': 'hub',
-    'operator/confirm': 'page',
-    'solver/set_effects': 'mend',
+CALLERS: Mapping[str, tuple[str, ...]] = {
+    'asset/control': (senders.GUARD,),
+    'guard/control': ('hub',),
+    'mend/answer': ('page', senders.TERMINAL),
+    'operator/confirm': ('page',),
+    'solver/set_effects': ('mend',),
 }
-"""The only node that calls each service, by its name."""
+"""The only nodes that call each service, by their names."""
 
 
 MOST_WAITING = qos.PHOTO.depth
-"""Requests that a service remembers: its only caller makes one at a time, for one photograph."""
+"""Requests that a service remembers: a caller makes one at a time, for one photograph."""
 
 
 class Voucher:
@@ -48,67 +50,68 @@ class Voucher:
 
 
 class OnlyCaller:
-    """Lets one node call a service: the side of the service."""
+    """Lets the nodes of `CALLERS` call a service: the side of the service."""
 
     def __init__(self, node: Node, service: str) -> None:
         """Guard `service`, a key of `CALLERS`, of `node`."""
-        self._node, self._service, self._name = node, service, CALLERS[service]
-        self._heard: deque[bytes] = deque(maxlen=MOST_WAITING)
+        self._node, self._service, self._names = node, service, CALLERS[service]
+        self._heard: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
         self._refused = ''
         self._changed = Condition()
-        follow(
-            node,
-            Vouched,
-            vouched_by(self._name),
-            self._on_vouched,
-            qos.CONFIG,
-            refuse=self._on_refused,
-            replayed=False,
-            callback_group=MutuallyExclusiveCallbackGroup(),
-        )
+        for name in self._names:
+            follow(
+                node,
+                Vouched,
+                vouched_by(name),
+                partial(self._on_vouched, name),
+                qos.CONFIG,
+                refuse=self._on_refused,
+                replayed=False,
+                callback_group=MutuallyExclusiveCallbackGroup(),
+            )
 
-    @property
-    def node(self) -> str:
-        """Full name of the node that may call."""
-        return senders.full_name(self._node, self._name)
-
-    def present(self) -> senders.Sender | None:
-        """Return the node that calls the service; None if it is not there.
+    def present(self) -> list[senders.Sender]:
+        """Return the nodes that call the service, at most one of each name.
 
         Raises:
-            InputError: another node could call, or there are several of that name.
+            InputError: another node could call, or there are several of a name.
         """
         found = senders.callers(self._node, self._service)
-        return senders.only(found, self.node, f'calls {self._service}')
+        return senders.only(self._node, found, self._names, f'calls {self._service}')
 
     def check(self, request: Any) -> senders.Sender:
         """Return the node that sent `request`. Not for a callback in the group of the topic.
 
         Raises:
-            InputError: the request is not of the only node that may call.
+            InputError: the request is not of a node that may call.
         """
-        caller = self.present()
-        if caller is None or not self.vouches(request):
-            known = f'only {self.node} may, which does not know of it; end that program'
+        self.present()
+        name = senders.full_name(self._node, self._voucher_of(request))
+        caller = next((one for one in self.present() if one.node == name), None)
+        if caller is None:
+            allowed = senders.full_name(self._node, ' or '.join(self._names))
+            known = f'only {allowed} may, which does not know of it; end that program'
             raise InputError(self._refused or f'a program called {self._service}, and {known}')
         return caller
 
-    def vouches(self, request: Any) -> bool:
-        """Return whether the only node that may call has told `request`; its word may come late."""
+    def _voucher_of(self, request: Any) -> str:
+        """Return who has told `request`, '' for nobody; a word may come late."""
         kind = type(request)
         wanted = _text(serialize_message(request), kind)
-        with self._changed:
-            return self._changed.wait_for(
-                lambda: any(_text(heard, kind) == wanted for heard in self._heard),
-                LONGEST_SEARCH_S,
-            )
 
-    def _on_vouched(self, message: Vouched) -> None:
+        def voucher() -> str:
+            told = (name for name, heard in self._heard if _text(heard, kind) == wanted)
+            return next(told, '')
+
+        with self._changed:
+            return self._changed.wait_for(voucher, LONGEST_SEARCH_S)
+
+    def _on_vouched(self, name: str, message: Vouched) -> None:
         if message.service != self._service:
             return
         with self._changed:
             self._refused = ''
-            self._heard.append(bytes(message.request))
+            self._heard.append((name, bytes(message.request)))
             self._changed.notify_all()
 
     def _on_refused(self, line: str) -> None:

@@ -109,7 +109,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
 def _remaining(held_out: Sequence[HeldOut]) -> dict[str, float] | None:
     """Return the parts of the error that remains; None where they were not measured."""
     parts = remaining_parts(held_out)
-    return parts and {name: round(value, 5) for name, value in asdict(parts).items()}
+    return None if parts is None else {name: round(one, 5) for name, one in asdict(parts).items()}
 
 
 def _belief(result: Diagnosis) -> dict[str, float] | None:

@@ -1,6 +1,5 @@
 """Setpoints in words: text for a terminal, sentences for a voice."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
@@ -73,19 +72,20 @@ def announce_expiry(
     return Announcement(_table(title, safe, before, tuple(safe)), speech, tuple(safe))
 
 
-def confirmation_in_words(sequence: int, otherwise: WellRates, asking: Iterable[str]) -> str:
-    """Return the line about rates that somebody has confirmed.
+def confirmation_in_words(sequence: int, otherwise: WellRates, who: str) -> str:
+    """Return the line about rates that a person has confirmed.
 
     Args:
         sequence: the number of the setpoint.
         otherwise: the rates that were not set as ordered [m^3/s].
-        asking: names of the nodes that may have asked.
+        who: full name of the node that asked.
     """
-    who = ' or '.join(sorted(map(in_short, asking))) or 'somebody'
     differs = ', '.join(
         f'{plain(well)} at {to_ml_h(rate.rate) + 0.0:.1f} ml/h' for well, rate in otherwise.items()
     )
-    return f'confirmed by {who}: setpoint {sequence} is set' + (f', but {differs}' * bool(differs))
+    return f'confirmed by {in_short(who)}: setpoint {sequence} is set' + (
+        f', but {differs}' * bool(differs)
+    )
 
 
 def _step(rate: WellRate, before: WellRate) -> float:
