@@ -14,7 +14,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.senders import TERMINAL
-from porotwin_core.ros.service_answer import twin_answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
@@ -25,9 +25,6 @@ ANSWERS = 'mend/answer'
 
 SEARCH_S = 10.0
 """Longest search for the mend node of the graph [s]."""
-
-OFFER_S = 2.0
-"""Longest wait for the newest offer once the node is found [s]: it is latched."""
 
 ANSWER_S = 60.0
 """Longest wait for the answer of the mend node [s]; a large model takes ten to change."""
@@ -118,7 +115,7 @@ class MendDesk:
 
     def offer(self) -> OfferShown | None:
         """Return the newest offer; None if nothing has been offered."""
-        self._arrived.wait(OFFER_S)
+        self._arrived.wait(LONGEST_SEARCH_S)
         newest = self.newest
         if newest is None:
             return None
