@@ -1,6 +1,7 @@
 """The rules of the architecture, checked on the source: who may import whom."""
 
 import ast
+import re
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -241,3 +242,12 @@ def test_test_modules_have_names_of_their_own() -> None:
     names = [path.name for path in paths]
     twice = sorted({name for name in names if names.count(name) > 1})
     assert not twice, f'pytest imports test modules by name; rename one of {twice}'
+
+
+def test_one_module_opens_netcdf_files_for_reading() -> None:
+    opens = re.compile(r'netCDF4\.Dataset\(([^()]|\([^()]*\))*\)')
+    for package in PACKAGES:
+        for module in (ROOT / package / package).rglob('*.py'):
+            for found in opens.finditer(module.read_text(encoding='utf-8')):
+                writes = re.search(r"'[aw]'\)$", found.group())
+                assert writes or module.name == 'netcdf_file.py', f'{module}: {found.group()}'

@@ -40,7 +40,7 @@ def _reader_rows(minutes: float, seed: int, bar: Any) -> Iterator[dict[str, Any]
         found = FuzzResult()
         begun, first = time.monotonic(), seed
         while time.monotonic() - begun < MINUTE_S * minutes / len(READERS):
-            found.add(fuzz(name, tries=BATCH, seed=first))
+            found.add(fuzz(READERS[name], tries=BATCH, seed=first))
             first += BATCH
         outcome = f'{found.read} read, {found.refused} refused with one line'
         yield {'part': name, 'outcome': outcome, **_faults(found)}

@@ -11,8 +11,8 @@ import os
 import random
 import re
 import shutil
+import signal
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -27,8 +27,8 @@ import numpy as np
 from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.basis.errors import InputError
 
-LONGEST_S = 20.0
-"""Longest time [s] of a reader with a small file."""
+LONGEST_S = 20
+"""Longest time [s] of a reader with a small file; the process that takes longer is ended."""
 
 BATCH = 25
 """Damaged files per process: a crash costs at most so many."""
@@ -131,18 +131,32 @@ TEXT_CHANGES: tuple[ChangeFn, ...] = (
 """Damages of disks and cables, and of editors; a text suffers more of the latter."""
 
 
-def fuzz(name: str, *, tries: int, seed: int) -> FuzzResult:
-    """Return the outcome of `tries` damaged files for the reader `name`."""
+def fuzz(reader: Reader, *, tries: int, seed: int, longest_s: int = LONGEST_S) -> FuzzResult:
+    """Return the outcome of `tries` damaged files, each read in at most `longest_s` [s]."""
     total = FuzzResult()
     for first in range(0, tries, BATCH):
         seeds = range(seed + first, seed + min(first + BATCH, tries))
-        context = multiprocessing.get_context('spawn')
-        with ProcessPoolExecutor(1, mp_context=context, initializer=_be_silent) as pool:
-            try:
-                total.add(pool.submit(read_damaged, name, seeds).result())
-            except BrokenProcessPool:
-                total.faults.append(f'seeds {seeds.start} to {seeds.stop - 1}: the process crashed')
+        try:
+            total.add(_read_apart(reader, seeds, longest_s))
+        except BrokenProcessPool:
+            for one in seeds:
+                try:
+                    total.add(_read_apart(reader, range(one, one + 1), longest_s))
+                except BrokenProcessPool:
+                    end = f'the process crashed, or read for more than {longest_s} s'
+                    total.faults.append(f'seed {one}: {end}')
     return total
+
+
+def _read_apart(reader: Reader, seeds: range, longest_s: int) -> FuzzResult:
+    """Return what `read_damaged` returns in a process of its own.
+
+    Raises:
+        BrokenProcessPool: the process crashed, or a file took more than `longest_s` [s].
+    """
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(1, mp_context=context, initializer=_be_silent) as pool:
+        return pool.submit(read_damaged, reader, seeds, longest_s).result()
 
 
 def _be_silent() -> None:
@@ -150,9 +164,12 @@ def _be_silent() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def read_damaged(name: str, seeds: range) -> FuzzResult:
-    """Return the outcome of the reader `name` for the damages of `seeds`."""
-    reader = READERS[name]
+def read_damaged(reader: Reader, seeds: range, longest_s: int = 0) -> FuzzResult:
+    """Return the outcome of a reader for the damages of `seeds`.
+
+    A file that takes more than `longest_s` [s] ends this process, also within a library; 0: none
+    does.
+    """
     outcome = FuzzResult()
     with tempfile.TemporaryDirectory() as temporary:
         whole = Path(temporary) / 'whole'
@@ -163,14 +180,15 @@ def read_damaged(name: str, seeds: range) -> FuzzResult:
             shutil.copytree(whole, folder)
             path = folder / reader.name
             path.write_bytes(damaged(path.read_bytes(), seed))
+            signal.alarm(longest_s)
             _judge(reader, path, seed, outcome)
+            signal.alarm(0)
             shutil.rmtree(folder)
     return outcome
 
 
 def _judge(reader: Reader, path: Path, seed: int, outcome: FuzzResult) -> None:
     """Read one damaged file, and count it."""
-    begun = time.monotonic()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')
@@ -182,8 +200,6 @@ def _judge(reader: Reader, path: Path, seed: int, outcome: FuzzResult) -> None:
             outcome.faults.append(f'seed {seed}: a refusal of several lines: {str(error)[:80]!r}')
     except Exception as error:
         outcome.faults.append(f'seed {seed}: {type(error).__name__}: {str(error)[:80]}')
-    if time.monotonic() - begun > LONGEST_S:
-        outcome.faults.append(f'seed {seed}: took {time.monotonic() - begun:.0f} s')
 
 
 # --- readers ----------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import math
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -22,6 +24,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -35,6 +38,7 @@ from porotwin_core.ros.node import (
     declare,
     run,
 )
+from porotwin_core.ros.node_thread import NodeThread
 
 pytestmark = pytest.mark.graph
 
@@ -249,6 +253,29 @@ def test_messages_and_requests_that_a_callback_cannot_take_are_left_out(
     assert f'words: {LEFT_OUT}' in log
     assert f'serve: {LEFT_OUT}' in log
     assert 'antidote' in log
+
+
+def test_a_negative_simulated_time_is_refused_in_plain_words(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = TwinNode(
+        'twin', context=context, parameter_overrides=[Parameter('use_sim_time', value=True)]
+    )
+    other = rclpy.create_node('virtual_rig', context=context)
+    thread = NodeThread(node, other)
+    publisher = other.create_publisher(Clock, '/clock', 10)
+    for seconds in (-5, 7):
+        deadline = time.monotonic() + 20.0
+        shown = ''
+        while not (f'time {seconds} s' in shown or node.now() == seconds):
+            publisher.publish(Clock(clock=Time(sec=seconds)))
+            shown += capfd.readouterr().err
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert LEFT_OUT not in shown
+    thread.end()
 
 
 class Watched(Node):

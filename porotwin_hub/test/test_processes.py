@@ -161,6 +161,32 @@ def test_a_node_that_is_killed_ten_times_in_a_row_runs_again(tmp_path: Path) -> 
     assert sum('ended (-9); starting it again' in line for line in lines) == 10
 
 
+def test_a_node_that_somebody_ends_is_started_again(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+print('here', flush=True)
+time.sleep(60)
+"""
+    with graph_of(tmp_path, source, lines, restart_pause_s=0.01) as graph:
+        assert until(lambda: 'here' in graph.log('sleeper').read_text())
+        ended = graph.process('sleeper')
+        ended.terminate()
+        assert until(lambda: graph.process('sleeper') is not ended), lines
+    assert lines == ['sleeper ended (somebody ended it); starting it again in 0.01 s']
+
+
+def test_a_stand_in_for_a_rig_that_has_finished_stays_ended(tmp_path: Path) -> None:
+    lines: list[str] = []
+    pretend_node(tmp_path, 'pass')
+    (tmp_path / 'pretend').rename(tmp_path / 'porotwin_rig')
+    node = NodeDescription('rig', 'porotwin_rig', 'sleeper')
+    environment = with_path(tmp_path)
+    with GraphProcesses([node], tmp_path, say=lines.append, environment=environment):
+        assert until(lambda: lines == ['rig has ended']), lines
+
+
 def test_a_stopped_node_is_killed_and_started_again(tmp_path: Path) -> None:
     lines: list[str] = []
     source = SLEEPER.format(bound=False)
@@ -184,7 +210,7 @@ def test_a_stopped_node_ends_with_its_graph_in_order(tmp_path: Path) -> None:
 def test_a_node_that_is_still_loading_ends_without_a_traceback(tmp_path: Path) -> None:
     lines: list[str] = []
     with graph_of(tmp_path, SLEEPER.format(bound=False), lines) as graph:
-        assert until(lambda: 'here' in graph.log('sleeper').read_text())
+        assert until(lambda: 'here\n' in graph.log('sleeper').read_text())
     assert graph.log('sleeper').read_text() == 'here\n'
 
 

@@ -124,6 +124,16 @@ def page_killed(stage: Stage) -> None:
 
 
 @fault(
+    'Somebody ends the page (SIGTERM).',
+    SupervisorLine('page ended (somebody ended it); starting it again'),
+    does=RESTARTED + ' So is every node that ends before the twin is stopped.',
+    mends=BY_ITSELF,
+)
+def page_ended(stage: Stage) -> None:
+    kill(stage, 'page', signal.SIGTERM)
+
+
+@fault(
     'The solver hangs (SIGSTOP).',
     Remark('not optimised'),
     does='Waits for the model no longer than `model_timeout_s`. The last setpoint holds while it '

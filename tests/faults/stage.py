@@ -332,10 +332,10 @@ class Stage:
             rclpy.try_shutdown(context=context)
 
 
-def kill(stage: Stage, node: str) -> None:
-    """Kill a node, and wait until another process runs in its place."""
+def kill(stage: Stage, node: str, number: int = signal.SIGKILL) -> None:
+    """Kill a node, or ask it to end, and wait until another process runs in its place."""
     before = stage.pid(node)
-    stage.signal(node, signal.SIGKILL)
+    stage.signal(node, number)
     stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
 
 

@@ -10,6 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError, check_writable, writing
+from porotwin_core.basis.netcdf_file import open_netcdf
 
 _Arguments = ParamSpec('_Arguments')
 _Result = TypeVar('_Result')
@@ -98,7 +99,6 @@ def _made(file: Path, command: str) -> bool:
 
     The files of an experiment folder, `FILES`, are always kept.
     """
-    import netCDF4
     from PIL import Image
 
     from porotwin_recording.experiment.experiment_folder import FILES
@@ -107,12 +107,12 @@ def _made(file: Path, command: str) -> bool:
         return False
     try:
         if file.suffix == '.nc':
-            with netCDF4.Dataset(file) as dataset:
+            with open_netcdf(file) as dataset:
                 words = str(getattr(dataset, 'program', ''))
         else:
             with Image.open(file) as picture:
                 words = str(picture.info.get('Software', ''))
-    except OSError:
+    except (InputError, OSError):
         return False
     name, made = PROGRAM.split()[0], words.rpartition(', ')[2]
     return words.startswith(f'{name} ') and made == command

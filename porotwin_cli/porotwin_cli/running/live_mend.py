@@ -7,14 +7,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Self
 
-from porotwin_cli.running.live_diagnosis import LAST_ANSWER_S, POLL_S, SEARCH_S
+from porotwin_cli.running.live_diagnosis import POLL_S, SEARCH_S
 from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.senders import TERMINAL
-from porotwin_core.ros.service_answer import twin_answer_within
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome
@@ -110,7 +110,7 @@ class MendDesk:
 
     def offer(self) -> OfferShown | None:
         """Return the newest offer; None if nothing has been offered."""
-        self._arrived.wait(LAST_ANSWER_S)
+        self._arrived.wait(LONGEST_SEARCH_S)
         newest = self.newest
         if newest is None:
             return None

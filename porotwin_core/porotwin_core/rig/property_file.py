@@ -7,7 +7,7 @@ import numpy as np
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.regular_file import regular
+from porotwin_core.basis.netcdf_file import open_netcdf
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig.sections import MapReference
 
@@ -47,10 +47,8 @@ def read_map(
     Raises:
         InputError: it cannot be read, or its axes are wrong.
     """
-    import netCDF4  # takes a tenth of the start of a node, and few rigs have such maps
-
     try:
-        with netCDF4.Dataset(regular(file)) as dataset:
+        with open_netcdf(file) as dataset:
             _check_axes(file, dataset, variable, size)
             check_variable(file, dataset.variables[variable])
             values: FloatArray = np.ma.filled(

@@ -39,6 +39,7 @@ from rclpy.executors import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.heap import share_heap
@@ -114,6 +115,7 @@ class TwinNode(Node):
         @wraps(callback)
         def surviving(*words: Any) -> Any:
             try:
+                _check_clock(words[0])
                 return callback(*words)
             except Exception as error:
                 self._tell_left_out(topic, error)
@@ -138,6 +140,9 @@ class TwinNode(Node):
     def _tell_left_out(self, name: str, error: Exception) -> None:
         if not self.context.ok():
             raise error  # the end of the node, not a word of another
+        if isinstance(error, InputError):
+            self._left_out.tell(name, f'{name} ignored: {error}')
+            return
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f'{place.name}, line {place.lineno} of {Path(place.filename).name}'
         self._left_out.tell(name, f'{name}: {LEFT_OUT}: {error!r} in {where}')
@@ -161,6 +166,19 @@ class TwinNode(Node):
         other = any(one.name == CLOCK and one.value != self.simulated for one in parameters)
         reason = f"parameter '{CLOCK}' of {self.get_name()} holds while it runs; start it anew"
         return SetParametersResult(successful=not other, reason=reason if other else '')
+
+
+def _check_clock(message: Any) -> None:
+    """Check a message of /clock, which rclpy takes before any node of ours does.
+
+    Raises:
+        InputError: its time is negative.
+    """
+    if isinstance(message, ClockMessage) and message.clock.sec < 0:
+        raise InputError(
+            f'simulated time {message.clock.sec} s; times begin at 0, so end the node that '
+            'publishes this one'
+        )
 
 
 def declare(

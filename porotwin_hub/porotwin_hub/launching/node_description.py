@@ -28,6 +28,11 @@ class NodeDescription:
     namespace: str = NAMESPACE
 
     @property
+    def finishes(self) -> bool:
+        """Whether its work has an end: that of a stand-in for a rig; others run until asked."""
+        return self.package == 'porotwin_rig'
+
+    @property
     def module(self) -> str:
         """The module to run where executables are not installed."""
         return f'{self.package}.{self.executable}'

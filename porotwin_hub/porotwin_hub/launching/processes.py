@@ -72,7 +72,7 @@ class _Kept:
 class GraphProcesses:
     """The processes of the graph, each with its own log file; a context manager.
 
-    A node that dies is started again, unless it ended with status 0, or at its first start with
+    A node that ends is started again, unless its work is done, or it ended at its first start with
     status 2, because its parameters are wrong. A node whose process is stopped
     for 30 s is killed and started again. Nodes that hang in another way are ended by the node
     `supervisor`. A log file has at most 10 MB and one predecessor of that size.
@@ -329,7 +329,7 @@ class GraphProcesses:
     def _on_end(self, kept: _Kept, status: int) -> None:
         """Give up a node that has ended, or set the time of its next start."""
         name = kept.node.name
-        if status == 0:
+        if status == 0 and kept.node.finishes:
             kept.given_up = True
             self._report(f'{name} has ended')
         elif status == WRONG_PARAMETERS and kept.first_start:
@@ -338,7 +338,8 @@ class GraphProcesses:
         else:
             if time.monotonic() - kept.started > STEADY_S:
                 kept.pause_s = self._restart_pause_s
-            why = self._last_line(name) if status == WRONG_PARAMETERS else status
+            why: object = self._last_line(name) if status == WRONG_PARAMETERS else status
+            why = 'somebody ended it' if status in (0, -signal.SIGTERM) else why
             self._report(f'{name} ended ({why}); starting it again in {kept.pause_s:g} s')
             kept.restart_at = time.monotonic() + kept.pause_s
             kept.pause_s = min(2 * kept.pause_s, LONGEST_PAUSE_S)

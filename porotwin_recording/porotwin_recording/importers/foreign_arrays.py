@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.netcdf_file import open_netcdf
 from porotwin_core.basis.regular_file import regular
 from porotwin_core.rig.property_file import check_variable
 from porotwin_recording.tables.cf_values import netcdf_attributes
@@ -65,7 +66,7 @@ def named_arrays(path: Path) -> Iterator[Arrays]:
 
 @contextmanager
 def _netcdf(path: Path) -> Iterator[Arrays]:
-    with contextlib.closing(netCDF4.Dataset(regular(path))) as dataset:
+    with contextlib.closing(open_netcdf(path)) as dataset:
         dataset.set_auto_maskandscale(False)
         yield {name: _netcdf_array(path, each) for name, each in dataset.variables.items()}
 
@@ -150,7 +151,7 @@ def _matlab(path: Path) -> Iterator[Arrays]:
         read = scipy.io.loadmat(path)
         found = {name: each for name, each in read.items() if isinstance(each, np.ndarray)}
     except NotImplementedError:  # version 7.3, which is HDF5
-        with contextlib.closing(netCDF4.Dataset(path)) as dataset:
+        with contextlib.closing(open_netcdf(path)) as dataset:
             dataset.set_auto_maskandscale(False)
             for each in dataset.variables.values():
                 check_variable(path, each)

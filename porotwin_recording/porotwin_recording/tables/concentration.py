@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.regular_file import regular
+from porotwin_core.basis.netcdf_file import open_netcdf
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
@@ -295,7 +295,7 @@ def _damage_named(path: Path) -> Iterator[None]:
 
 def _dataset(path: Path) -> netCDF4.Dataset:
     try:
-        return netCDF4.Dataset(regular(path))
+        return open_netcdf(path)
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; it holds the concentration maps') from None
     except OSError as error:

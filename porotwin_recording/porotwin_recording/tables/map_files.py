@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-import netCDF4
-
-from porotwin_core.basis.regular_file import regular
+from porotwin_core.basis.netcdf_file import open_netcdf
 
 _DAMAGE = (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeError)
 """Exceptions of the NetCDF library at damaged bytes."""
@@ -18,7 +16,7 @@ def files_with_maps(folder: Path) -> list[str]:
 def _holds_maps(path: Path) -> bool:
     """Return whether the file has a variable `concentration` (time, z, x)."""
     try:
-        with netCDF4.Dataset(regular(path)) as dataset:
+        with open_netcdf(path) as dataset:
             variable = dataset.variables.get('concentration')
             return variable is not None and variable.dimensions == ('time', 'z', 'x')
     except _DAMAGE:
