@@ -14,7 +14,6 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
-from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
@@ -55,6 +54,7 @@ from porotwin_solver.model.prediction_cost import (
     prediction_cost,
     slowness_of_this_machine,
 )
+from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -144,6 +144,7 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
+        remarks += _empty_bottle(rig, data)
         photograph, of_photographs = _photographs(rig, data)
         remarks += of_photographs
         if photograph is not None and not any(remark.refused for remark in remarks):
@@ -302,6 +303,17 @@ def in_words(checked: CheckedRig) -> list[str]:
     return lines
 
 
+def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
+    """Yield a remark if the plan takes more stock than there is."""
+    plan = (data and data.known_rates) or uncontrolled_rates(rig)
+    end = last_time(rig, plan)
+    bottle = bottle_at(rig, plan, end)
+    if bottle is not None and bottle.empty_at < end:
+        why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
+        taken = plan.injected_stock(0.0, end) * ML
+        yield Remark('control.stock_ml', '', why, f'the plan takes {taken:.4g} ml; fill in more')
+
+
 def stock_words(checked: CheckedRig) -> str | None:
     """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
     rig, data = checked.rig, checked.data
@@ -310,8 +322,6 @@ def stock_words(checked: CheckedRig) -> str | None:
     bottle = bottle_at(rig, plan, end)
     if bottle is None:
         return None
-    if bottle.empty_at < end:
-        return f'stock: the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
     return f'stock: {bottle.left * ML:.4g} ml are left in the bottle at {end:g} s'
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -45,6 +44,7 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
+from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
