@@ -26,7 +26,8 @@ def bottle_at(rig: Rig, plan: Schedule, time: float) -> Bottle | None:
     """Return the bottle of `rig` at `time` [s] by the rates of `plan`; None if it has no volume."""
     if rig.control is None or rig.control.stock_ml is None:
         return None
-    full, flows = rig.control.stock_ml / ML, {}
+    full = rig.control.stock_ml / ML
+    flows: dict[str, float] = {}
     times, taken = [0.0], [0.0]
     for moment, row in [*((row.time, row) for row in plan.rows), (LONGEST_EXPERIMENT_S, None)]:
         taken.append(taken[-1] + sum(flows.values()) * max(moment - times[-1], 0.0))

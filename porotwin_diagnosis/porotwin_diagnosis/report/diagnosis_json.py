@@ -108,7 +108,9 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
 def _remaining(held_out: Sequence[HeldOut]) -> dict[str, float] | None:
     """Return the parts of the error that remains; None where they were not measured."""
     parts = remaining_parts(held_out)
-    return parts and {name: round(value, 5) for name, value in asdict(parts).items()}
+    if parts is None:
+        return None
+    return {name: round(value, 5) for name, value in asdict(parts).items()}
 
 
 def _belief(result: Diagnosis) -> dict[str, float] | None:
