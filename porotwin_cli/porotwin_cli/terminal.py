@@ -148,6 +148,32 @@ def seconds_left(task: Task) -> float | None:
     return max(recent, elapsed * (task.remaining or 0.0) / task.completed)
 
 
+class LatestEnd:
+    """The latest end of a work whose speed changes from stage to stage.
+
+    While the share that is done doubled, the estimate of the whole time changed by a factor. It may
+    change by this factor again. A later end replaces the told one only when that has passed.
+    """
+
+    def __init__(self) -> None:
+        self._totals: list[tuple[float, float]] = []
+        self._end: float | None = None
+
+    def seen(self, task: Task) -> float | None:
+        """Return the end [s since the begin of the task]; None as long as nothing tells it."""
+        elapsed, done = task.elapsed or 0.0, task.completed
+        if not done:
+            return None
+        self._totals.append((done, elapsed * float(task.total or 0.0) / done))
+        if task.percentage < KNOWN_FROM_PERCENT and elapsed < KNOWN_FROM_S:
+            return None
+        recent = [total for then, total in self._totals if 2.0 * then >= done]
+        end = recent[-1] * max(recent) / min(recent)
+        if self._end is None or end < self._end or elapsed > self._end:
+            self._end = end
+        return self._end
+
+
 def least_seconds_left(task: Task) -> float | None:
     """Return the remaining time [s] if the field `least_left` of the task is all that is left.
 
@@ -171,6 +197,9 @@ def left_in_words(task: Task) -> str:
     most, least = seconds_left(task), least_seconds_left(task)
     if not most or least is None:
         return ''
+    end = task.fields.get('latest_end')
+    if end is not None:
+        most = max(end - (task.elapsed or 0.0), least)
     high, low = duration_in_words(most), duration_in_words(least)
     return f'{low} left' if low == high else f'{low} left, {high} if no simple cause suffices'
 

@@ -7,6 +7,7 @@ import pytest
 
 from porotwin_cli import terminal
 from porotwin_cli.terminal import (
+    LatestEnd,
     left_in_words,
     print_json,
     print_table,
@@ -98,6 +99,26 @@ def test_a_slow_start_makes_no_estimate() -> None:
             now = at
             bar.update(number, completed=completed)
             assert bool(left_in_words(bar.tasks[0])) is known
+
+
+def test_the_latest_end_holds_while_stages_become_slower() -> None:
+    """A real course: seconds, and per cent that are done of a work of about 1700 s."""
+    course = [(20.5, 1.7), (75.3, 4.4), (113.2, 6.6), (149.1, 7.9), (200.7, 9.1), (226.2, 9.6),
+              (259.0, 14.2), (278.8, 17.4)]  # fmt: skip
+    now, end, told = 0.0, LatestEnd(), []
+    with progress() as bar:
+        bar.get_time = lambda: now
+        number = bar.add_task('diagnosis', total=100)
+        task = bar.tasks[-1]
+        for now, done in course:  # noqa: B007
+            told.append(end.seen(task))
+            bar.update(number, completed=done)
+        assert told[0] is None
+        known = [one for one in told if one is not None]
+        assert known == sorted(known, reverse=True)
+        assert known[-1] > 278.8 / 0.174
+        now = 1e4
+        assert end.seen(task) > now  # it has passed
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ class Expectation:
         outline_time: time after the state [s] of `outlines`.
         outlines: outlines of the mean plume at `outline_time`.
         now: outlines of the plume of the newest photograph.
+        water: rates of the water at the start by well, side and sand, in words.
         note: what the siblings remark on the question, in one line.
     """
 
@@ -44,6 +45,7 @@ class Expectation:
     outline_time: float = 0.0
     outlines: tuple[Outline, ...] = ()
     now: tuple[Outline, ...] = ()
+    water: str = ''
     note: str = ''
 
 

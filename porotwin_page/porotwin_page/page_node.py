@@ -347,6 +347,7 @@ class PageNode(TwinNode):
             outline_time=last.time - time_s if last is not None else 0.0,
             outlines=plume_outlines(last.concentration, last.grid) if last is not None else (),
             now=plume_outlines(now.concentration, now.grid) if now is not None else (),
+            water=in_short(message.water),
         )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -54,6 +54,19 @@ def test_pumps_that_report_follow_by_themselves() -> None:
     assert wells(now)['control1']['measured_ml_h'] == pytest.approx(119.0)
 
 
+def test_the_stock_in_the_bottle_follows_the_announced_rates() -> None:
+    assert RIG.control is not None
+    rate = RIG.control.fixed['injector'].rate_ml_h
+    control = RIG.control.model_copy(update={'stock_ml': rate / 60.0})  # a minute of it
+    now = snapshot.with_rig(two_cycles(), RIG.model_copy(update={'control': control}))
+    assert settings(now)['bottle'] is None
+    shown = settings(snapshot.with_began(now, START), START + 15.0)['bottle']
+    assert shown == {
+        'left_ml': pytest.approx(0.75 * rate / 60.0),
+        'empty_in_s': pytest.approx(45.0),
+    }
+
+
 def test_the_validity_counts_down_on_the_graphs_clock_and_below_zero() -> None:
     def remaining(graph: float | None) -> float | None:
         return settings(two_cycles(), graph)['remaining_s']

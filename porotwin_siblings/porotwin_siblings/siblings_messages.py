@@ -41,8 +41,8 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
-def forecast_to_msg(outlook: Outlook, grid: Grid) -> Forecast:
-    """Return the message of an outlook with maps on `grid`."""
+def forecast_to_msg(outlook: Outlook, grid: Grid, water: str) -> Forecast:
+    """Return the message of an outlook with maps on `grid`, and `water` at its start in words."""
     start = outlook.start
     low, median, high = range(3)
 
@@ -64,6 +64,7 @@ def forecast_to_msg(outlook: Outlook, grid: Grid) -> Forecast:
         zone_area_high=outlook.zone_area[high].tolist(),
         zone_reached=outlook.zone_reached.tolist(),
         map_times=outlook.map_times.tolist(),
+        water=water,
         mean=maps(outlook.mean),
         deviation=maps(outlook.deviation),
     )

@@ -8,6 +8,7 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,6 +65,7 @@ from porotwin_siblings.siblings_messages import (
     photograph_from_msg,
 )
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
+from porotwin_solver.model.water_balance import water_balance
 
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
@@ -386,7 +388,10 @@ class SiblingsNode(TwinNode):
         return note
 
     def _as_message(self, outlook: Outlook) -> Forecast:
-        return forecast_to_msg(outlook, self.siblings.grid)
+        balance = None
+        with suppress(InputError):  # a water table that does not settle
+            balance = water_balance(self._rig, self.siblings.grid, outlook.plan[0].rates)
+        return forecast_to_msg(outlook, self.siblings.grid, str(balance or ''))
 
     def _cost_gradient(
         self, request: CostGradient.Request, response: CostGradient.Response

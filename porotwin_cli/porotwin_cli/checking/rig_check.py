@@ -14,7 +14,6 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
-from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
@@ -24,6 +23,8 @@ from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.announced_rates import uncontrolled_rates
+from porotwin_core.rates.bottle import bottle_at
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
@@ -54,6 +55,7 @@ from porotwin_solver.model.prediction_cost import (
     prediction_cost,
     slowness_of_this_machine,
 )
+from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -141,6 +143,7 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
+        remarks += _empty_bottle(rig, data)
         photograph, of_photographs = _photographs(rig, data)
         remarks += of_photographs
         if photograph is not None and not any(remark.refused for remark in remarks):
@@ -284,6 +287,8 @@ def in_words(checked: CheckedRig) -> list[str]:
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
     elif checked.data is None:
         lines += fixed_wells_in_words(checked.rig)
+    if (words := stock_words(checked)) is not None:
+        lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
     lines += control_words(checked.rig)
@@ -295,6 +300,34 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.rig.camera is None:
         lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
     return lines
+
+
+def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
+    """Yield a remark if the plan takes more stock than there is."""
+    plan = (data and data.known_rates) or uncontrolled_rates(rig)
+    end = last_time(rig, plan)
+    bottle = bottle_at(rig, plan, end)
+    if bottle is not None and bottle.empty_at < end:
+        why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
+        taken = plan.injected_stock(0.0, end) * ML
+        yield Remark('control.stock_ml', '', why, f'the plan takes {taken:.4g} ml; fill in more')
+
+
+def stock_words(checked: CheckedRig) -> str | None:
+    """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
+    rig, data = checked.rig, checked.data
+    plan = (data and data.known_rates) or uncontrolled_rates(rig)
+    end = last_time(rig, plan)
+    bottle = bottle_at(rig, plan, end)
+    if bottle is None:
+        return None
+    return f'stock: {bottle.left * ML:.4g} ml are left in the bottle at {end:g} s'
+
+
+def last_time(rig: Rig, plan: Schedule) -> float:
+    """Return the end of the experiment [s], or the last row of the `plan` without one."""
+    end = rig.control.end_min if rig.control is not None else None
+    return MINUTE_S * end if end is not None else max((row.time for row in plan.rows), default=0.0)
 
 
 def balance_of(checked: CheckedRig) -> WaterBalance | None:

@@ -209,16 +209,19 @@ def _answer_so_far(show: 'Progress', *, quick: bool) -> 'Iterator[Progress]':
 
 def _shown_on(bar: 'Bar') -> 'Progress':
     """Return a function that shows the stages of a diagnosis on `bar`, with the time left."""
+    from porotwin_cli.terminal import LatestEnd
     from porotwin_diagnosis.progress import WorkClock
 
-    task, clock = bar.add_task('diagnosis', total=100), WorkClock()
+    number, clock, end = bar.add_task('diagnosis', total=100), WorkClock(), LatestEnd()
+    task = bar.tasks[-1]
 
     def show(stage: str, position: float) -> None:
         clock.reach(position)
         bar.update(
-            task,
+            number,
             completed=100 * clock.share,
             least_left=100 * clock.least_left,
+            latest_end=end.seen(task),
             description=stage,
         )
 

@@ -132,6 +132,9 @@ def _show(found: 'WhatIfStudy') -> None:
             print(f'{name}, from {moment}: {_in_words(step.rates)}')
         if balance := found.balance(outlook.plan[-1].rates):
             print(f'{name}, water at the end, {balance}')
+        if (bottle := found.bottle(outlook)) is not None:
+            empty = '' if bottle.left > 0.0 else f', empty at {bottle.empty_at:.0f} s'
+            print(f'{name}, stock in the bottle at the end: {bottle.left * ML:.4g} ml{empty}')
     plans = (found.present, found.proposed)
     if not found.has_zone:
         print(f'{NO_ZONE}; forecasts computed in {found.seconds:.1f} s')
@@ -191,6 +194,7 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
 def _outlook_json(found: 'WhatIfStudy', outlook: 'Outlook') -> dict[str, Any]:
     """Return an outlook of a study."""
     start, balance = found.start, found.balance(outlook.plan[-1].rates)
+    bottle = found.bottle(outlook)
     from porotwin_core.basis.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
@@ -203,6 +207,7 @@ def _outlook_json(found: 'WhatIfStudy', outlook: 'Outlook') -> dict[str, Any]:
             for step in outlook.plan
         ],
         'water_at_the_end_ml_h': None if balance is None else balance.in_ml_h,
+        'stock_left_ml': None if bottle is None else ML * bottle.left,
         'times_s': (start + outlook.times).tolist(),
         'zone_ml': dict(zip(names, (outlook.zone_tracer * ML).tolist(), strict=True)),
         'zone_area_cm2': dict(zip(names, (outlook.zone_area * 1e4).tolist(), strict=True)),

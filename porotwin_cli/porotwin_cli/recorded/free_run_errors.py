@@ -6,7 +6,7 @@ no better model removes, so the error is told with the model blurred as well.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,8 +32,9 @@ from porotwin_diagnosis.data.sample import (
     coarsened,
     read_sample,
 )
+from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
-from porotwin_solver.model.simulation import simulate
+from porotwin_solver.model.presets import preset_named
 
 LACKS_START = (
     '. The free run starts clean, but the first map holds tracer from before the recording: these '
@@ -130,13 +131,10 @@ class LateMaps:
         if late is None:
             return None
         numbers = np.searchsorted(self.recording.times, late.times)
-        coarse = simulate(
-            late.rig,
-            late.schedule,
-            late.times,
-            grid=coarsened(late, COARSER).grid,
+        coarse = Forward(
+            coarsened(replace(late, initial=None), COARSER),
             preset=self.preset,
-            effects=self.effects,
-        )
+            refinement=preset_named(self.preset).refinement(late.grid),
+        ).maps(self.effects)
         predicted = np.stack([self._simulated[int(number)] for number in numbers])
         return error_parts(late, predicted, coarse, width)

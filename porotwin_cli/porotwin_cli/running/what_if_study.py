@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_cli.checking.water_balance import WaterBalance, water_balance
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -19,8 +18,16 @@ from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
+from porotwin_core.rates.bottle import Bottle, bottle_at
 from porotwin_core.rates.rates_in_force import RatePeriod
-from porotwin_core.rates.wells import RateStep, WellRate, WellRates, planned_rates
+from porotwin_core.rates.wells import (
+    RateStep,
+    Schedule,
+    ScheduleRow,
+    WellRate,
+    WellRates,
+    planned_rates,
+)
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_hub.control.setpoint_limits import Limits
@@ -38,6 +45,7 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
+from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
@@ -69,6 +77,7 @@ class WhatIfStudy:
         map_grid: grid of the recorded maps, and of the state.
         start: time of the state [s].
         state: the state estimate (nz, nx) [-].
+        pumped: the rates of the recording [m^3/s].
         present: the outlook under the plan of the recording.
         proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
@@ -87,6 +96,7 @@ class WhatIfStudy:
     map_grid: Grid
     start: float
     state: FloatArray
+    pumped: Schedule
     present: Outlook
     proposed: Outlook
     seen_times: FloatArray
@@ -106,6 +116,14 @@ class WhatIfStudy:
     def balance(self, rates: WellRates) -> WaterBalance | None:
         """Return the water balance at `rates` [m^3/s] on the grid of the siblings."""
         return water_balance(self.rig, self.grid, rates)
+
+    def bottle(self, outlook: Outlook) -> Bottle | None:
+        """Return the tracer stock in its bottle at the end of `outlook`."""
+        rows = [row for row in self.pumped.rows if row.time < self.start]
+        for step in outlook.plan:
+            begin = self.start + step.start
+            rows += [ScheduleRow(begin, well, rate) for well, rate in step.rates.items()]
+        return bottle_at(self.rig, Schedule(tuple(rows)), self.start + float(outlook.times[-1]))
 
     @property
     def time_unit(self) -> TimeUnit:
@@ -304,6 +322,7 @@ def study_what_if(
         map_grid=maps,
         start=begin,
         state=family.state,
+        pumped=recording.delivered,
         present=outlooks[0],
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),

@@ -143,6 +143,14 @@ def test_tracer_that_is_injected_into_the_unwanted_zone_is_odd(tmp_path: Path) -
     assert 'well injector injects tracer where it wants none' in told(path)
 
 
+def test_a_bottle_that_the_plan_empties_is_odd(tmp_path: Path) -> None:
+    control = yaml.safe_load(small_rig().read_text())['control'] | {'end_min': 60}
+    needed = control['fixed']['injector']['rate_ml_h']
+    assert 'control.stock_ml' not in told(changed(tmp_path, control=control | {'stock_ml': needed}))
+    few = told(changed(tmp_path, control=control | {'stock_ml': needed / 2}))
+    assert 'the bottle is empty at 1800 s, before the end at 3600 s' in few
+
+
 def test_the_effects_of_the_model_are_told(tmp_path: Path) -> None:
     leak = {'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -12.0}}
     checked = check(changed(tmp_path, effects=[leak]))

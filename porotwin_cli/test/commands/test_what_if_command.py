@@ -13,7 +13,12 @@ SHORT = ('--siblings', '24', '--cells', '330', '--horizon', '2min')
 
 @pytest.mark.slow
 def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_path: Path) -> None:
-    asked = ('what-if', experiment, '--at', '2min', '--rates', 'producer=-300', *SHORT)
+    text = (experiment / 'rig.yaml').read_text()
+    (tmp_path / 'stocked.yaml').write_text(
+        text.replace('control:\n', 'control:\n  stock_ml: 900\n')
+    )
+    asked = ('what-if', experiment, '--at', '2min', '--rates', 'producer=-300', *SHORT,
+             '--rig', tmp_path / 'stocked.yaml')  # fmt: skip
     found = porotwin(*asked, '--output', tmp_path, '--json')
     assert found.returncode == 0, found.stderr
     result = json.loads(found.stdout)
@@ -24,6 +29,7 @@ def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_p
     assert result['at_s'] == result['seen']['times_s'][0] == 120.0
     assert result['proposed']['schedule'][0]['start_s'] == 120.0
     assert result['proposed']['times_s'][-1] == pytest.approx(240.0)
+    assert 800.0 < result['present']['stock_left_ml'] < 900.0
     assert 'refuse' in found.stderr
     shown = porotwin(*asked, '--output', tmp_path)
     assert 'nothing was pumped' in shown.stdout

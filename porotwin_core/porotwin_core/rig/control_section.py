@@ -172,6 +172,9 @@ class Control(Section):
     max_producer_rate_ml_h: PositiveRate | None = Field(
         None, description='largest rate that the producer takes out [ml/h]; default: no limit'
     )
+    stock_ml: Positive | None = Field(
+        None, description='tracer stock in the bottle at the start [ml]; default: enough'
+    )
     rate_step_ml_h: PositiveRate = Field(
         PUMP_STEP_ML_H, description='rates are multiples of it, as the pumps are set [ml/h]'
     )

@@ -59,7 +59,8 @@ def error_parts(
     Args:
         late: the held-out frames, see `held_out_frames`.
         predicted: maps of the model at their times [-], (nt, nz, nx).
-        coarse: maps of the same model on cells `COARSER` times as large [-].
+        coarse: maps of the same scheme, with as many parts of a cell, on cells `COARSER` times as
+            large [-].
         point_spread_width: width [cells] over which the camera blurs maps.
     """
     spread = blurred(predicted, point_spread_width)

@@ -20,6 +20,7 @@ from porotwin_diagnosis.decision.numerics import ACCURATE, Numerics, before_and_
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
+from porotwin_solver.model.presets import preset_named
 
 LEAST_GAP = 1e-4
 """Error above the noise floor below which there is no gap to close: 0.01 %, far less than any
@@ -138,7 +139,8 @@ def measure_held_out(
     width = measure_point_spread_width(observed, after, sample.noise)
     frames = held_out_frames(sample)
     places = [int(np.abs(part.times - time).argmin()) for time in frames.times]
-    coarse = Forward(coarsened(frames, COARSER), preset=ACCURATE).maps(model.effects)
+    cells = preset_named(ACCURATE).refinement(sample.grid)
+    coarse = Forward(coarsened(frames, COARSER), preset=ACCURATE, refinement=cells)
     return HeldOut(
         recording.times[chosen],
         observed,
@@ -148,7 +150,7 @@ def measure_held_out(
         part.relative_error(after),
         bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
-        error_parts(frames, after[places], np.clip(coarse, 0.0, 1.0), width),
+        error_parts(frames, after[places], np.clip(coarse.maps(model.effects), 0.0, 1.0), width),
         level_known=sample.shared_errors is None and sample.least_scale is None,
     )
 

@@ -39,6 +39,7 @@ const BODY = `
   </form>
   <p id="answer" role="status" aria-live="assertive"></p>
   <p id="next-change" role="timer" hidden></p>
+  <p id="bottle" hidden></p>
   <p id="reason"></p>`;
 
 export function create(root, declaration, page) {
@@ -55,6 +56,7 @@ export function create(root, declaration, page) {
     setText(find('.caption', root), setpoint ? `setpoint ${setpoint.sequence}` : '');
     setText(find('#reason', root), setpoint ? reason(setpoint) : '');
     renderLine(find('#next-change', root), setpoint ? nextChange(setpoint) : '');
+    renderLine(find('#bottle', root), setpoint ? bottleLine(setpoint) : '');
     renderLine(find('#order-doubt', root), setpoint ? setpoint.doubt : '');
     renderLine(find('#safe-title', root), setpoint ? safeTitle(setpoint) : '');
     if (!setpoint) return;
@@ -128,6 +130,15 @@ export function nextChange(setpoint) {
   if (!next) return '';
   const told = [...next.rest.map((well) => `${well} rests`), ...next.run.map((well) => `${well} runs`)];
   return `In ${duration(next.in_s)}: ${told.join(', ')}.`;
+}
+
+/* The tracer stock in its bottle, in words. */
+export function bottleLine(setpoint) {
+  const bottle = setpoint.bottle;
+  if (!bottle) return '';
+  const end = bottle.empty_in_s === null ? '' : `, empty in ${duration(bottle.empty_in_s)}`;
+  return bottle.left_ml > 0 ? `Stock in the bottle: ${number(bottle.left_ml, 0)} ml${end}.`
+    : 'Stock in the bottle: by the plan it is empty.';
 }
 
 /* Title of the browser's tab, with the number of pumps to set. */

@@ -6,7 +6,9 @@ The rates to set are those of a valid setpoint, and the safe rates after its exp
 import math
 from collections.abc import Mapping
 
-from porotwin_core.basis.units import to_ml_h
+from porotwin_core.basis.units import ML, to_ml_h
+from porotwin_core.rates.announced_rates import uncontrolled_rates
+from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite
@@ -37,6 +39,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
         'expired': expired,
         'safe': safe,
         'next_change': next_change(snapshot, moment.graph),
+        'bottle': bottle_view(snapshot, moment.graph),
         'doubt': setpoint.doubt,
         'confirmed': snapshot.confirmed == (setpoint.sequence, safe),
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,
@@ -61,6 +64,21 @@ def next_change(snapshot: GraphSnapshot, graph: float | None) -> Json | None:
         'in_s': finite(moment - graph),
         'rest': sorted(after - before),
         'run': sorted(before - after),
+    }
+
+
+def bottle_view(snapshot: GraphSnapshot, graph: float | None) -> Json | None:
+    """Return the tracer stock in its bottle by the announced rates, and when it is empty.
+
+    None if `rig.yaml` tells no volume, and before the start of the experiment is known.
+    """
+    rig, began = snapshot.rig, snapshot.began
+    if rig is None or rig.control is None or began is None or graph is None:
+        return None
+    bottle = bottle_at(rig, uncontrolled_rates(rig), graph - began)
+    return bottle and {
+        'left_ml': finite(ML * bottle.left),
+        'empty_in_s': finite(bottle.empty_at - (graph - began)),
     }
 
 

@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import {
-  action, later, netText, nextChange, pageTitle, safeTitle, validityText,
+  action, bottleLine, later, netText, nextChange, pageTitle, safeTitle, validityText,
 } from '../../porotwin_page/panels/pump_settings.js';
 
 const setpoint = (properties) => ({
@@ -60,4 +60,14 @@ test('the next pause counts down, also without a connection', () => {
   assert.equal(nextChange(shown), 'In 1:20 min: injector1 rests, injector2 runs.');
   assert.equal(nextChange(later(shown, 30)), 'In 50 s: injector1 rests, injector2 runs.');
   assert.equal(nextChange(setpoint({ next_change: null })), '');
+});
+
+test('the stock in the bottle is told until it is empty', () => {
+  const bottle = { left_ml: 240.2, empty_in_s: 600 };
+  assert.equal(bottleLine(setpoint({ bottle })), 'Stock in the bottle: 240 ml, empty in 10:00 min.');
+  const enough = { ...bottle, empty_in_s: null };
+  assert.equal(bottleLine(setpoint({ bottle: enough })), 'Stock in the bottle: 240 ml.');
+  const none = { left_ml: 0, empty_in_s: -5 };
+  assert.equal(bottleLine(setpoint({ bottle: none })), 'Stock in the bottle: by the plan it is empty.');
+  assert.equal(bottleLine(setpoint({ bottle: null })), '');
 });

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from porotwin_cli.checking.water_balance import water_balance
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, parse_rig
+from porotwin_solver.model.water_balance import water_balance
 
 CONDUCTIVITY = {'upper': 1e-3, 'lower': 3e-3}
 """Hydraulic conductivities [m/s] of two layers, each half of the rig."""
