@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_cli.checking.water_balance import WaterBalance, water_balance
+from porotwin_cli.options.experiment_times import MOST_TIMES
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -41,9 +42,6 @@ from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
-
-MOST_PHOTOGRAPHS = 200
-"""Most maps that are learnt from; of a longer recording they are evenly spread."""
 
 
 NO_ZONE = (
@@ -369,7 +367,7 @@ def _learn(
     family: Siblings, recording: Recording, newest: int, learnt: Callable[[int, int], None]
 ) -> None:
     """Let the siblings learn from the maps up to number `newest`."""
-    stride = max(1, newest // MOST_PHOTOGRAPHS)
+    stride = max(1, newest // MOST_TIMES)
     chosen = [*range(newest % stride, newest, stride), newest]
     maps, before = recording.maps, None
     assert maps is not None

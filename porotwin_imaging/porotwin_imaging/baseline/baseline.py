@@ -355,7 +355,7 @@ def _remarks_on_exposure(colours: Array) -> list[str]:
     """
     clipped = colours.max(axis=2) >= OVER_EXPOSED
     share = float(clipped.mean())
-    if share > VALIDITY.most_over_exposed:
+    if share > VALIDITY.most_left_out:
         raise InputError(
             f'baseline is over-exposed on {100 * share:.0f} % of the rig; shorten the exposure'
         )

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.frame import TOLD_SHARE
 from porotwin_imaging.light.light_check import window_mean
+from porotwin_imaging.light.light_drift import LIGHT
 from porotwin_imaging.tracer.tracer_colour import TracerColour, split
 
 
@@ -42,10 +44,6 @@ class ForeignSignalSettings:
     """Cells across a window that a thin line does not fill: tubes are thinner."""
     line_depth: float = 0.08
     """Darkening of a thin line relative to its sides [log ratio] (0.05): 5 % of stock."""
-    most_share: float = 0.15
-    """Share of the sand above which a photograph is refused [-]."""
-    most_left_out: float = 0.25
-    """The same for these changes, reflections and the surroundings of both together [-]."""
 
 
 FOREIGN_SIGNAL = ForeignSignalSettings()
@@ -56,8 +54,6 @@ Mask = NDArray[np.bool_]
 
 _SPECK = (2, 2)
 """Places smaller than this are noise [cells]."""
-_TOLD_SHARE = 5e-4
-"""Smaller shares of the sand, some cells at a wire, are left out without a remark [-]."""
 _GRAINS = 3.0
 """Darkening of a line over the median of all places [-]. Normal noise has a median of about two
 standard deviations there, and hardly a cell is three times as dark."""
@@ -93,7 +89,7 @@ def without_foreign_signal(
     foreign |= _dark_lines(residual, visible, foreign)
     count = max(1, int(visible.sum()))
     share = float(foreign.sum() / count)
-    if share > FOREIGN_SIGNAL.most_share:
+    if share > LIGHT.most_foreign_share:
         raise InputError(
             f'photograph shows what tracer cannot make on {100 * share:.0f} % of the sand: another '
             'dye, a pH indicator, gas or coloured light; use a baseline and a calibration of this '
@@ -105,7 +101,7 @@ def without_foreign_signal(
     lost = float((left_out & visible).sum() / count)
     part = f'{100 * lost:.1f} % of the sand'
     remark = f'{part} has a colour that tracer cannot make: this part is left out'
-    return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
+    return visible & ~left_out, [remark] if lost > TOLD_SHARE else []
 
 
 def _dark_lines(residual: Array, visible: Mask, foreign: Mask) -> Mask:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
+from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
@@ -35,8 +36,6 @@ _LEAST_COLOUR = 0.02
 _MOST_GREY_DIFFERENCE = 1
 """Largest difference of the channels in a grey photograph [grey levels]. It is 0 in a grey JPEG,
 and more for white sand: noise of the sensor colours it."""
-_COLOUR_PERCENTILE = 99.5
-"""Percentile of the difference over the photograph: damaged pixels do not count."""
 
 
 def lit_as_baseline(
@@ -57,7 +56,7 @@ def lit_as_baseline(
     smooth = cv2.transform(window_mean(residual, visible), _GREY)
     brighter = visible & (smooth > LIGHT.most_brighter + scatter)
     share = float(brighter.sum() / max(1, visible.sum()))
-    if share > LIGHT.most_brighter_share:
+    if share > LIGHT.most_foreign_share:
         raise InputError(
             f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
             'tracer cannot cause: another exposure, a flash or a lamp, or a shadow on the '
@@ -210,7 +209,7 @@ def refuse_grey_baseline(pixels: NDArray[np.uint8], signal: TracerSignal) -> Non
     if signal.tracer_colour is None:
         return
     difference = pixels.max(axis=2) - pixels.min(axis=2)
-    if float(np.percentile(difference, _COLOUR_PERCENTILE)) <= _MOST_GREY_DIFFERENCE:
+    if float(np.percentile(difference, TOP_PERCENTILE)) <= _MOST_GREY_DIFFERENCE:
         raise InputError(
             'photographs are grey, but the calibration is of coloured ones: set the camera to '
             'colour again, or calibrate with grey photographs'

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.sampling import SAMPLING
 from porotwin_imaging.tracer.calibration import Calibration
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 
@@ -36,8 +37,6 @@ class LightErrorSettings:
     """Lower values are clean sand [-]."""
     full: float = 0.7
     """Higher values show the colour of tracer stock [-]."""
-    fewest_full_cells: int = 100
-    """Cells that determine this colour."""
     smoothing_cells: float = 3.0
     """Width of the local mean of colours [cells]; light changes slowly."""
     front_step: float = 0.02
@@ -141,7 +140,7 @@ def _foreign_light(
     grey tracer, or a grey photograph, has no colour that tells light.
     """
     full = visible & (values > LIGHT_ERROR.full)
-    if np.count_nonzero(full) < LIGHT_ERROR.fewest_full_cells:
+    if np.count_nonzero(full) < FEWEST_CELLS:
         return np.zeros_like(values)
     stock = np.median(seen.log_ratio[full], axis=0)
     if np.ptp(stock) < LIGHT_ERROR.colour_tolerance + LIGHT_ERROR.dye_tolerance:

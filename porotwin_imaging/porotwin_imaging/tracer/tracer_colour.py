@@ -28,7 +28,7 @@ _STRONG_SPREADS = 8.0
 """Hues above this many spreads of the noise, and above `_STRONG_HUE`, determine the colour."""
 _STRONG_HUE = 0.05
 """Hue of cells with much tracer [log ratio]."""
-_FEWEST_CELLS = 20
+FEWEST_CELLS = 20
 """Cells with much tracer that determine the colour."""
 _LEAST_STRENGTH = 0.1
 """Hue relative to grey darkening below which a dye is as grey as a shadow [-]."""
@@ -90,7 +90,7 @@ def colour_in(log_ratio: Array, visible: Mask) -> TracerColour | None:
     noise = max(local_noise(hue[..., i], visible) for i in range(3))
     strong = visible & (size > max(_STRONG_SPREADS * noise, _STRONG_HUE)) & (grey < 0)
     strong = cv2.erode(strong.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    if strong.sum() < _FEWEST_CELLS:
+    if strong.sum() < FEWEST_CELLS:
         return None
     mean = hue[strong].mean(axis=0)
     strength = float(np.median(size[strong] / -grey[strong]))
