@@ -92,17 +92,6 @@ CONVERTED = (0.7, 1.3)
 VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 
-TRACER_LEVEL = 0.3
-"""Concentration [-] above which a cell clearly holds tracer, whatever the noise."""
-
-FILLED_SHARE = 0.02
-"""Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
-
-
-def tracer_share(concentration: FloatArray) -> float:
-    """Return the share [-] of cells (nz, nx) with tracer; compare it with `FILLED_SHARE`."""
-    return float(np.mean(concentration > TRACER_LEVEL))
-
 
 def stock_in_map(values: FloatArray, rig: Rig) -> float:
     """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-]; NaN counts as 0."""

@@ -44,8 +44,6 @@ class TrustSettings:
     a moved camera makes two, before and after."""
     most_mass_misfit: float = 0.08
     """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
-    most_factor: float = 4.0
-    """Largest factor between two sands [-]. Real sands differ by less than 2."""
     least_strongest: float = 0.85
     """Least concentration of the injected fluid, relative to stock [-]."""
     most_bend: float = 0.17

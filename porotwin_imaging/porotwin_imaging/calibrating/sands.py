@@ -69,7 +69,7 @@ class SandSettings:
     described_share: float = 0.008
     """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
     widest_factor: float = 2.5
-    """Largest factor of a sand, and the inverse of the smallest."""
+    """Largest factor of a sand, and inverse of the smallest. Real sands differ by less than 2."""
 
 
 SANDS = SandSettings()

@@ -26,8 +26,8 @@ class ValiditySettings:
     """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
     remain are not the same everywhere."""
     most_left_out: float = 0.25
-    """Photographs of which more of the sand than this share is left out as over-exposed, or in and
-    around reflections and colours that tracer cannot make, are refused [-]."""
+    """Photographs that lose more than this share of the sand to over-exposure, or to reflections and
+    foreign colours with their surroundings, are refused [-]."""
     most_hidden: float = 0.4
     """Photographs that hide or damage more than this share of the sand are refused [-]."""
     least_correlation: float = 0.25
@@ -48,8 +48,8 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 TOLD_SHARE = 1e-3
-"""Share of the sand above which what is left out is told [-]: less is the edge of an ordinary
-shake, or some cells at a wire."""
+"""Least share of the sand whose loss is told [-]: less is the edge of an ordinary shake, or some
+cells at a wire."""
 
 
 def visible_means(plane: Array, visible: Mask, shape: tuple[int, int]) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from porotwin_imaging.tracer.tracer_signal import TracerSignal
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_WINDOW = 3
+SMALLEST_WINDOW = 3
 """Cells across the window of averaged light: one cell is noise."""
 _OUTERMOST = (1, 99)
 """Percentiles of the light over the sand that count as its dimmest and brightest part."""
@@ -90,12 +90,12 @@ def spilled_light(residual: Array, bright: Mask, after: Array) -> Array:
     return np.asarray(added * np.exp(-0.5 * (away / reach) ** 2) / light, np.float32)
 
 
-def window_mean(residual: Array, visible: Mask) -> Array:
-    """Return the mean of `residual` (nz, nx, 3) over the visible cells of small windows."""
-    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
+def window_mean(residual: Array, visible: Mask, size: int = SMALLEST_WINDOW) -> Array:
+    """Return the mean of `residual` (nz, nx, 3) over the visible cells of windows `size` across."""
+    weight = cv2.blur(visible.astype(np.float32), (size, size))
     filled = np.where(visible[..., None], residual, np.float32(0.0)).astype(np.float32)
-    smooth = cv2.blur(filled, (_WINDOW, _WINDOW))
-    return np.asarray(smooth / np.maximum(weight, 1.0 / _WINDOW**2)[..., None])
+    smooth = cv2.blur(filled, (size, size))
+    return np.asarray(smooth / np.maximum(weight, 1.0 / size**2)[..., None])
 
 
 def refuse_unknown_light(

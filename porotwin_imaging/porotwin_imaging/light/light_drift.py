@@ -47,8 +47,8 @@ class LightSettings:
     """Cells that are brighter than the baseline by more show a reflection [log ratio]. On real and
     rendered photographs the averages over 3 x 3 cells stay below 0.022."""
     most_foreign_share: float = 0.15
-    """Photographs that are brighter, or show what tracer cannot make, on more than this share of
-    the sand are refused [-]."""
+    """Photographs that are brighter, or have colours without tracer, on more than this share of the
+    sand are refused [-]."""
 
 
 LIGHT = LightSettings()

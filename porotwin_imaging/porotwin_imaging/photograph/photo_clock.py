@@ -27,7 +27,7 @@ Trust = Literal['exif', 'file', 'arrival']
 """The first time that may be believed: all, all but EXIF, or the arrival alone."""
 
 EARLIEST_S = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
-"""Earlier times [s since 1970] are those of a clock that was reset: no rig is as old."""
+"""Earlier times [s since 1970] come from a clock that was reset: no rig is as old."""
 JITTER_S = 2.0
 """A time may lie after the arrival, or before the last stamp, by this [s]: clocks set over a
 network agree that well. A time farther before the last stamp is an older photograph."""

@@ -1,4 +1,4 @@
-"""The colour of the tracer: what tells tracer from light.
+"""The colour of the tracer, by which tracer and light are told apart.
 
 Tracer absorbs red, green and blue in proportions of its own. A shadow takes the same share of all
 of them. A log ratio r = ln(state / baseline) of a cell is therefore split into
