@@ -53,7 +53,7 @@ _SMOOTH = (3, 3)
 """Cells whose mean decides about the level of a cell: grains are uneven."""
 _STRONG_PERCENTILE, _TOP_PERCENTILE = 90.0, 95.0
 """Percentiles of the strong and of the deep cells that count as their top."""
-_STRONG_SHARE = 0.3
+STRONG_SHARE = 0.3
 """Cells above this share of the largest signal are strong [-]."""
 
 
@@ -84,7 +84,7 @@ def strong_signal(signals: Sequence[Array]) -> float:
     top = max(float(plane.max()) for plane in smooth)
     if top <= 0:
         return 0.0
-    strong = np.concatenate([plane[plane > _STRONG_SHARE * top] for plane in smooth])
+    strong = np.concatenate([plane[plane > STRONG_SHARE * top] for plane in smooth])
     return float(np.percentile(strong, _STRONG_PERCENTILE))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
-from porotwin_imaging.calibrating.plume_core import CORE
+from porotwin_imaging.calibrating.plume_core import CORE, STRONG_SHARE
 from porotwin_imaging.tracer.tracer_signal import (
     CHANNELS,
     Contrast,
@@ -27,8 +27,6 @@ from porotwin_imaging.tracer.tracer_signal import (
 class CalibrationSettings:
     """The calibration from photographs of an injection (`calibration_fit.py`)."""
 
-    tracer_share: float = 0.3
-    """Cells above this share of the strongest signal count as tracer for the weights [-]."""
     least_log_ratio: float = 0.05
     """A strongest signal below this is no tracer [log ratio]."""
     least_signal: float = 0.002
@@ -37,8 +35,6 @@ class CalibrationSettings:
     """Relative standard deviation of a scale from the pump log [-]: an estimate."""
     scale_error_without_log: float = 0.1
     """The same if the strongest signal is taken for tracer stock [-]."""
-    stock_percentile: float = 95.0
-    """Percentile of the strong signals that is taken for tracer stock without a pump log."""
 
 
 SIGNAL = CalibrationSettings()
@@ -98,7 +94,7 @@ def choose_signal(
     ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
     strength = -ratios.mean(axis=1)
     strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
-    tracer = strength > SIGNAL.tracer_share * strongest
+    tracer = strength > STRONG_SHARE * strongest
     deviation = float(np.median(np.abs(strength - np.median(strength))))
     quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
     if tracer.sum() < CORE.fewest_cells or strongest < SIGNAL.least_log_ratio:

@@ -26,8 +26,8 @@ class ValiditySettings:
     """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
     remain are not the same everywhere."""
     most_left_out: float = 0.25
-    """Photographs that lose more than this share of the sand to over-exposure, or to reflections and
-    foreign colours with their surroundings, are refused [-]."""
+    """Photographs that lose more than this share of the sand to over-exposure, or to reflections
+    and foreign colours with their surroundings, are refused [-]."""
     most_hidden: float = 0.4
     """Photographs that hide or damage more than this share of the sand are refused [-]."""
     least_correlation: float = 0.25

@@ -30,8 +30,6 @@ class ForeignSignalSettings:
     rendered photographs of tracer.
     """
 
-    most_brighter: float = 0.1
-    """Brightening of one colour channel [log ratio] (0.053)."""
     hue_error: float = 0.05
     """Hue that noise and light make [log ratio] (0.04)."""
     most_turned: float = 0.8
@@ -79,7 +77,7 @@ def without_foreign_signal(
         InputError: too much of the sand shows something else.
     """
     smooth = window_mean(residual, visible)
-    foreign = smooth.max(axis=2) > FOREIGN_SIGNAL.most_brighter + scatter
+    foreign = smooth.max(axis=2) > LIGHT.most_brighter + scatter
     if colour is not None:
         foreign |= _another_colour(smooth, colour)
     foreign &= visible
