@@ -19,7 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_imaging.geometry.frame import TOLD_SHARE
 from porotwin_imaging.light.light_check import window_mean
 from porotwin_imaging.light.light_drift import LIGHT
-from porotwin_imaging.tracer.tracer_colour import TracerColour, split
+from porotwin_imaging.tracer.tracer_colour import STRONG_HUE, TracerColour, split
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,6 @@ class ForeignSignalSettings:
     rendered photographs of tracer.
     """
 
-    hue_error: float = 0.05
-    """Hue that noise and light make [log ratio] (0.04)."""
     most_turned: float = 0.8
     """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
     least_dark: float = 0.15
@@ -124,8 +122,8 @@ def _another_colour(smooth: Array, colour: TracerColour) -> Mask:
     grey, hue = split(smooth)
     along = hue @ colour.direction.astype(hue.dtype)
     across = np.linalg.norm(hue - along[..., None] * colour.direction, axis=2)
-    turned = across > FOREIGN_SIGNAL.hue_error + FOREIGN_SIGNAL.most_turned * np.maximum(along, 0.0)
-    opposite = along < -FOREIGN_SIGNAL.hue_error
+    turned = across > STRONG_HUE + FOREIGN_SIGNAL.most_turned * np.maximum(along, 0.0)
+    opposite = along < -STRONG_HUE
     dark = grey < -FOREIGN_SIGNAL.least_dark
     colourless = dark & (along < FOREIGN_SIGNAL.least_hue * colour.strength * -grey)
     return np.asarray(turned | opposite | colourless, bool)

@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
-from porotwin_imaging.geometry.frame import VALIDITY, visible_means
+from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY, visible_means
 from porotwin_imaging.light.light_drift import LIGHT
 from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
@@ -57,8 +57,6 @@ _EXPLAINED, _PALEST = 0.5, 0.01
 """Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
 _WINDOW = (5, 5)
 """Blocks over which missing light is averaged before it is judged."""
-_TOLD_SHARE = 0.005
-"""Unusual light on more than this share of the sand is told [-]."""
 _FIELD_ERROR = 0.1
 """Standard deviation of the field relative to its largest value: measured on photographs with
 known shadows [-]."""
@@ -210,7 +208,7 @@ def _remarks(log_gain: Array) -> list[str]:
     """Return what was corrected; `log_gain` (n,) are those of the visible cells."""
     lines, unusual = [], LOCAL_LIGHT.least_change
     for changed, word in ((log_gain < -unusual, 'darker'), (log_gain > unusual, 'brighter')):
-        if changed.mean() > _TOLD_SHARE:
+        if changed.mean() > LARGE_SHARE:
             most = 100 * abs(float(np.expm1(np.percentile(log_gain[changed], 50))))
             lines.append(
                 f'{100 * changed.mean():.0f} % of the sand is {word} without the colour of tracer, '

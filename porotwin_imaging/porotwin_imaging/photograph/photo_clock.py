@@ -21,6 +21,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
+from porotwin_core.clock.freshness import STAMP_RESOLUTION_S
 from porotwin_core.clock.time_units import DAYS
 
 Trust = Literal['exif', 'file', 'arrival']
@@ -31,8 +32,6 @@ EARLIEST_S = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
 JITTER_S = 2.0
 """A time may lie after the arrival, or before the last stamp, by this [s]: clocks set over a
 network agree that well. A time farther before the last stamp is an older photograph."""
-STEP_S = 0.001
-"""Distance of two stamps [s] whose times are equal, as in EXIF times without sub-seconds."""
 OLD_INTERVALS = 10.0
 """Photographs that may be old get times before the arrival by this multiple of the interval. A
 setpoint lasts three intervals, so that nobody acts on them."""
@@ -222,7 +221,7 @@ def _stamp(
         reason = f"photograph '{evidence.name}' left out: it is {older}"
         return Stamp(None, (*lines, reason)), memory
     if memory.last is not None:
-        time = max(time, memory.last + STEP_S)
+        time = max(time, memory.last + STAMP_RESOLUTION_S)
     return Stamp(time, lines), replace(memory, last=time)
 
 

@@ -25,9 +25,9 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _STRONG_SPREADS = 8.0
-"""Hues above this many spreads of the noise, and above `_STRONG_HUE`, determine the colour."""
-_STRONG_HUE = 0.05
-"""Hue of cells with much tracer [log ratio]."""
+"""Hues above this many spreads of the noise, and above `STRONG_HUE`, determine the colour."""
+STRONG_HUE = 0.05
+"""Hue beyond that of noise and light [log ratio], which make up to 0.04."""
 FEWEST_CELLS = 20
 """Cells with much tracer that determine the colour."""
 _LEAST_STRENGTH = 0.1
@@ -88,7 +88,7 @@ def colour_in(log_ratio: Array, visible: Mask) -> TracerColour | None:
     grey, hue = split(log_ratio)
     size = np.linalg.norm(hue, axis=2)
     noise = max(local_noise(hue[..., i], visible) for i in range(3))
-    strong = visible & (size > max(_STRONG_SPREADS * noise, _STRONG_HUE)) & (grey < 0)
+    strong = visible & (size > max(_STRONG_SPREADS * noise, STRONG_HUE)) & (grey < 0)
     strong = cv2.erode(strong.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     if strong.sum() < FEWEST_CELLS:
         return None
