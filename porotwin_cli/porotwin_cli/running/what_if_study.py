@@ -218,7 +218,6 @@ def study_what_if(
     cells: int = COARSE_CELLS,
     horizon: float | None = None,
     siblings: int = 32,
-    map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
     objected: Callable[[str], None] = lambda _: None,
 ) -> WhatIfStudy:
@@ -234,7 +233,6 @@ def study_what_if(
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
             least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
-        map_times: number of maps of each forecast, evenly spread to its end.
         learnt: called with the number of maps that were learnt from, and of all.
         objected: called with every limit that the proposal breaks, before the work begins.
 
@@ -283,7 +281,7 @@ def study_what_if(
     family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]
-    maps_after = np.linspace(0.0, ahead, map_times + 1)[1:]
+    maps_after = np.array([ahead / 2.0, ahead])
     clock = time.perf_counter()
     outlooks = [family.outlook(plan, ahead, after, maps_after) for plan in (present, proposed)]
     seconds = time.perf_counter() - clock

@@ -268,13 +268,12 @@ class Sample:
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         return np.asarray(at_compared_cells(residual, width) * self.weight(width)[:count])
 
-    def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+    def weighted(self, smooth: FloatArray) -> FloatArray:
         """Return a `smooth` change [-] at the compared cells as a whitened residual.
 
-        Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
-        the smoothing.
+        Both are (nt, nz', nx'), for all frames or for the first ones.
         """
-        return self.decorrelated(smooth * self.weight(width)[: len(smooth)], width)
+        return self.decorrelated(smooth * self.weight(SMOOTHING_WIDTH)[: len(smooth)])
 
     def decorrelated(self, residual: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
         """Return a whitened `residual` without the errors that all maps share, C^(-1/2) r."""
