@@ -37,6 +37,7 @@ class SnapshotSource:
     Args:
         url: address of the snapshot, http://[USER[:PASSWORD]@]HOST/PATH.
         timeout_s: longest time for an answer [s], from the request to its last byte.
+        clock: returns the exposure time [s].
         steady: returns the time of a steady clock [s].
 
     Raises:
@@ -48,6 +49,7 @@ class SnapshotSource:
         url: str,
         *,
         timeout_s: float = 10.0,
+        clock: Callable[[], float] = steady_time,
         steady: Callable[[], float] = time.monotonic,
     ) -> None:
         check_url(url)
@@ -60,12 +62,13 @@ class SnapshotSource:
             urllib.request.HTTPDigestAuthHandler(passwords),
         )
         self._timeout_s = timeout_s
+        self._clock = clock
         self._steady = steady
         self._tag = ''
 
     def poll(self) -> Polled:
         """Fetch a photograph; see `CameraSource.poll`."""
-        moment = steady_time()
+        moment = self._clock()
         request = urllib.request.Request(self._url, headers={'Cache-Control': 'no-cache'})
         if self._tag:
             request.add_header('If-None-Match', self._tag)
