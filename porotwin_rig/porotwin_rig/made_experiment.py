@@ -20,7 +20,8 @@ from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
-from porotwin_rig.render import Photographer
+from porotwin_rig.pumps import Pumps
+from porotwin_rig.render import Conditions, Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 
 PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
@@ -103,8 +104,10 @@ def make_experiment(
     seed: int,
     effects: Iterable[EffectDescription] = (),
     noise: MapNoise | None = None,
+    pumps: Pumps | None = None,
     grid: Grid | None = None,
     photo_width_px: int | None = None,
+    conditions: Conditions | None = None,
     truth: Path | None = None,
     cell: float | None = None,
     progress: Callable[[float], None] = lambda _share: None,
@@ -120,8 +123,10 @@ def make_experiment(
         seed: seed of the noise, and of the photographs.
         effects: true effects of the rig and its camera.
         noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
+        pumps: how the pumps follow their commands; exactly by default.
         grid: grid of the maps; cells of about 5 mm by default.
         photo_width_px: width of photographs (8:5); None for no photographs.
+        conditions: conditions of the photographs.
         truth: file for the noise-free signal at the times of the frames, outside `folder`.
         cell: size of the elements of the virtual rig [m]; its default if None.
         progress: called with the share of the experiment that is done, 0 to 1, after every step of
@@ -133,11 +138,11 @@ def make_experiment(
     if not (duration > 0.0 and photo_interval > 0.0):
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
     grid = grid or rig.default_grid()
-    asset = VirtualRig(rig, effects=effects, cell=cell)
+    asset = VirtualRig(rig, effects=effects, pumps=pumps, cell=cell)
     photographer = None
     if photo_width_px is not None:
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
-        photographer = Photographer(rig, camera=camera, seed=seed)
+        photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
         rig = photographer.rig
     write_folder(folder, RecordedData(rig, commanded=commanded))
     camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
