@@ -1,6 +1,7 @@
 """The setup of `.venv`: an environment that was moved, or is of another Python, and its command."""
 
 import importlib.util
+import runpy
 import shutil
 import subprocess
 import sys
@@ -87,11 +88,8 @@ def test_a_link_to_the_command_finds_its_checkout(tmp_path: Path) -> None:
 
 
 def test_all_files_state_one_version() -> None:
-    spec = importlib.util.spec_from_file_location('set_version', ROOT / 'setup' / 'set_version.py')
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert len(set(module.stated().values())) == 1
+    script = runpy.run_path(str(ROOT / 'setup' / 'set_version.py'))
+    assert len(set(script['stated']().values())) == 1
 
 
 def test_a_folder_that_is_gone_is_named_as_such(tmp_path: Path) -> None:

@@ -1,8 +1,6 @@
 """The problems of the field on coarse grids, and their page."""
 
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -14,22 +12,6 @@ from porotwin_core.rig.oddities import remarks_about
 
 ROOT = Path(__file__).resolve().parents[2]
 KNOWN = {problem.name: problem for problem in PROBLEMS}
-
-
-@pytest.fixture(scope='module')
-def page() -> ModuleType:
-    path = ROOT / 'docs' / 'make_verification.py'
-    spec = importlib.util.spec_from_file_location('make_verification', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_the_page_is_up_to_date(page: ModuleType) -> None:
-    written = (ROOT / 'docs' / 'verification.md').read_text(encoding='utf-8')
-    assert written == page.page(), 'run python docs/make_verification.py'
 
 
 def test_every_rig_is_a_problem_and_none_is_odd() -> None:

@@ -86,19 +86,11 @@ class Known:
         return numbers
 
 
+CONVERTED = (0.7, 1.3)
+"""Ratio of two numbers, one of them converted, that shows a mistaken unit [-]."""
+
 VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
-
-TRACER_LEVEL = 0.3
-"""Concentration [-] above which a cell clearly holds tracer, whatever the noise."""
-
-FILLED_SHARE = 0.02
-"""Share of cells with tracer above which a rig is not clean: more than wells and stray light."""
-
-
-def tracer_share(concentration: FloatArray) -> float:
-    """Return the share [-] of cells (nz, nx) with tracer; compare it with `FILLED_SHARE`."""
-    return float(np.mean(concentration > TRACER_LEVEL))
 
 
 def stock_in_map(values: FloatArray, rig: Rig) -> float:

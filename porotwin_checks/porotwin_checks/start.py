@@ -20,17 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_checks.known import (
-    FILLED_SHARE,
-    MOST_MAPS,
-    VISIBLE_TRACER,
-    Known,
-    Maps,
-    stock_in_map,
-    tracer_share,
-)
+from porotwin_checks.known import MOST_MAPS, VISIBLE_TRACER, Known, Maps, stock_in_map
 from porotwin_checks.tracer_errors import SCALE
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
 from porotwin_core.rates.wells import Schedule
 
 LONGEST_LATENESS = 0.15

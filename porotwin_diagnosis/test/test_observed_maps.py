@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_examples import SMALL
 
-from porotwin_checks.known import tracer_share
 from porotwin_core.basis.errors import InputError
+from porotwin_core.model.tracer_share import tracer_share
 from porotwin_diagnosis.data.observed_maps import (
     evenly_spread,
     filled_map,

@@ -37,6 +37,7 @@ from porotwin_hub.launching.liveness import (
     Silence,
 )
 from porotwin_hub.launching.node_processes import NodeProcess, await_end, kill, nodes_of, process_of
+from porotwin_hub.launching.processes import END_PATIENCE_S
 
 QUEUE_DEPTH = 100
 """Reports of health that wait, and senders whose last error is remembered."""
@@ -49,9 +50,6 @@ FLOOD = (
     'node counts as silent meanwhile; end the node that sends so many'
 )
 """State of a graph in which nobody can tell who is silent."""
-
-ORPHAN_PATIENCE_S = 30.0
-"""Time for the nodes to end by themselves after their launcher was killed [s]."""
 
 
 class SupervisorNode(TwinNode):
@@ -233,7 +231,7 @@ def _launcher_has_ended() -> bool:
 def end_orphans() -> None:
     """See to it that the other nodes of the launcher end; Linux has asked them already."""
     others = [one.pid for one in _processes().values() if one.pid != os.getpid()]
-    await_end(others, patience_s=ORPHAN_PATIENCE_S)
+    await_end(others, patience_s=END_PATIENCE_S)
 
 
 def main() -> None:

@@ -238,9 +238,9 @@ def test_a_small_trend_refuses_no_calibration() -> None:
 
 
 def test_a_sand_with_an_impossible_factor_is_refused_unless_no_tracer_was_there() -> None:
-    for wrong in (replace(SAND, factor=37.7), replace(SAND, factor=1.6, at_bound=True)):
-        facts = objections(replace(GOOD, sands=(SAND, wrong)))['impossible_sands']
-        assert facts['factors'] == {1: wrong.factor}
+    wrong = replace(SAND, factor=2.5, at_bound=True)
+    facts = objections(replace(GOOD, sands=(SAND, wrong)))['impossible_sands']
+    assert facts['factors'] == {1: wrong.factor}
     guessed = replace(SAND, source='prior', deviation=0.2)
     assert not objections(replace(GOOD, sands=(SAND, guessed)))
 

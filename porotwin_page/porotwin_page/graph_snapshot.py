@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
@@ -39,9 +40,6 @@ FORECASTS_KEPT = 3
 REMARKS_KEPT = 6
 LOG_KEPT = 200
 """Lines of the log of setpoints: more than an hour of setpoints with confirmations."""
-
-TIME_TOLERANCE = 0.5
-"""Largest difference between the times of one photograph in several messages [s]."""
 
 
 @dataclass(frozen=True)
@@ -375,7 +373,7 @@ def matching(maps: Iterable[Map], time: float) -> Map | None:
     """Return the last of `maps` that is valid at `time` [s]; None if there is none."""
     found = None
     for candidate in maps:
-        if abs(candidate.time - time) <= TIME_TOLERANCE:
+        if abs(candidate.time - time) <= SAME_PHOTOGRAPH_S:
             found = candidate
     return found
 
@@ -562,7 +560,7 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
     may arrive before this message.
     """
     shown = now.observed
-    begun = shown is not None and abs(shown.map.time - time) <= TIME_TOLERANCE
+    begun = shown is not None and abs(shown.map.time - time) <= SAME_PHOTOGRAPH_S
     if begun and now.states == 1:
         return now
     return replace(

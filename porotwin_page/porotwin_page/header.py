@@ -1,12 +1,9 @@
 """The header of the page: rig, newest photograph, end of the experiment, worst node."""
 
-from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S, VALIDITY_INTERVALS
 from porotwin_page.graph_snapshot import GraphSnapshot, ObservedState
 from porotwin_page.health import nodes_view, worst_view
 from porotwin_page.json_values import Json, finite
-
-STALE_AFTER_INTERVALS = 3
-"""The page warns after so many intervals without a photograph."""
 
 
 def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> Json:
@@ -24,7 +21,7 @@ def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> 
         'time_s': state.map.time,
         'age_s': finite(age),
         'interval_s': finite(interval),
-        'stale': snapshot.finished is None and age > STALE_AFTER_INTERVALS * interval,
+        'stale': snapshot.finished is None and age > VALIDITY_INTERVALS * interval,
     }
 
 

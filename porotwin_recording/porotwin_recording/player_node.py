@@ -18,6 +18,7 @@ from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import HOUR_S
 from porotwin_core.ros.node import (
     DIAGNOSTICS,
     ENDED,
@@ -88,8 +89,6 @@ FASTEST = 1000.0
 SHORTEST_WAIT = 0.1
 """Shortest limit of a wait for an answer [s]: less than any cycle takes."""
 
-HOUR = 3600.0
-"""Largest limit of a wait [s]: whoever waits longer has forgotten it."""
 
 DECADE = 3.2e8
 """Longer than any recording [s]."""
@@ -150,7 +149,7 @@ class PlayerNode(TwinNode):
             PATIENCE,
             'longest wait for subscribers, and in lock-step for the answering node [s]',
             at_least=0.0,
-            at_most=HOUR,
+            at_most=HOUR_S,
         )
         lockstep = declare(
             self, 'lockstep', '', 'topic of the answer to wait for after every photograph'
@@ -162,7 +161,7 @@ class PlayerNode(TwinNode):
             60.0,
             'longest wait for that answer [s]',
             at_least=SHORTEST_WAIT,
-            at_most=HOUR,
+            at_most=HOUR_S,
         )
         self._replay_clock = ReplayClock(rate)
         self._start = self._checked_start(start_s)

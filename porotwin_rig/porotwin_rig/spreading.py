@@ -29,8 +29,8 @@ class Spreading:
     """
 
     diffusion: float
-    longitudinal: float = 0.0
-    transverse: float = 0.0
+    longitudinal: float
+    transverse: float
 
     @property
     def follows_flow(self) -> bool:

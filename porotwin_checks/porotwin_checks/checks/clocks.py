@@ -4,16 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.known import Known
+from porotwin_checks.known import CONVERTED, Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import HOUR_S, MINUTE_S
 
-SAME_END = (0.7, 1.3)
-"""Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
-
 FAR_END, FAR_UNITS = (0.55, 1.8), ('hours', 'milliseconds')
-"""The same ratio for units so far from a second that no end by itself comes near."""
+"""A ratio like `CONVERTED` for units so far from a second that no end by itself comes near."""
 
 TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
 """Units that times may be written in by mistake [s]."""
@@ -54,7 +51,7 @@ def _units(known: Known) -> Iterator[Remark]:
         (end, last, 'the rates', 'concentration.nc or imaging.csv'),
     ):
         for unit, seconds in TIME_UNITS.items():
-            low, high = FAR_END if unit in FAR_UNITS else SAME_END
+            low, high = FAR_END if unit in FAR_UNITS else CONVERTED
             if one > 0 and low * other < one * seconds < high * other:
                 why = f'its times end at {one:g} s, {what} at {other:g} s'
                 yield Remark(

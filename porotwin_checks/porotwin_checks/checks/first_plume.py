@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.known import FILLED_SHARE, Known
+from porotwin_checks.known import Known
 from porotwin_checks.start import LONGEST_LATENESS, tracer_beyond_reach
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
+from porotwin_core.model.tracer_share import FILLED_SHARE
 
 
 def _find(known: Known) -> Iterator[Remark]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from porotwin_checks.known import Known
+from porotwin_checks.known import CONVERTED, Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import MINUTE_S
@@ -15,9 +15,6 @@ MOST_RATIO = 3.0
 """Measured over commanded rates that is odd: worn pumps deliver half of what they should."""
 
 LATER = 'add the later lines; until then the commanded rates count'
-
-PER_MINUTE = (0.7, 1.3)
-"""The same ratio, times the seconds of a minute, of rates that were written in ml/min."""
 
 
 def _find(known: Known) -> Iterator[Remark]:
@@ -51,7 +48,7 @@ def _find(known: Known) -> Iterator[Remark]:
     ratios = [abs(ratio) for _, ratio in ratios_of_wells]
     ratio = float(np.median(ratios)) if ratios else 1.0
     if not 1.0 / MOST_RATIO < ratio < MOST_RATIO:
-        per_minute = PER_MINUTE[0] < ratio * MINUTE_S < PER_MINUTE[1]
+        per_minute = CONVERTED[0] < ratio * MINUTE_S < CONVERTED[1]
         unit = 'were they in ml/min? write ml/h' if per_minute else 'compare both files'
         why = f'its rates are {ratio:.3g} times those of rates.csv'
         yield Remark(name, '', why, unit, code='other_unit')

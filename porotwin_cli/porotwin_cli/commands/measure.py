@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_checks.checks.tracer_amount import LEAST_SEEN
 from porotwin_cli.options.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.basis.errors import InputError
@@ -112,6 +111,8 @@ def command(
 
 def _hidden(rows: list[dict[str, Any]]) -> str:
     """Return which maps hide a part of the rig; '' if all show nearly all of it."""
+    from porotwin_checks.checks.tracer_amount import LEAST_SEEN
+
     seen = {row['time_s']: row['seen'] for row in rows if row['seen'] < LEAST_SEEN}
     if not seen:
         return ''

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.options.experiment_times import SHORTEST_STEP_S, recorded_times
+from porotwin_cli.options.experiment_times import recorded_times
 from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
 from porotwin_core.basis.discovery import module_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import ML
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 if TYPE_CHECKING:
     from porotwin_core.rig import EffectDescription
@@ -55,7 +56,7 @@ def command(
     ] = None,
     photo_interval_s: Annotated[
         float, typer.Option(help='Time between two maps [s].', min=1.0, max=86400.0)
-    ] = SHORTEST_STEP_S,
+    ] = USUAL_PHOTO_INTERVAL_S,
     grid: Annotated[
         str, typer.Option(help='Columns x rows of the maps; default: cells of 5 mm.')
     ] = '',

@@ -4,12 +4,11 @@ import math
 from typing import TYPE_CHECKING
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 if TYPE_CHECKING:
     from porotwin_recording.experiment.recording import Recording
 
-SHORTEST_STEP_S = 30.0
-"""Time between two maps where only the rates are known [s]: the paper's photo interval."""
 
 MOST_TIMES = 200
 """Most maps where only the rates are known; a longer experiment gets longer steps."""
@@ -34,7 +33,7 @@ def recorded_times(recording: 'Recording', *, option: str) -> list[float]:
             f'{recording.source}: its rates do not say when the experiment ends; add a row with '
             f'the last time to rates.csv, or give {option}'
         )
-    step = SHORTEST_STEP_S
+    step = USUAL_PHOTO_INTERVAL_S
     while end / step > MOST_TIMES:
         step *= 2.0
     return [*_steps(end, step), end]

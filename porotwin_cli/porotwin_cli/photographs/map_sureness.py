@@ -5,11 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.calibrating.sands import SANDS
 from porotwin_imaging.measures.plume_measures import LEVEL
-
-GUESSED = 0.15
-"""Least relative deviation [-] of a sand factor that is a guess from the light of the sand.
-A guess has 0.2 before any evidence."""
 
 Doubt = tuple[float, float]
 """Median random and systematic standard deviation over a plume [-]."""
@@ -40,7 +37,7 @@ def typical_doubt(doubts: Sequence[Doubt]) -> Doubt:
 
 def guessed_sands(factor_deviations: Sequence[float]) -> int:
     """Return the number of sands with guessed factors, by their relative deviations [-]."""
-    return sum(one >= GUESSED for one in factor_deviations)
+    return sum(one >= SANDS.prior_deviation for one in factor_deviations)
 
 
 def doubt_entry(doubt: Doubt) -> dict[str, float | None]:

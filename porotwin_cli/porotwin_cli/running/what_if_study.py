@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_cli.options.experiment_times import MOST_TIMES
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -49,9 +50,6 @@ from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
-
-MOST_PHOTOGRAPHS = 200
-"""Most maps that are learnt from; of a longer recording they are evenly spread."""
 
 
 NO_ZONE = (
@@ -238,7 +236,6 @@ def study_what_if(
     cells: int = COARSE_CELLS,
     horizon: float | None = None,
     siblings: int = 32,
-    map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
     objected: Callable[[str], None] = lambda _: None,
 ) -> WhatIfStudy:
@@ -254,7 +251,6 @@ def study_what_if(
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
             least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
-        map_times: number of maps of each forecast, evenly spread to its end.
         learnt: called with the number of maps that were learnt from, and of all.
         objected: called with every limit that the proposal breaks, before the work begins.
 
@@ -303,7 +299,7 @@ def study_what_if(
     family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]
-    maps_after = np.linspace(0.0, ahead, map_times + 1)[1:]
+    maps_after = np.array([ahead / 2.0, ahead])
     clock = time.perf_counter()
     outlooks = [family.outlook(plan, ahead, after, maps_after) for plan in (present, proposed)]
     seconds = time.perf_counter() - clock
@@ -388,7 +384,7 @@ def _learn(
     family: Siblings, recording: Recording, newest: int, learnt: Callable[[int, int], None]
 ) -> None:
     """Let the siblings learn from the maps up to number `newest`."""
-    stride = max(1, newest // MOST_PHOTOGRAPHS)
+    stride = max(1, newest // MOST_TIMES)
     chosen = [*range(newest % stride, newest, stride), newest]
     maps, before = recording.maps, None
     assert maps is not None

@@ -24,7 +24,8 @@ JITTER = 0.25
 take a few seconds more or less."""
 
 LEARNING_PHOTOGRAPHS = 4
-"""Photographs at a live pace that prove a clock. Two are a backlog with one pause."""
+"""Photographs that tell a pace, and at a live pace prove a clock. Two are a backlog with one
+pause."""
 
 LEARNING_INTERVALS = 2.5
 """Photo intervals that these photographs span at least, also where a camera is faster."""

@@ -13,7 +13,8 @@ LONGEST_GAP_INTERVALS = 10
 and nothing is predicted over it. A few lost photographs are no interruption."""
 
 VALIDITY_INTERVALS = 3
-"""Photo intervals that a setpoint is valid: two photographs may be lost before control ends."""
+"""Photo intervals that a setpoint is valid: two photographs may be lost before control ends, and
+the page warns."""
 
 LONGEST_GAP_S = 7 * DAY_S
 """No experiment has pauses longer than a week [s]."""

@@ -14,6 +14,9 @@ EARLIEST_START_S = 30 * DAY_S
 """A node that joins an experiment believes a start up to this time ago [s]: an earlier one comes
 from a wrong stamp."""
 
+SAME_PHOTOGRAPH_S = 0.5
+"""Times of one photograph in several messages, and of its forecast, differ by at most this [s]."""
+
 SAME_MOMENT_S = 1.0
 """Maps, photographs and times that a person gives belong together within this [s]."""
 

@@ -9,6 +9,7 @@ import pydantic
 
 from porotwin_core.basis.likely_name import did_you_mean
 from porotwin_core.basis.other_unit import in_other_unit, was_percent
+from porotwin_core.basis.remark import NAMED, QUOTED
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
@@ -34,12 +35,6 @@ _BOUNDS = ('greater_than', 'greater_than_equal', 'less_than', 'less_than_equal')
 
 _DECIMAL_COMMA = 'a number with a decimal comma? Write a point, as in 0.39'
 """Guess about a key that is a number: YAML ends the value at the comma."""
-
-MOST_NAMED = 4
-"""Most further wrong keys that a message names."""
-
-LONGEST_VALUE = 60
-"""Longest text of a wrong value in a message [characters]."""
 
 
 def one_line(
@@ -95,11 +90,11 @@ def _also(first: str, others: list[str]) -> str:
     wrong = [key for key in dict.fromkeys(others) if key != first]
     if not wrong:
         return ''
-    named = ', '.join(wrong[:MOST_NAMED])
-    left = f' and {len(wrong) - MOST_NAMED} more' if len(wrong) > MOST_NAMED else ''
+    named = ', '.join(wrong[:NAMED])
+    left = f' and {len(wrong) - NAMED} more' if len(wrong) > NAMED else ''
     return f' (also wrong or missing: {named}{left})'
 
 
 def _shown(value: object) -> str:
     text = repr(value)
-    return text if len(text) <= LONGEST_VALUE else f'{text[:LONGEST_VALUE]}...'
+    return text if len(text) <= QUOTED else f'{text[:QUOTED]}...'

@@ -38,8 +38,9 @@ def plain(text: str) -> str:
     )
 
 
-def in_short(text: str, most: int = LONGEST_WORDS) -> str:
-    """Return `text` plain, without gaps and with at most `most` characters."""
+def in_short(text: str) -> str:
+    """Return `text` plain, without gaps and with at most `LONGEST_WORDS` characters."""
+    most = LONGEST_WORDS
     words = ' '.join(plain(text[: 2 * most]).split())
     return words if len(words) <= most and len(text) <= 2 * most else f'{words[:most]} ...'
 

@@ -79,14 +79,9 @@ class Run:
 class RollOuts:
     """The loss of roll-outs of one model, and its gradient by the weights of the network."""
 
-    def __init__(
-        self, model: CorrectiveModel, step: StepModel, *, through_solver: bool = True
-    ) -> None:
-        """Run `step`, corrected by `model`.
-
-        Without `through_solver` a step does not know the effect of its map on later steps.
-        """
-        self._model, self._step, self._through = model, step, through_solver
+    def __init__(self, model: CorrectiveModel, step: StepModel) -> None:
+        """Run `step`, corrected by `model`."""
+        self._model, self._step = model, step
         empty = np.zeros(model.grid.shape)
         rest = step.predict(empty, {}, model.time_step)
         unit = step.correct(empty, np.ones(model.grid.shape), {}, model.time_step)
@@ -114,9 +109,8 @@ class RollOuts:
                 found = torch.autograd.grad(answer, [scaled, *weights], by)
             for weight, gradient in zip(weights, found[1:], strict=True):
                 weight.grad = gradient if weight.grad is None else weight.grad + gradient
-            if not self._through or k == 0:
-                bar = np.zeros_like(bar)
-                continue
+            if k == 0:
+                break
             bar = bar + found[0][0].numpy() / self._model.scaling.spread
             rates = run.rates[first + k]
             bar = self._step.step_adjoint(states[k], rates, self._model.time_step, bar)
@@ -141,7 +135,6 @@ def train_through_runs(
     *,
     seed: int,
     curriculum: Sequence[Stage] = CURRICULUM,
-    through_solver: bool = True,
     say: Callable[[str], None] = lambda _: None,
 ) -> CorrectiveModel:
     """Return `model` with weights trained on through free runs, or the given ones if not better.
@@ -153,14 +146,13 @@ def train_through_runs(
         judge: the error of kept free runs; it is asked after every stage.
         seed: of the choice of roll-outs.
         curriculum: the stages; the weights after the best one are kept.
-        through_solver: pass the gradient through the solver; without, every step learns alone.
         say: told the error after every stage.
     """
     runs = [Run.of(part) for frames in experiments for part in sequences(frames)]
     runs = [run for run in runs if len(run.rates) > 0]
     network, random = model.network, np.random.default_rng(seed)
     optimiser = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
-    rollouts = RollOuts(model, step, through_solver=through_solver)
+    rollouts = RollOuts(model, step)
     whole = replace(model, trust=1.0)
     best, best_weights = judge(model), _copied(network.state_dict())
     best_trust = model.trust

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_checks.known import FILLED_SHARE, tracer_share
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import Schedule

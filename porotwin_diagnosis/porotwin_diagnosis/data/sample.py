@@ -277,13 +277,12 @@ class Sample:
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         return np.asarray(at_compared_cells(residual, width) * self.weight(width)[:count])
 
-    def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+    def weighted(self, smooth: FloatArray) -> FloatArray:
         """Return a `smooth` change [-] at the compared cells as a whitened residual.
 
-        Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
-        the smoothing.
+        Both are (nt, nz', nx'), for all frames or for the first ones.
         """
-        return self.decorrelated(smooth * self.weight(width)[: len(smooth)], width)
+        return self.decorrelated(smooth * self.weight(SMOOTHING_WIDTH)[: len(smooth)])
 
     def camera_change(self, predicted: FloatArray, point_spread_width: float) -> FloatArray:
         """Return the change (nt, nz, nx) [-] of maps by the most probable shared errors.

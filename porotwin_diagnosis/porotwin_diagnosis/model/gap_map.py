@@ -75,7 +75,7 @@ class Phase:
     end: float
     share: float
     state: str
-    recording: int = 0
+    recording: int
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,9 @@ from porotwin_hub.estimation.pump_watch import (
 )
 from porotwin_hub.models.forecast import PhysicsModel
 
-LEAST_WINDOW_S = 300.0
-"""Shortest course that a photograph is compared with [s]."""
-
 PERIOD_S = 300.0
-"""Time between two updates [s]; each takes a prediction for every well."""
+"""Time between two updates [s], and shortest course that a photograph is compared with; each update
+takes a prediction for every well."""
 
 CHANGE = 0.05
 """Change of the log of a factor for a derivative: large beside round-off, small beside 1."""
@@ -271,8 +269,7 @@ class RateLearner:
             changed = self._changed(time, estimate.volume, periods)
             if changed or time - max(self._watched, self._past[0].time) >= WATCH_S:
                 told = self._watch_pumps(physics, time, estimate, seen, changed)
-        due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
-        if due and time - self._past[0].time >= LEAST_WINDOW_S:
+        if self._past and time - max(self._learnt, self._past[0].time) >= PERIOD_S:
             self._update(physics, time, estimate, seen)
             self._learnt = time
         self._past.append(_Moment(time, estimate, seen.systematic, ()))

@@ -21,11 +21,10 @@ from porotwin_core.rates.rates_in_force import KnownRates
 REMEMBERED_STATES = 16
 """States that wait for their refreshed message, and the other way round: half a burst of 30."""
 
-REMEMBERED_INTERRUPTIONS = 64
-"""Interruptions that wait for the next state: a burst on their topic."""
 
 WAITING_STATES = 64
-"""States that wait in simulated time, which leaves none out: a burst on their topic."""
+"""States that wait in simulated time, which leaves none out, and interruptions that wait for the
+next state: a burst on their topic."""
 
 REMEMBERED_RATES = 1024
 """Known rates that wait for the next state: a flow meter at 10 Hz, photographs every 100 s."""
@@ -92,7 +91,7 @@ class _Timeline:
     last_stamp: float = -math.inf
     rates: deque[KnownRates] = field(default_factory=lambda: deque(maxlen=REMEMBERED_RATES))
     interruptions: deque[tuple[float, str]] = field(
-        default_factory=lambda: deque(maxlen=REMEMBERED_INTERRUPTIONS)
+        default_factory=lambda: deque(maxlen=WAITING_STATES)
     )
 
 
@@ -211,7 +210,7 @@ class Inbox(Generic[Envelope]):
         )
         timeline.interruptions = deque(
             (event for event in timeline.interruptions if event[0] > stamp),
-            maxlen=REMEMBERED_INTERRUPTIONS,
+            maxlen=WAITING_STATES,
         )
         # rates confirmed at this very stamp begin the next interval; simulated time makes many
         self._keep_rates(lambda item: item.start >= stamp or item.end > stamp)

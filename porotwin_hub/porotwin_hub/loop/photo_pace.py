@@ -5,9 +5,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from porotwin_core.basis.remark import Remark
-
-FEWEST = 4
-"""Photographs that tell a pace."""
+from porotwin_core.clock.freshness import LEARNING_PHOTOGRAPHS
 
 FACTOR = 1.5
 """A pace that differs by less is no other pace: a photograph may be lost or late."""
@@ -26,7 +24,7 @@ def odd_pace(times: Sequence[float], interval: float) -> Remark | None:
         times: of the last photographs [s], in their order.
         interval: time between photographs that the twin was told [s].
     """
-    if len(times) < FEWEST:
+    if len(times) < LEARNING_PHOTOGRAPHS:
         return None
     usual = statistics.median(later - earlier for earlier, later in pairwise(times))
     if interval / FACTOR < usual < interval * FACTOR:

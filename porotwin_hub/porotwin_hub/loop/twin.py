@@ -10,8 +10,9 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from porotwin_core.clock.freshness import LEARNING_PHOTOGRAPHS
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
-from porotwin_core.clock.stamps import believed_start
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S, believed_start
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
@@ -37,14 +38,11 @@ from porotwin_hub.estimation.rate_learning import (
 )
 from porotwin_hub.estimation.tracer_watch import TracerWatch
 from porotwin_hub.loop.cycle import Cycle, Observation
-from porotwin_hub.loop.photo_pace import FEWEST, odd_pace
+from porotwin_hub.loop.photo_pace import odd_pace
 from porotwin_hub.loop.setpoint_choice import SetpointChoice
 from porotwin_hub.loop.state_estimation import StateEstimation
 from porotwin_hub.models.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
 from porotwin_hub.models.plant_knowledge import PlantKnowledge
-
-SAME_TIME_S = 0.5
-"""A forecast belongs to a photograph if their times differ by at most this [s]."""
 
 
 class Twin:
@@ -94,7 +92,7 @@ class Twin:
             data_driven = correcting_delivered(data_driven, learner)
         self._forecaster = Forecaster(self._physics, data_driven)
         self._photo_interval = photo_interval
-        self._times: deque[float] = deque(maxlen=2 * FEWEST)
+        self._times: deque[float] = deque(maxlen=2 * LEARNING_PHOTOGRAPHS)
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         if assumed is None and controller is not None:
             assumed = controller.limits.safe()
@@ -255,7 +253,7 @@ class Twin:
         if planned is None:
             return
         as_planned = all(same_rates(period.rates, planned.rates) for period in cycle.periods)
-        if as_planned and abs(planned.time - cycle.observation.time) <= SAME_TIME_S:
+        if as_planned and abs(planned.time - cycle.observation.time) <= SAME_PHOTOGRAPH_S:
             cycle.elapsed = planned
             return
         try:

@@ -19,7 +19,7 @@ class KeepInParameters(ObjectiveParameters):
     """The zone, and the distance [m] over which the mask falls from 1 to 0 inside it."""
 
     zone_m: Polygon | None = None
-    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)]
 
 
 def keep_in(rig: Rig, grid: Grid, parameters: KeepInParameters) -> WeightedTracer:

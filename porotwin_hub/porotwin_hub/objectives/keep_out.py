@@ -20,7 +20,7 @@ class KeepOutParameters(ObjectiveParameters):
 
     disallowed_zone_m: Polygon | None = None
     zones_m: tuple[Polygon, ...] = ()
-    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)]
 
 
 def keep_out(rig: Rig, grid: Grid, parameters: KeepOutParameters) -> WeightedTracer:

@@ -24,7 +24,7 @@ class ReachParameters(ObjectiveParameters):
     zone_m: Polygon | None = None
     at_min: Annotated[FiniteFloat, Field(gt=0)]
     concentration: Annotated[FiniteFloat, Field(ge=0, le=1)] = 1.0
-    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)]
 
 
 def reach(rig: Rig, grid: Grid, parameters: ReachParameters) -> TargetTracer:

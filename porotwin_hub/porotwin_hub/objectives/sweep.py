@@ -24,7 +24,7 @@ class SweepParameters(ObjectiveParameters):
 
     zones_m: tuple[Polygon, ...] = ()
     concentration: Annotated[FiniteFloat, Field(ge=0, le=1)] = 1.0
-    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)]
 
 
 def sweep(rig: Rig, grid: Grid, parameters: SweepParameters) -> TargetTracer:

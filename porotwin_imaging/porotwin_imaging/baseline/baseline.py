@@ -21,7 +21,6 @@ from porotwin_core.geometry.orientation import UPRIGHT, orientation
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.baseline.baseline_agreement import common_light, refuse_other_sand
 from porotwin_imaging.baseline.baseline_mask import (
-    BASELINE_MASK,
     BaselineMask,
     baseline_mask,
     texture,
@@ -30,7 +29,7 @@ from porotwin_imaging.baseline.baseline_subtraction import log_ratio
 from porotwin_imaging.baseline.corner_check import odd_corners as find_odd_corners
 from porotwin_imaging.geometry.alignment import ReferenceFeatures, align, reference_features
 from porotwin_imaging.geometry.corners_and_lens import Geometry
-from porotwin_imaging.geometry.frame import VALIDITY
+from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY
 from porotwin_imaging.geometry.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.geometry.sampling import Sampling, choose_reduction
 from porotwin_imaging.light.colour_correction import ColourReference, colour_reference
@@ -355,11 +354,11 @@ def _remarks_on_exposure(colours: Array) -> list[str]:
     """
     clipped = colours.max(axis=2) >= OVER_EXPOSED
     share = float(clipped.mean())
-    if share > VALIDITY.most_over_exposed:
+    if share > VALIDITY.most_left_out:
         raise InputError(
             f'baseline is over-exposed on {100 * share:.0f} % of the rig; shorten the exposure'
         )
-    if share < BASELINE_MASK.reported_over_exposed:
+    if share < LARGE_SHARE:
         return []
     return [f'{100 * share:.1f} % of the rig is over-exposed: tracer is not seen there']
 

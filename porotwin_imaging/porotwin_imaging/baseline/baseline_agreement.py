@@ -6,11 +6,11 @@ Light drifts from baseline to baseline, and the camera shakes. Both are correcte
 
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_imaging.light.light_check import SMALLEST_WINDOW, window_mean
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -24,8 +24,6 @@ _MOST_SHARE = 0.003
 and rendered injections cover 0.008."""
 _WINDOWS_ACROSS = 60
 """Windows of the averages across the rig: a fine grid has noisy cells."""
-_LEAST_WINDOW = 3
-"""Cells across the smallest window: one cell is noise."""
 
 
 def common_light(log_ratio: Array, visible: Mask) -> Array:
@@ -49,7 +47,8 @@ def refuse_other_sand(residual: Array, visible: Mask, first: str) -> None:
     Raises:
         InputError: the sand differs on more than a small share.
     """
-    changed = np.abs(_window_mean(residual, visible)).max(axis=2) > _MOST_CHANGE
+    size = max(SMALLEST_WINDOW, round(visible.shape[1] / _WINDOWS_ACROSS)) | 1
+    changed = np.abs(window_mean(residual, visible, size)).max(axis=2) > _MOST_CHANGE
     share = float((changed & visible).sum() / max(1, visible.sum()))
     if share > _MOST_SHARE:
         raise InputError(
@@ -57,12 +56,3 @@ def refuse_other_sand(residual: Array, visible: Mask, first: str) -> None:
             'hand, an object, a shadow or tracer; remove that one from the baselines (a running '
             'twin forgets its first baseline only at a restart)'
         )
-
-
-def _window_mean(residual: Array, visible: Mask) -> Array:
-    """Return the mean of `residual` (nz, nx, 3) over the visible cells of windows."""
-    size = max(_LEAST_WINDOW, round(visible.shape[1] / _WINDOWS_ACROSS)) | 1
-    weight = cv2.blur(visible.astype(np.float32), (size, size))
-    filled = np.where(visible[..., None], residual, 0.0).astype(np.float32)
-    least = np.float32(1.0 / size**2)
-    return np.asarray(cv2.blur(filled, (size, size)) / np.maximum(weight, least)[..., None])

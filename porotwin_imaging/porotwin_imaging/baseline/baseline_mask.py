@@ -23,8 +23,6 @@ class BaselineMaskSettings:
 
     least_light: float = 0.012
     """Linear brightness below which a sample is frame or deep shadow [-]."""
-    reported_over_exposed: float = 0.005
-    """Share of over-exposed samples from which it is reported [-]; bolts and glass reflect less."""
     smooth_texture: float = 0.25
     """Texture relative to the median of the rig below which there is water instead of sand [-]."""
     detection_columns: int = 900

@@ -19,7 +19,7 @@ from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_imaging.baseline.baseline import Baseline
 from porotwin_imaging.baseline.photo_cells import PhotoCells, photo_cells
 from porotwin_imaging.baseline.validity import hidden_sand
-from porotwin_imaging.geometry.frame import VALIDITY
+from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY
 from porotwin_imaging.numerics.cell_sums import BlockSums
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 from porotwin_imaging.photograph.linear_light import linear_light
@@ -31,8 +31,6 @@ _COMPARED = 4
 """Photographs that are compared, evenly spread: a hand is not in the same place in all of them."""
 _FEWEST = 2
 """Fewest photographs that can agree with each other."""
-_LEAST_SHARE = 0.005
-"""Share of the sand below which a hole is not told [-]. Undisturbed photographs have none."""
 _CLEARER = 2.0
 """Ratio of the contrasts of grains with and without a cover."""
 _MOSTLY = 0.7
@@ -111,12 +109,12 @@ def _hole(
             reference = replace(baseline, colours=_colours(cells, baseline))
         else:
             agree = agree & _agreeing(photographs[place], reference)
-        if (differs & agree).sum() < _LEAST_SHARE * sand.sum():
+        if (differs & agree).sum() < LARGE_SHARE * sand.sum():
             return None, count
     if count < _FEWEST:
         return None, count
     hole = _of_the_baseline(differs, agree, clearer, blurred)
-    return (hole if hole.sum() >= _LEAST_SHARE * sand.sum() else None), count
+    return (hole if hole.sum() >= LARGE_SHARE * sand.sum() else None), count
 
 
 def _cells(read: Callable[[], bytes], baseline: Baseline) -> PhotoCells | None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums
+from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 
@@ -46,8 +47,6 @@ _LEAST_ORDINARY = 0.5
 """The ordinary scatter is raised to this, relative to the median of the photograph [-]."""
 _LEAST_SCATTER = 1e-4
 """The ordinary scatter is raised to this relative variance: no camera has less noise than 1 %."""
-_TOP_PERCENTILE = 99.5
-"""Percentile of the scatter that is the top of the 8-bit scale of the median."""
 
 
 def thin_objects(blocks: BlockSums) -> Mask:
@@ -94,7 +93,7 @@ def _ordinary(scatter: Array, judged: Mask) -> Array:
     """Return the median scatter around each block, computed with 8 bits of its square root."""
     middle = float(np.median(scatter[judged]))
     root = np.sqrt(np.where(judged, scatter, middle))
-    top = max(float(np.percentile(root[judged], _TOP_PERCENTILE)), SMALLEST_DIVISOR)
+    top = max(float(np.percentile(root[judged], TOP_PERCENTILE)), SMALLEST_DIVISOR)
     levels = np.clip(root / top * 255, 0, 255).astype(np.uint8)
     median = (cv2.medianBlur(levels, _AROUND) / 255.0 * top) ** 2
     return np.maximum(median, max(_LEAST_ORDINARY * middle, _LEAST_SCATTER))

@@ -62,7 +62,7 @@ def unclipped_cells(sums: CellSums, share: Array) -> tuple[Mask, list[str]]:
     sand = share > VALIDITY.least_visible_share
     clipped = sand & (share - sums.share > VALIDITY.most_clipped_samples * share)
     part = float(clipped.sum() / max(1, sand.sum()))
-    if part > VALIDITY.most_over_exposed:
+    if part > VALIDITY.most_left_out:
         raise InputError(
             f'photograph is over-exposed on {100 * part:.0f} % of the sand; shorten the exposure'
         )

@@ -69,7 +69,7 @@ from porotwin_imaging.calibrating.signal_choice import SIGNAL, SignalChoice, cho
 from porotwin_imaging.calibrating.stock_level import StockLevels, diluted_signals, stock_levels
 from porotwin_imaging.calibrating.stock_signal import StockSignal, find_stock_signal
 from porotwin_imaging.geometry.sampling import SAMPLING
-from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS, SPREAD_PER_DEVIATION
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.photograph.photo_names import named
 from porotwin_imaging.tracer.calibration import Calibration, Labels
@@ -77,8 +77,8 @@ from porotwin_imaging.tracer.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
 
-_TRACER_SPREADS, _TRACER_SIGMA, _TRACER_MARGIN = 4, 3, (9, 9)
-"""Cells with tracer: spreads above the background, blur and margin around them [cells]."""
+_TRACER_SIGMA, _TRACER_MARGIN = 3, (9, 9)
+"""Cells with tracer: blur, and margin around them [cells]."""
 _PLUME_SHARE = 0.1
 """Parts of the tracer whose smoothed signal stays below this share of the largest one are remaining
 light [-]. It reaches 0.04 in rendered photographs."""
@@ -577,7 +577,7 @@ def _only_tracer(signal: Array) -> Array:
     filled = np.nan_to_num(signal).astype(np.float32)
     smooth = cv2.GaussianBlur(filled, (0, 0), _TRACER_SIGMA)
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
-    tracer = (smooth > _TRACER_SPREADS * spread + SIGNAL.least_signal).astype(np.uint8)
+    tracer = (smooth > NOISE_SPREADS * spread + SIGNAL.least_signal).astype(np.uint8)
     around = cv2.dilate(tracer, np.ones(_TRACER_MARGIN, np.uint8)) > 0
     _, parts = cv2.connectedComponents(around.astype(np.uint8))
     plumes = np.unique(parts[smooth > _PLUME_SHARE * float(smooth.max())])

@@ -23,6 +23,7 @@ from porotwin_imaging.calibrating.calibration_evidence import (
 )
 from porotwin_imaging.calibrating.core_trend import TRUST, core_trend
 from porotwin_imaging.calibrating.plume_evidence import PlumeEvidence
+from porotwin_imaging.calibrating.sands import SANDS
 
 
 class CalibrationRefused(InputError):  # noqa: N818  a state of the work
@@ -275,7 +276,7 @@ def _sands(sands: Sequence[SandEvidence]) -> Iterator[Remark]:
     wrong = {
         number: one.factor
         for number, one in enumerate(sands)
-        if one.source != 'prior' and (one.at_bound or not _plausible(one.factor))
+        if one.source != 'prior' and one.at_bound
     }
     if wrong:
         yield _remark(
@@ -284,15 +285,10 @@ def _sands(sands: Sequence[SandEvidence]) -> Iterator[Remark]:
             '({sands}); likely: sands.png takes lamps or tubes for sand, or the corners of the '
             'camera are wrong; correct sands.png or camera.corners_px, or photograph a plume that '
             'fills these sands',
-            limit=TRUST.most_factor,
+            limit=SANDS.widest_factor,
             sands=', '.join(f'sand {number} x {factor:.2f}' for number, factor in wrong.items()),
             factors=wrong,
         )
-
-
-def _plausible(factor: float) -> bool:
-    """Return whether a sand may have this factor."""
-    return 1 / TRUST.most_factor <= factor <= TRUST.most_factor
 
 
 def _level(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Remark]:

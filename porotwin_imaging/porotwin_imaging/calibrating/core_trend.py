@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porotwin_imaging.calibrating.calibration_evidence import PhotographEvidence
+from porotwin_imaging.calibrating.plume_core import CORE
 
 
 @dataclass(frozen=True)
@@ -38,16 +39,11 @@ class TrustSettings:
     """Least signal at the injecting well relative to the level of the plume [-]."""
     least_followers: float = 0.6
     """Least share of photographs that agree with each other [-]."""
-    core_noise: float = 0.02
-    """Difference of two cores that noise causes at most [-]: two deviations of the difference of
-    two levels with `CoreSettings.level_error`."""
     fewest_core_levels: int = 4
     """Levels one after the other, each beyond the noise, that make a trend of the cores. A lamp or
     a moved camera makes two, before and after."""
     most_mass_misfit: float = 0.08
     """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
-    most_factor: float = 4.0
-    """Largest factor between two sands [-]. Real sands differ by less than 2."""
     least_strongest: float = 0.85
     """Least concentration of the injected fluid, relative to stock [-]."""
     most_bend: float = 0.17
@@ -107,7 +103,9 @@ def core_trend(photographs: Sequence[PhotographEvidence]) -> CoreTrend | None:
     trend = CoreTrend(cored[0], cored[-1])
     sign = 1.0 if trend.rises else -1.0
     levels = [sign * one.core_level for one in cored]
-    if _rising_levels(levels, TRUST.core_noise) < TRUST.fewest_core_levels:
+    # the deviation of a difference of two levels
+    noise = TRUST.sure_deviations * math.sqrt(2.0) * CORE.level_error
+    if _rising_levels(levels, noise) < TRUST.fewest_core_levels:
         return None
     return trend
 

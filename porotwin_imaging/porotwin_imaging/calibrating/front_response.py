@@ -24,6 +24,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.numerics.cell_sums import tile_of
+from porotwin_imaging.tracer.calibration import CLEAN
 from porotwin_imaging.tracer.response_family import concentration_of
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO, Contrast
 
@@ -82,12 +83,8 @@ _TONE = 2.2
 """Grey levels are light to the power 1 / 2.2; JPEG and remapping blur grey levels."""
 _POINTS = (2, 6)
 """Fewest and most points of a modelled map across a cell."""
-_PLUME = 0.01
-"""Higher concentrations are plume [-]."""
 _MARGIN_CELLS = 4
 """Surroundings of a plume that its blur reaches [cells]."""
-_FACTORS = (0.2, 5.0)
-"""Mass factors that a model is run for [-]; others belong to a wrong pump log."""
 _LOW, _HIGH = 1, 8
 """Levels between which the width of a front is measured."""
 
@@ -151,10 +148,8 @@ def fit_fronts(
     Raises:
         InputError: the model cannot run.
     """
-    if (
-        len(seen.chosen) < MASS_BALANCE.fewest_photographs
-        or not _FACTORS[0] < mass_factor < _FACTORS[1]
-    ):
+    most = MASS_BALANCE.most_factor
+    if len(seen.chosen) < MASS_BALANCE.fewest_photographs or not 1 / most < mass_factor < most:
         return None
     hidden = np.any([~np.isfinite(seen.signals[number]) for number in seen.chosen], axis=0)
     volume = np.where(hidden, 0.0, seen.pore_volume)
@@ -234,7 +229,7 @@ def _around_plume(
     """
     single = np.asarray(concentration, np.float32)
     rows, columns = shape
-    cells = cv2.resize(single, (columns, rows), interpolation=cv2.INTER_AREA) > _PLUME
+    cells = cv2.resize(single, (columns, rows), interpolation=cv2.INTER_AREA) > CLEAN
     place = []
     for axis, size in ((1, rows), (0, columns)):
         used = np.nonzero(cells.any(axis=axis))[0]

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.calibrating.plume_core import CORE
+
 
 @dataclass(frozen=True)
 class MassBalanceSettings:
@@ -42,9 +44,6 @@ class MassBalanceSettings:
     """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
     fault_share: float = 0.05
     """Share of the experiments that have such a fault [-]."""
-    outlier_distance: float = 0.03
-    """Photographs that are farther from the common line disagree with it, relative to the largest
-    injected mass [-]."""
     expected_bend: float = -0.02
     """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
     fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
@@ -100,7 +99,7 @@ def fit_line(
     seen, volume = np.asarray(imaged, float), np.asarray(injected, float)
     largest = float(volume.max())
     error = np.hypot(MASS_BALANCE.photograph_error * volume, MASS_BALANCE.common_error * largest)
-    limit = MASS_BALANCE.outlier_distance * largest
+    limit = CORE.outlier * largest
     agree = np.ones(len(seen), bool)
     factor, offset, spread = _line(seen, volume, error, MASS_BALANCE.offset_error * largest)
     for _ in range(_ROBUST_ROUNDS):

@@ -22,7 +22,7 @@ class CoreSettings:
     """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
     about half the signal of stock in coarse sand."""
     fewest_cells: int = 40
-    """Cells of a core: their median is known to 1 % although grains scatter by 5 %."""
+    """Cells of a core, or of tracer: their median is known to 1 % while grains scatter by 5 %."""
     plateau_share: float = 0.88
     """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
     least_share: float = 0.3
@@ -35,7 +35,8 @@ class CoreSettings:
     """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
     reached."""
     outlier: float = 0.04
-    """Photographs whose core differs from the others by more disagree with them [-]."""
+    """Photographs whose core differs from the others by more disagree with them [-], as do those
+    whose mass is as far from the common line, relative to the largest injected mass."""
     interface_cells: int = 2
     """Cells this near to another sand belong to no core: pixels and labels mix there."""
 
@@ -52,7 +53,7 @@ _SMOOTH = (3, 3)
 """Cells whose mean decides about the level of a cell: grains are uneven."""
 _STRONG_PERCENTILE, _TOP_PERCENTILE = 90.0, 95.0
 """Percentiles of the strong and of the deep cells that count as their top."""
-_STRONG_SHARE = 0.3
+STRONG_SHARE = 0.3
 """Cells above this share of the largest signal are strong [-]."""
 
 
@@ -83,7 +84,7 @@ def strong_signal(signals: Sequence[Array]) -> float:
     top = max(float(plane.max()) for plane in smooth)
     if top <= 0:
         return 0.0
-    strong = np.concatenate([plane[plane > _STRONG_SHARE * top] for plane in smooth])
+    strong = np.concatenate([plane[plane > STRONG_SHARE * top] for plane in smooth])
     return float(np.percentile(strong, _STRONG_PERCENTILE))
 
 

@@ -18,18 +18,16 @@ from numpy.typing import NDArray
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule, ScheduleRow
 from porotwin_core.rig import Rig
+from porotwin_imaging.calibrating.plume_core import CORE
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _BLUR_CELLS = 1.5
 """The signal is smoothed over this reach: single cells are noise [cells]."""
-_TOP_SHARE, _LEVEL_PERCENTILE = 0.5, 60.0
-"""Level inside the plume: this percentile of the signals above this share of the largest one."""
-_HALF = 0.5
-"""Edge of a plume relative to its level [-]."""
-_FEWEST_CELLS = 40
-"""Cells of a plume whose place is known."""
+_HALF, _LEVEL_PERCENTILE = 0.5, 60.0
+"""Level inside the plume: this percentile of the signals above half of the largest one; the edge
+lies at half of the level."""
 _LARGE_SHARE = 0.5
 """Photographs with this share of the largest injected volume show the volume of the plume [-]."""
 _MIDDLE = 0.25
@@ -129,7 +127,7 @@ def _region(signal: Array) -> tuple[Mask, float]:
     top = float(smooth.max())
     if top <= 0:
         return np.zeros(signal.shape, bool), 0.0
-    level = float(np.percentile(smooth[smooth > _TOP_SHARE * top], _LEVEL_PERCENTILE))
+    level = float(np.percentile(smooth[smooth > _HALF * top], _LEVEL_PERCENTILE))
     return smooth > _HALF * level, level
 
 
@@ -142,7 +140,7 @@ def _outline(region: Mask) -> Mask:
     for contour in contours:
         part = np.zeros(region.shape, np.uint8)
         cv2.drawContours(part, [contour], -1, 1, cv2.FILLED)
-        if region[part > 0].sum() >= _FEWEST_CELLS:
+        if region[part > 0].sum() >= CORE.fewest_cells:
             filled |= part
     return np.asarray(cv2.dilate(filled, np.ones((2 * _MARGIN_CELLS + 1,) * 2, np.uint8)) > 0)
 
@@ -181,7 +179,7 @@ def _filled(regions: Sequence[Mask], fluids: Sequence[float], rig: Rig, grid: Gr
     ratios = [
         float(volume[region].sum()) / fluid
         for region, fluid in zip(regions, fluids, strict=True)
-        if region.sum() >= _FEWEST_CELLS and fluid > 0 and fluid >= _LARGE_SHARE * max(fluids)
+        if region.sum() >= CORE.fewest_cells and fluid > 0 and fluid >= _LARGE_SHARE * max(fluids)
     ]
     return float(np.median(ratios)) if ratios else math.nan
 

@@ -23,7 +23,7 @@ from scipy.interpolate import PchipInterpolator
 
 from porotwin_imaging.calibrating.front_response import FrontFit
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
-from porotwin_imaging.tracer.calibration import Response
+from porotwin_imaging.tracer.calibration import STOCK, Response
 from porotwin_imaging.tracer.response_family import FAMILIES, MOST_BEND, concentration_of
 
 Array = NDArray[Any]
@@ -40,8 +40,6 @@ _POINTS = np.linspace(0.0, 1.2, 25)
 """Points of the response curve [relative signal]."""
 _BEND_STEP = 0.005
 """Change of the bend [-] for the derivative of the curve."""
-_STOCK = 0.999
-"""Dilutions above this concentration are stock [-]."""
 _FEWEST_POINTS = 2
 """Dilutions between water and stock that can correct the curve of a family."""
 
@@ -147,7 +145,7 @@ def _corrections(
 
     Photographs of the same dilution are averaged.
     """
-    known = sorted({one.concentration for one in dilutions if 0 < one.concentration < _STOCK})
+    known = sorted({one.concentration for one in dilutions if 0 < one.concentration < STOCK})
     if len(known) < _FEWEST_POINTS:
         return (), ()
     signals = [

@@ -20,12 +20,13 @@ from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.calibrating.calibration_fit import calibration_grid
+from porotwin_imaging.calibrating.core_trend import TRUST
 from porotwin_imaging.calibrating.front_response import FRONTS
 from porotwin_imaging.calibrating.plume_core import CORE
-from porotwin_imaging.calibrating.sands import SandLevel
+from porotwin_imaging.calibrating.sands import SANDS, SandLevel
 from porotwin_imaging.calibrating.stock_level import StockLevels, stock_levels
 from porotwin_imaging.photo_to_map import compare_with_baseline
-from porotwin_imaging.tracer.calibration import Calibration
+from porotwin_imaging.tracer.calibration import STOCK, Calibration
 
 Array = NDArray[Any]
 
@@ -34,12 +35,6 @@ Photograph = tuple[float, Callable[[], bytes]]
 
 _MOST_PHOTOGRAPHS = 8
 """Photographs that are compared; more hardly tell more."""
-_STOCK = 0.999
-"""Injected concentrations from this on are stock [-]."""
-_CORE_ERROR = 0.02
-"""Relative standard deviation of a core that water may have thinned [-]: measured, 0.01."""
-_MOST_DEVIATIONS = 2.0
-"""A core farther from the guess than this many deviations is not stock."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +96,7 @@ def _with_stock(photographs: Sequence[Photograph], schedule: Schedule | None) ->
         return []
     begins, ends = math.inf, math.inf
     for row in schedule.rows:
-        if row.rate.rate > 0 and row.rate.concentration >= _STOCK:
+        if row.rate.rate > 0 and row.rate.concentration >= STOCK:
             begins = min(begins, row.time)
         elif row.rate.rate > 0 and row.rate.concentration > 0:
             ends = min(ends, row.time)
@@ -173,9 +168,9 @@ def _with_levels(
         before, guess_error = factors[sand], deviations[sand]
         apart = math.log(_level_of_stock(calibration) / (one.level * before))
         known = guess_error < FRONTS.surest_factor
-        if known or abs(apart) > _MOST_DEVIATIONS * guess_error:
+        if known or abs(apart) > TRUST.sure_deviations * guess_error:
             continue
-        core_error = math.hypot(one.deviation, _CORE_ERROR)
+        core_error = math.hypot(one.deviation, SANDS.place_error)
         share = guess_error**2 / (guess_error**2 + core_error**2)
         factors[sand] = before * math.exp(share * apart)
         deviations[sand] = guess_error * math.sqrt(1.0 - share)

@@ -29,13 +29,12 @@ class SandSettings:
     separation: float = 3.0
     """Distance of two classes below which they are one sand [spreads of their features]."""
     least_spread: float = 0.05
-    """Smallest spread of a feature [log]: light and lens alone cause this much."""
+    """Smallest spread of a feature, and least jump of a channel at an edge of a sand [log]: light
+    and lens alone cause this much."""
     smallest_share: float = 0.004
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
-    lamp_jump: float = 0.05
-    """Jump of a colour channel at an interface below which it is no edge of a sand [log]."""
     lamp_texture: float = 0.25
     """Difference of texture across an interface below which it is no edge of a sand [log]."""
     least_signal: float = 0.3
@@ -63,13 +62,13 @@ class SandSettings:
     packing, and light that the picture does not tell from sand. An estimate."""
     place_error: float = 0.02
     """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
-    core tells only its own place. An estimate."""
+    core tells only its own place, and water may have thinned it: measured, 0.01."""
     described_reach_cells: int = 4
     """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
     described_share: float = 0.008
     """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
     widest_factor: float = 2.5
-    """Largest factor of a sand, and the inverse of the smallest."""
+    """Largest factor of a sand, and inverse of the smallest. Real sands differ by less than 2."""
 
 
 SANDS = SandSettings()
@@ -310,7 +309,7 @@ def _without_lamps(labels: Labels, logs: Array, rough: Array, visible: NDArray[n
         if len(jump) < SANDS.fewest_pairs:
             continue
         middle = np.abs(np.median(jump, axis=0))
-        if middle[:-1].max() < SANDS.lamp_jump and middle[-1] < SANDS.lamp_texture:
+        if middle[:-1].max() < SANDS.least_spread and middle[-1] < SANDS.lamp_texture:
             merged[merged == merged[labels == second][0]] = merged[labels == first][0]
     return merged
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+from porotwin_imaging.calibrating.plume_core import CORE, STRONG_SHARE
 from porotwin_imaging.tracer.tracer_signal import (
     CHANNELS,
     Contrast,
@@ -26,10 +27,6 @@ from porotwin_imaging.tracer.tracer_signal import (
 class CalibrationSettings:
     """The calibration from photographs of an injection (`calibration_fit.py`)."""
 
-    tracer_share: float = 0.3
-    """Cells above this share of the strongest signal count as tracer for the weights [-]."""
-    fewest_tracer_cells: int = 30
-    """Cells with tracer that determine the weights of the channels."""
     least_log_ratio: float = 0.05
     """A strongest signal below this is no tracer [log ratio]."""
     least_signal: float = 0.002
@@ -38,8 +35,6 @@ class CalibrationSettings:
     """Relative standard deviation of a scale from the pump log [-]: an estimate."""
     scale_error_without_log: float = 0.1
     """The same if the strongest signal is taken for tracer stock [-]."""
-    stock_percentile: float = 95.0
-    """Percentile of the strong signals that is taken for tracer stock without a pump log."""
 
 
 SIGNAL = CalibrationSettings()
@@ -57,8 +52,6 @@ _PALE, _DEEP = (0.2, 0.5), (0.8, 1.2)
 """Shares of the strong signal between which cells are pale, and full of tracer [-]."""
 _SINGLE_CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Weights that take red, green and blue alone."""
-_FEWEST_PALE = 20
-"""Pale cells and full cells that determine the ratio of two channels."""
 _LEAST_SLOPE = 0.1
 """Channels that absorb less than this share of the red light do not tell the ratio."""
 _CLEARLY_STRAIGHTER = 0.04
@@ -101,10 +94,10 @@ def choose_signal(
     ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
     strength = -ratios.mean(axis=1)
     strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
-    tracer = strength > SIGNAL.tracer_share * strongest
+    tracer = strength > STRONG_SHARE * strongest
     deviation = float(np.median(np.abs(strength - np.median(strength))))
     quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
-    if tracer.sum() < SIGNAL.fewest_tracer_cells or strongest < SIGNAL.least_log_ratio:
+    if tracer.sum() < CORE.fewest_cells or strongest < SIGNAL.least_log_ratio:
         raise CalibrationRefused(
             'calibration: no photograph shows tracer; use ones of an injection with a dye that '
             'darkens the sand'
@@ -148,7 +141,7 @@ def _colour_bend(contrast: Contrast, ratios: Array) -> float:
     strong = float(np.percentile(red, _STRONG_PERCENTILE))
     level = float(np.median(red[red > 0.5 * strong]))
     pale, full = ((red > low * level) & (red < high * level) for low, high in (_PALE, _DEEP))
-    if min(pale.sum(), full.sum()) < _FEWEST_PALE:
+    if min(pale.sum(), full.sum()) < CORE.fewest_cells:
         return float('nan')
     changes = [
         abs(np.log(max(_slope(red[pale], other[pale]), 1e-3) / _slope(red[full], other[full])))

@@ -9,17 +9,14 @@ from numpy.typing import NDArray
 from porotwin_imaging.calibrating.calibration_evidence import Anchor
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE, fit_line
-from porotwin_imaging.calibrating.plume_core import CORE
+from porotwin_imaging.calibrating.plume_core import CORE, strong_signal
 from porotwin_imaging.calibrating.sands import SandFactors
 from porotwin_imaging.calibrating.signal_choice import SIGNAL
 from porotwin_imaging.calibrating.stock_level import StockLevels
+from porotwin_imaging.tracer.calibration import STOCK
 
 Array = NDArray[Any]
 
-_TOP_SHARE = 0.3
-"""Without core and log, stock is a percentile of the signals above this share of the largest."""
-_STOCK = 0.999
-"""Dilutions above this concentration are stock and show its level [-]."""
 _MEASURED = ('dilutions', 'core')
 """Anchors that measure the level of stock; the others take it from the mass."""
 
@@ -67,7 +64,7 @@ def find_stock_signal(
         InputError: there is neither a core nor a dilution, and the signal does not grow with the
             injected mass.
     """
-    full = [signal for concentration, signal in diluted if concentration > _STOCK]
+    full = [signal for concentration, signal in diluted if concentration > STOCK]
     if full:
         return StockSignal('dilutions', float(np.median(full)), CORE.level_error)
     if stock.levels:
@@ -79,9 +76,7 @@ def find_stock_signal(
     if injected:
         level, deviation = _level_by_mass(integrals, injected, rates_file)
         return StockSignal('mass', level, deviation)
-    strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
-    top = float(np.nanpercentile(strong, SIGNAL.stock_percentile))
-    return StockSignal('strongest signal', top, SIGNAL.scale_error_without_log)
+    return StockSignal('strongest signal', strong_signal(signals), SIGNAL.scale_error_without_log)
 
 
 def _level_by_mass(

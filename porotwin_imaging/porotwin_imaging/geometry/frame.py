@@ -25,8 +25,9 @@ class ValiditySettings:
     most_clipped_samples: float = 0.05
     """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
     remain are not the same everywhere."""
-    most_over_exposed: float = 0.25
-    """Photographs that are over-exposed on more than this share of the sand are refused [-]."""
+    most_left_out: float = 0.25
+    """Photographs that lose more than this share of the sand to over-exposure, or to reflections
+    and foreign colours with their surroundings, are refused [-]."""
     most_hidden: float = 0.4
     """Photographs that hide or damage more than this share of the sand are refused [-]."""
     least_correlation: float = 0.25
@@ -46,8 +47,12 @@ VALIDITY = ValiditySettings()
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_REPORTED_SHARE = 1e-3
-"""Least share of the sand that is reported [-]: less is the edge of an ordinary shake."""
+LARGE_SHARE = 0.005
+"""Share of the rig from which other light is told, and a hole of the baseline [-]: bolts and glass
+reflect less."""
+TOLD_SHARE = 1e-3
+"""Least share of the sand whose loss is told [-]: less is the edge of an ordinary shake, or some
+cells at a wire."""
 
 
 def visible_means(plane: Array, visible: Mask, shape: tuple[int, int]) -> tuple[Array, Array]:
@@ -104,6 +109,6 @@ def frame_remarks(share: Array, framed: Array) -> list[str]:
             f'photograph does not show {100 * lost:.0f} % of the sand: the camera has moved too '
             'far; set it back or take a new baseline'
         )
-    if lost < _REPORTED_SHARE:
+    if lost < TOLD_SHARE:
         return []
     return [f'{100 * lost:.1f} % of the sand has left the frame: unknown']

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.frame import TOLD_SHARE
 from porotwin_imaging.light.light_check import window_mean
-from porotwin_imaging.tracer.tracer_colour import TracerColour, split
+from porotwin_imaging.light.light_drift import LIGHT
+from porotwin_imaging.tracer.tracer_colour import STRONG_HUE, TracerColour, split
 
 
 @dataclass(frozen=True)
@@ -28,10 +30,6 @@ class ForeignSignalSettings:
     rendered photographs of tracer.
     """
 
-    most_brighter: float = 0.1
-    """Brightening of one colour channel [log ratio] (0.053)."""
-    hue_error: float = 0.05
-    """Hue that noise and light make [log ratio] (0.04)."""
     most_turned: float = 0.8
     """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
     least_dark: float = 0.15
@@ -42,10 +40,6 @@ class ForeignSignalSettings:
     """Cells across a window that a thin line does not fill: tubes are thinner."""
     line_depth: float = 0.08
     """Darkening of a thin line relative to its sides [log ratio] (0.05): 5 % of stock."""
-    most_share: float = 0.15
-    """Share of the sand above which a photograph is refused [-]."""
-    most_left_out: float = 0.25
-    """The same for these changes, reflections and the surroundings of both together [-]."""
 
 
 FOREIGN_SIGNAL = ForeignSignalSettings()
@@ -56,8 +50,6 @@ Mask = NDArray[np.bool_]
 
 _SPECK = (2, 2)
 """Places smaller than this are noise [cells]."""
-_TOLD_SHARE = 5e-4
-"""Smaller shares of the sand, some cells at a wire, are left out without a remark [-]."""
 _GRAINS = 3.0
 """Darkening of a line over the median of all places [-]. Normal noise has a median of about two
 standard deviations there, and hardly a cell is three times as dark."""
@@ -83,7 +75,7 @@ def without_foreign_signal(
         InputError: too much of the sand shows something else.
     """
     smooth = window_mean(residual, visible)
-    foreign = smooth.max(axis=2) > FOREIGN_SIGNAL.most_brighter + scatter
+    foreign = smooth.max(axis=2) > LIGHT.most_brighter + scatter
     if colour is not None:
         foreign |= _another_colour(smooth, colour)
     foreign &= visible
@@ -93,7 +85,7 @@ def without_foreign_signal(
     foreign |= _dark_lines(residual, visible, foreign)
     count = max(1, int(visible.sum()))
     share = float(foreign.sum() / count)
-    if share > FOREIGN_SIGNAL.most_share:
+    if share > LIGHT.most_foreign_share:
         raise InputError(
             f'photograph shows what tracer cannot make on {100 * share:.0f} % of the sand: another '
             'dye, a pH indicator, gas or coloured light; use a baseline and a calibration of this '
@@ -105,7 +97,7 @@ def without_foreign_signal(
     lost = float((left_out & visible).sum() / count)
     part = f'{100 * lost:.1f} % of the sand'
     remark = f'{part} has a colour that tracer cannot make: this part is left out'
-    return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
+    return visible & ~left_out, [remark] if lost > TOLD_SHARE else []
 
 
 def _dark_lines(residual: Array, visible: Mask, foreign: Mask) -> Mask:
@@ -130,8 +122,8 @@ def _another_colour(smooth: Array, colour: TracerColour) -> Mask:
     grey, hue = split(smooth)
     along = hue @ colour.direction.astype(hue.dtype)
     across = np.linalg.norm(hue - along[..., None] * colour.direction, axis=2)
-    turned = across > FOREIGN_SIGNAL.hue_error + FOREIGN_SIGNAL.most_turned * np.maximum(along, 0.0)
-    opposite = along < -FOREIGN_SIGNAL.hue_error
+    turned = across > STRONG_HUE + FOREIGN_SIGNAL.most_turned * np.maximum(along, 0.0)
+    opposite = along < -STRONG_HUE
     dark = grey < -FOREIGN_SIGNAL.least_dark
     colourless = dark & (along < FOREIGN_SIGNAL.least_hue * colour.strength * -grey)
     return np.asarray(turned | opposite | colourless, bool)

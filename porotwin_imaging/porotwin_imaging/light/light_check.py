@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
+from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_WINDOW = 3
+SMALLEST_WINDOW = 3
 """Cells across the window of averaged light: one cell is noise."""
 _OUTERMOST = (1, 99)
 """Percentiles of the light over the sand that count as its dimmest and brightest part."""
@@ -35,8 +36,6 @@ _LEAST_COLOUR = 0.02
 _MOST_GREY_DIFFERENCE = 1
 """Largest difference of the channels in a grey photograph [grey levels]. It is 0 in a grey JPEG,
 and more for white sand: noise of the sensor colours it."""
-_COLOUR_PERCENTILE = 99.5
-"""Percentile of the difference over the photograph: damaged pixels do not count."""
 
 
 def lit_as_baseline(
@@ -57,7 +56,7 @@ def lit_as_baseline(
     smooth = cv2.transform(window_mean(residual, visible), _GREY)
     brighter = visible & (smooth > LIGHT.most_brighter + scatter)
     share = float(brighter.sum() / max(1, visible.sum()))
-    if share > LIGHT.most_brighter_share:
+    if share > LIGHT.most_foreign_share:
         raise InputError(
             f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
             'tracer cannot cause: another exposure, a flash or a lamp, or a shadow on the '
@@ -91,12 +90,12 @@ def spilled_light(residual: Array, bright: Mask, after: Array) -> Array:
     return np.asarray(added * np.exp(-0.5 * (away / reach) ** 2) / light, np.float32)
 
 
-def window_mean(residual: Array, visible: Mask) -> Array:
-    """Return the mean of `residual` (nz, nx, 3) over the visible cells of small windows."""
-    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
+def window_mean(residual: Array, visible: Mask, size: int = SMALLEST_WINDOW) -> Array:
+    """Return the mean of `residual` (nz, nx, 3) over the visible cells of windows `size` across."""
+    weight = cv2.blur(visible.astype(np.float32), (size, size))
     filled = np.where(visible[..., None], residual, np.float32(0.0)).astype(np.float32)
-    smooth = cv2.blur(filled, (_WINDOW, _WINDOW))
-    return np.asarray(smooth / np.maximum(weight, 1.0 / _WINDOW**2)[..., None])
+    smooth = cv2.blur(filled, (size, size))
+    return np.asarray(smooth / np.maximum(weight, 1.0 / size**2)[..., None])
 
 
 def refuse_unknown_light(
@@ -210,7 +209,7 @@ def refuse_grey_baseline(pixels: NDArray[np.uint8], signal: TracerSignal) -> Non
     if signal.tracer_colour is None:
         return
     difference = pixels.max(axis=2) - pixels.min(axis=2)
-    if float(np.percentile(difference, _COLOUR_PERCENTILE)) <= _MOST_GREY_DIFFERENCE:
+    if float(np.percentile(difference, TOP_PERCENTILE)) <= _MOST_GREY_DIFFERENCE:
         raise InputError(
             'photographs are grey, but the calibration is of coloured ones: set the camera to '
             'colour again, or calibrate with grey photographs'

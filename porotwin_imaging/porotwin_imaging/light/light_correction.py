@@ -17,7 +17,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_imaging.geometry.frame import VALIDITY, visible_means
 from porotwin_imaging.geometry.sampling import SAMPLING
 from porotwin_imaging.light.colour_checker import ChartLight
-from porotwin_imaging.light.foreign_signal import FOREIGN_SIGNAL, without_foreign_signal
+from porotwin_imaging.light.foreign_signal import without_foreign_signal
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
@@ -145,7 +145,7 @@ def corrected_light(
 def _refuse_much_left_out(seen: Mask, comparable: Mask) -> None:
     """Raise InputError if reflections and other colours hide too much of the sand together."""
     lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
-    if lost > FOREIGN_SIGNAL.most_left_out:
+    if lost > VALIDITY.most_left_out:
         raise InputError(
             f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
             f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '

@@ -45,9 +45,11 @@ class LightSettings:
     """Bin width of the histogram for the start value [log ratio]."""
     most_brighter: float = 0.08
     """Cells that are brighter than the baseline by more show a reflection [log ratio]. On real and
-    rendered photographs the averages over 3 x 3 cells stay below 0.022."""
-    most_brighter_share: float = 0.15
-    """Photographs that are brighter on more than this share of the sand are refused [-]."""
+    rendered photographs the averages over 3 x 3 cells stay below 0.022, and below 0.053 in
+    a single channel."""
+    most_foreign_share: float = 0.15
+    """Photographs that are brighter, or have colours without tracer, on more than this share of the
+    sand are refused [-]."""
 
 
 LIGHT = LightSettings()

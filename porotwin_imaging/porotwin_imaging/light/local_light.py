@@ -17,8 +17,9 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
-from porotwin_imaging.geometry.frame import VALIDITY, visible_means
+from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY, visible_means
 from porotwin_imaging.light.light_drift import LIGHT
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
 
 
@@ -48,16 +49,14 @@ _ROUNDS = 4
 """Fits with robust weights."""
 _BEND_PENALTY, _SLOPE_PENALTY = 0.03, 1e-4
 """Penalties on bends and slopes of the field, relative to the weight of the data of a node."""
-_TRACER_SPREADS, _TRACER_REACH = 4.0, 5
-"""Blocks above so many spreads contain tracer; so many blocks across around them may do."""
+_TRACER_REACH = 5
+"""So many blocks across around blocks with tracer may contain it too."""
 _SMALL, _LARGE = 3, 9
 """Blocks across the windows of averaged hue."""
 _EXPLAINED, _PALEST = 0.5, 0.01
 """Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
 _WINDOW = (5, 5)
 """Blocks over which missing light is averaged before it is judged."""
-_TOLD_SHARE = 0.005
-"""Unusual light on more than this share of the sand is told [-]."""
 _FIELD_ERROR = 0.1
 """Standard deviation of the field relative to its largest value: measured on photographs with
 known shadows [-]."""
@@ -117,12 +116,12 @@ def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
     the darkening there: wide and pale tracer.
     """
     noise, around = local_noise(tracer, seen), np.ones((_TRACER_REACH,) * 2, np.uint8)
-    strong = _average(tracer, seen, (_SMALL, _SMALL)) > _TRACER_SPREADS * noise / _SMALL
+    strong = _average(tracer, seen, (_SMALL, _SMALL)) > NOISE_SPREADS * noise / _SMALL
     spots = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     strong = np.asarray(cv2.dilate(spots, around)) > 0
     rest = seen & ~strong
     amount, darkening = (_average(p, rest, (_LARGE, _LARGE)) for p in (tracer, -grey))
-    pale = amount > np.maximum(_TRACER_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
+    pale = amount > np.maximum(NOISE_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
     pale &= rest & (darkening > _PALEST)
     return np.asarray(strong | (cv2.dilate(pale.astype(np.uint8), around) > 0))
 
@@ -209,7 +208,7 @@ def _remarks(log_gain: Array) -> list[str]:
     """Return what was corrected; `log_gain` (n,) are those of the visible cells."""
     lines, unusual = [], LOCAL_LIGHT.least_change
     for changed, word in ((log_gain < -unusual, 'darker'), (log_gain > unusual, 'brighter')):
-        if changed.mean() > _TOLD_SHARE:
+        if changed.mean() > LARGE_SHARE:
             most = 100 * abs(float(np.expm1(np.percentile(log_gain[changed], 50))))
             lines.append(
                 f'{100 * changed.mean():.0f} % of the sand is {word} without the colour of tracer, '

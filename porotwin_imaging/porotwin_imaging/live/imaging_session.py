@@ -6,10 +6,9 @@ photograph is an attribute here; the imaging itself (`photo_to_map.py`) has no s
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.geometry.corners_and_lens import Geometry
@@ -22,11 +21,6 @@ from porotwin_imaging.tracer.calibration import Calibration
 
 WAITING_PHOTOS = 64
 """State photographs that are kept until the baseline arrives, or until they are read."""
-TRACER_CONCENTRATION = 0.3
-"""Cells of a new baseline above this concentration contain tracer [-]. Dye that remains in the
-grains after an experiment is paler."""
-MOST_TRACER = 0.02
-"""Largest share of the rig that may contain tracer in a new baseline [-]."""
 
 
 @dataclass(frozen=True)
@@ -159,8 +153,8 @@ class ImagingSession:
             values = concentration_map(data, self.baseline).values
         except InputError:  # another view or sand cannot be compared with the old baseline
             return
-        share = float(np.mean(values[np.isfinite(values)] > TRACER_CONCENTRATION))
-        if share > MOST_TRACER:
+        share = tracer_share(values)
+        if share > FILLED_SHARE:
             raise InputError(
                 f'as a new baseline it shows tracer on {100 * share:.0f} % of the rig; take one '
                 'without tracer, or start the twin again. The baseline in use stays'

@@ -28,6 +28,7 @@ from scipy.signal import find_peaks
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 
 Array = NDArray[Any]
 
@@ -39,8 +40,6 @@ LEVEL = 0.1
 """Concentration of the outline [-]: well above the noise of clean sand, below any plume."""
 FINGER_M = 0.01
 """A finger reaches further than the places beside it by at least this [m], and by two cells."""
-PLUME_DEVIATIONS = 4.0
-"""The inside of the plume exceeds the deviation of clean sand by this factor: noise hardly does."""
 LEAST_INSIDE = 0.02
 """Least concentration of the plume's inside [-], for maps of unknown or tiny deviation. In maps
 without noise, as a model makes them, it counts relative to the peak: a pale plume is one too."""
@@ -193,7 +192,7 @@ def plume_cells(
 ) -> Array:
     """Return the cells that belong to the plume of a map (nz, nx): its inside and a margin.
 
-    The inside lies above `LEAST_INSIDE` and above `PLUME_DEVIATIONS` typical deviations of clean
+    The inside lies above `LEAST_INSIDE` and above `NOISE_SPREADS` typical deviations of clean
     sand, in parts of at least `SMALLEST_PART` cells. Each part has a peak above `CORE_NOISES` times
     the noise of clean sand, at most `LEVEL`, or an area above `PALE_M2`: others are noise. The
     margin is `MARGIN_M` wide. Small parts count where there is nothing else: a plume begins with
@@ -211,7 +210,7 @@ def plume_cells(
     if deviation is not None:
         clean = np.asarray(deviation)[(shown < LEVEL) & np.isfinite(deviation)]
         if clean.size:
-            level = min(max(level, PLUME_DEVIATIONS * float(np.median(clean))), LEVEL)
+            level = min(max(level, NOISE_SPREADS * float(np.median(clean))), LEVEL)
     inside = _without_noise(shown > edge[0] * level, shown, np.isfinite(values), grid, least)
     if not inside.any():
         return inside

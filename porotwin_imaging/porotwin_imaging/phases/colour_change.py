@@ -25,20 +25,13 @@ from porotwin_imaging.geometry.alignment import alignment_remarks
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_correction import light_at_chart
 from porotwin_imaging.light.light_check import refuse_unknown_light
-from porotwin_imaging.light.light_drift import LightDrift, light_drift
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.stopwatch import Stopwatch
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_SAME_LIGHT = 0.08
-"""Largest difference of water from the light that is known, in any channel [log]. Where the grains
-are lost, a darker colour is something in front of the sand; a brighter one may be gas."""
-_LEAST_WATER = 0.1
-"""Share of the sand that shows the light of the baseline if nothing else tells the light [-]."""
-_LEAST_FOR_SHAPE = 0.15
-"""Share of the sand that tells how the light varies over the rig [-]."""
 _FRONT_STEP = 0.25
 """Change of colour between neighbouring cells that is a front [log]."""
 
@@ -134,8 +127,9 @@ def colour_change(data: bytes, baseline: Baseline, water: Sequence[Box] = ()) ->
     )
     blocks = hidden_sand(cells.sums.blocks)
     lost = _covered(ratio, blocks, VALIDITY.windows_across) & visible
-    bright = lost & (ratio.max(axis=2) > _SAME_LIGHT)
-    covered = lost & ~bright & (ratio.min(axis=2) < -_SAME_LIGHT)
+    # without the grains, a darker colour is something before the sand; a brighter one may be gas
+    bright = lost & (ratio.max(axis=2) > LIGHT.most_brighter)
+    covered = lost & ~bright & (ratio.min(axis=2) < -LIGHT.most_brighter)
     reason = np.select(
         [cells.share <= VALIDITY.least_visible_share, ~unclipped, ~shown, covered],
         [OFF_SAND, OVER_EXPOSED, OFF_SAND, COVERED],
@@ -190,16 +184,16 @@ def _without_lamps(
         if gain is None:
             known = np.median(ratio[inside], axis=0)
     told = gain is not None or bool(water)
-    agrees = visible & (np.abs(ratio - known).max(axis=2) < _SAME_LIGHT)
+    agrees = visible & (np.abs(ratio - known).max(axis=2) < LIGHT.most_brighter)
     share = float(agrees.sum() / max(1, visible.sum()))
-    if not told and share < _LEAST_WATER:
+    if not told and share < LIGHT.least_background:
         drift = light_drift(ratio, visible.astype(float), None)
         refuse_unknown_light(ratio, visible, drift, chart_seen=False)
-    elif share < _LEAST_FOR_SHAPE:  # too little to tell how the light varies over the rig
+    elif share < LIGHT.least_background:  # too little to tell how the light varies over the rig
         constants = np.median(ratio[agrees], axis=0) if agrees.any() else known
         drift = LightDrift(np.asarray(constants, ratio.dtype), np.zeros_like(ratio[..., 0]), share)
     else:
-        drift = light_drift(ratio, agrees.astype(float), known, search_range=_SAME_LIGHT)
+        drift = light_drift(ratio, agrees.astype(float), known, search_range=LIGHT.most_brighter)
     return drift.removed_from(ratio)
 
 

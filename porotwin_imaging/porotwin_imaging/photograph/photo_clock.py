@@ -21,18 +21,17 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
+from porotwin_core.clock.freshness import STAMP_RESOLUTION_S
 from porotwin_core.clock.time_units import DAYS
 
 Trust = Literal['exif', 'file', 'arrival']
 """The first time that may be believed: all, all but EXIF, or the arrival alone."""
 
 EARLIEST_S = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
-"""Earlier times [s since 1970] are those of a clock that was reset: no rig is as old."""
+"""Earlier times [s since 1970] come from a clock that was reset: no rig is as old."""
 JITTER_S = 2.0
 """A time may lie after the arrival, or before the last stamp, by this [s]: clocks set over a
 network agree that well. A time farther before the last stamp is an older photograph."""
-STEP_S = 0.001
-"""Distance of two stamps [s] whose times are equal, as in EXIF times without sub-seconds."""
 OLD_INTERVALS = 10.0
 """Photographs that may be old get times before the arrival by this multiple of the interval. A
 setpoint lasts three intervals, so that nobody acts on them."""
@@ -222,7 +221,7 @@ def _stamp(
         reason = f"photograph '{evidence.name}' left out: it is {older}"
         return Stamp(None, (*lines, reason)), memory
     if memory.last is not None:
-        time = max(time, memory.last + STEP_S)
+        time = max(time, memory.last + STAMP_RESOLUTION_S)
     return Stamp(time, lines), replace(memory, last=time)
 
 

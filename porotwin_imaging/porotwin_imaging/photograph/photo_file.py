@@ -22,6 +22,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
+from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.photograph.jpeg_file import JPEG_START, jpeg_fault, jpeg_pixels, jpeg_size
 from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
 
@@ -317,7 +318,7 @@ def _refuse_without_picture(pixels: NDArray[np.uint8], *, deep: bool) -> None:
     `deep` tells that the file has more than 8 bits, which may not be used in full.
     """
     green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
-    brightest = float(np.percentile(green, 99.5))
+    brightest = float(np.percentile(green, TOP_PERCENTILE))
     if brightest < DECODING.dark_level:
         raise InputError(
             f'photograph is black: 99.5 % of it at grey level {brightest:.0f} of 255 or '

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.geometry.sampling import SAMPLING
+from porotwin_imaging.tracer.calibration import CLEAN
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,6 @@ class LevelSmoothingSettings:
     """Blur of the map that gives the levels [m], so that they do not follow the noise."""
     guide_blur_cells: tuple[float, float] = (0.5, 1.5)
     """Least and largest blur [cells]: a front of two cells must stay."""
-    least_tracer: float = 0.01
-    """Where no value within reach exceeds this there is no tracer to correct [-]."""
 
 
 LEVEL_SMOOTHING = LevelSmoothingSettings()
@@ -144,7 +143,7 @@ def _corrections(
     weight = np.maximum(_blurred(seen, widths.guide_blur), SMALLEST_DIVISOR)
     guide = _blurred(np.where(seen, first, 0.0), widths.guide_blur) / weight
     window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    tracer = cv2.dilate((guide > LEVEL_SMOOTHING.least_tracer).astype(np.uint8), window) > 0
+    tracer = cv2.dilate((guide > CLEAN).astype(np.uint8), window) > 0
     smooth, remaining = _average_on_levels(
         (data - guide).astype(np.float32),
         variance.astype(np.float32),

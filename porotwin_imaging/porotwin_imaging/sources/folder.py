@@ -52,12 +52,11 @@ UNREAD = (
 MOST_AT_ONCE = 4
 """Photographs per poll: limits the memory, and their topic has a queue of this length."""
 PATIENCE_S = 10.0
-"""Default patience [s]; a camera writes a file in less time."""
+"""Default patience [s]; a camera writes a file in less time. A file is seen to arrive if the last
+look was at most this long ago."""
 POLL_INTERVAL_S = 0.5
 """Time between two polls [s], short against the interval between photographs."""
 _MARK_NUMBERS = 3
-WATCHED_S = 10.0
-"""A file is seen to arrive if the last look was at most this long ago [s]."""
 
 
 @dataclass
@@ -160,7 +159,7 @@ class FolderSource:
         names: list[str] = []
         listed: set[str] = set()
         problems: list[Remark] = []
-        watched = self._looked is not None and now - self._looked <= WATCHED_S
+        watched = self._looked is not None and now - self._looked <= PATIENCE_S
         arrival = self._now()
         with os.scandir(self.folder) as entries:
             for entry in entries:

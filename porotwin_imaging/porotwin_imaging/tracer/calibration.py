@@ -45,6 +45,10 @@ Labels = NDArray[np.uint8]
 
 SCHEMA = 2
 """Version of the file format that is written."""
+CLEAN = 0.01
+"""Sand with a lower concentration counts as clean [-]."""
+STOCK = 0.999
+"""Fluids and dilutions from this concentration on are tracer stock [-]."""
 DEFAULT_FULL_SIGNAL = 0.8
 """Signal of tracer stock without a calibration: the share of red light that the green tracer of the
 large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""

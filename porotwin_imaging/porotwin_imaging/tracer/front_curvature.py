@@ -38,7 +38,7 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 def without_curvature(values: Array, calibration: Calibration, samples_across: int) -> Array:
     """Return a map (nz, nx) without the bend that fronts across a cell cause, float32.
 
-    A value stays between those of its neighbours. NaN stays NaN.
+    A value stays between its neighbours. NaN stays NaN.
 
     Args:
         values: concentration, NaN where it is hidden.

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.sampling import SAMPLING
-from porotwin_imaging.tracer.calibration import Calibration
+from porotwin_imaging.tracer.calibration import CLEAN, Calibration
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
 
@@ -32,12 +33,8 @@ class LightErrorSettings:
     """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
     reach: float = 0.02
     """Distance over which clean sand tells the light, relative to the width of the map [-]."""
-    clean: float = 0.01
-    """Lower values are clean sand [-]."""
     full: float = 0.7
     """Higher values show the colour of tracer stock [-]."""
-    fewest_full_cells: int = 100
-    """Cells that determine this colour."""
     smoothing_cells: float = 3.0
     """Width of the local mean of colours [cells]; light changes slowly."""
     front_step: float = 0.02
@@ -89,10 +86,10 @@ def light_error(
     visible = np.isfinite(seen.values)
     values = np.where(visible, seen.values, 0.0).astype(np.float32)
     reach = LIGHT_ERROR.reach * values.shape[1]
-    clean = _smooth((values < LIGHT_ERROR.clean).astype(np.float32), visible, reach)
+    clean = _smooth((values < CLEAN).astype(np.float32), visible, reach)
     continued = LIGHT_ERROR.below_plume * (1.0 - clean)
     foreign = _foreign_light(seen, values, visible, calibration)
-    veil = _veil(seen, foreign, visible & (values < LIGHT_ERROR.clean))
+    veil = _veil(seen, foreign, visible & (values < CLEAN))
     error = np.sqrt(
         LIGHT_ERROR.measured**2 + continued**2 + foreign**2 + veil**2 + seen.light_variance
     )
@@ -141,7 +138,7 @@ def _foreign_light(
     grey tracer, or a grey photograph, has no colour that tells light.
     """
     full = visible & (values > LIGHT_ERROR.full)
-    if np.count_nonzero(full) < LIGHT_ERROR.fewest_full_cells:
+    if np.count_nonzero(full) < FEWEST_CELLS:
         return np.zeros_like(values)
     stock = np.median(seen.log_ratio[full], axis=0)
     if np.ptp(stock) < LIGHT_ERROR.colour_tolerance + LIGHT_ERROR.dye_tolerance:

@@ -1,4 +1,4 @@
-"""The colour of the tracer: what tells tracer from light.
+"""The colour of the tracer, by which tracer and light are told apart.
 
 Tracer absorbs red, green and blue in proportions of its own. A shadow takes the same share of all
 of them. A log ratio r = ln(state / baseline) of a cell is therefore split into
@@ -25,10 +25,10 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _STRONG_SPREADS = 8.0
-"""Hues above this many spreads of the noise, and above `_STRONG_HUE`, determine the colour."""
-_STRONG_HUE = 0.05
-"""Hue of cells with much tracer [log ratio]."""
-_FEWEST_CELLS = 20
+"""Hues above this many spreads of the noise, and above `STRONG_HUE`, determine the colour."""
+STRONG_HUE = 0.05
+"""Hue beyond that of noise and light [log ratio], which make up to 0.04."""
+FEWEST_CELLS = 20
 """Cells with much tracer that determine the colour."""
 _LEAST_STRENGTH = 0.1
 """Hue relative to grey darkening below which a dye is as grey as a shadow [-]."""
@@ -88,9 +88,9 @@ def colour_in(log_ratio: Array, visible: Mask) -> TracerColour | None:
     grey, hue = split(log_ratio)
     size = np.linalg.norm(hue, axis=2)
     noise = max(local_noise(hue[..., i], visible) for i in range(3))
-    strong = visible & (size > max(_STRONG_SPREADS * noise, _STRONG_HUE)) & (grey < 0)
+    strong = visible & (size > max(_STRONG_SPREADS * noise, STRONG_HUE)) & (grey < 0)
     strong = cv2.erode(strong.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    if strong.sum() < _FEWEST_CELLS:
+    if strong.sum() < FEWEST_CELLS:
         return None
     mean = hue[strong].mean(axis=0)
     strength = float(np.median(size[strong] / -grey[strong]))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.remark import NAMED
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
@@ -38,8 +39,6 @@ _START, _INTERRUPTED = 0, 1
 _STAMP_END = 12
 """End of the stamp in a message that begins with a header [bytes]."""
 
-_SHOWN = 5
-"""Most moments that a remark lists."""
 
 _SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'}
 """Suffix of an image file by its first two bytes."""
@@ -125,8 +124,8 @@ def _chosen(bag: BagReader, segments: list[Segment], number: int | None) -> Segm
         )
     if chosen.interruptions:
         first = chosen.start_stamp()
-        moments = ', '.join(f'{(at - first) / SECOND:g}' for at in chosen.interruptions[:_SHOWN])
-        more = ', ...' if len(chosen.interruptions) > _SHOWN else ''
+        moments = ', '.join(f'{(at - first) / SECOND:g}' for at in chosen.interruptions[:NAMED])
+        more = ', ...' if len(chosen.interruptions) > NAMED else ''
         bag.remark(
             f'{bag.path}: {len(chosen.interruptions) + 1} parts of one experiment joined; the '
             f'sequence of states began again at {moments}{more} s'

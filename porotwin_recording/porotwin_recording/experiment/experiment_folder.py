@@ -136,16 +136,10 @@ def _untold_photographs(folder: Path) -> tuple[str, ...]:
     )
 
 
-def write_folder(
-    folder: Path,
-    data: RecordedData,
-    *,
-    packed: bool = False,
-    progress: Progress | None = None,
-) -> None:
+def write_folder(folder: Path, data: RecordedData, *, progress: Progress | None = None) -> None:
     """Write `data` as an experiment folder; files are left out where there are no data.
 
-    Maps are written one by one, as float32, or in 8 bits with `packed` (steps of 0.004).
+    Maps are written one by one, as float32.
 
     Raises:
         InputError: the folder already holds an experiment, or a file cannot be written.
@@ -161,9 +155,7 @@ def write_folder(
     if data.measured is not None and data.measured.rows:
         write_rates(folder / MEASURED_FILE, data.measured)
     if data.maps is not None:
-        _write_maps(
-            folder / MAPS_FILE, data.maps, packed=packed, done=lambda count: report(count, total)
-        )
+        _write_maps(folder / MAPS_FILE, data.maps, lambda count: report(count, total))
     if data.photos:
         before = total - len(data.photos)
         write_photos(folder, data.photos, progress=lambda count: report(before + count, total))
@@ -173,10 +165,8 @@ def _ignore(*_: int) -> None:
     """Ignore the progress."""
 
 
-def _write_maps(
-    path: Path, maps: ConcentrationMaps, *, packed: bool, done: Callable[[int], None]
-) -> None:
-    with ConcentrationWriter(path, maps.grid, packed=packed, origin=maps.origin) as writer:
+def _write_maps(path: Path, maps: ConcentrationMaps, done: Callable[[int], None]) -> None:
+    with ConcentrationWriter(path, maps.grid, origin=maps.origin) as writer:
         frames = zip(maps.times, maps.with_deviations(), strict=True)
         for count, (time, (frame, deviation, systematic)) in enumerate(frames, start=1):
             writer.append(time, frame, deviation=deviation, systematic=systematic)

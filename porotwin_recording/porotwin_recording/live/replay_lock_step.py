@@ -3,9 +3,10 @@
 import threading
 import time
 
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_recording.mcap.serialization import SECOND
 
-SAME_STAMP = 1000
+SAME_STAMP = round(SAME_STAMP_S * SECOND)
 """Stamps that differ by less are the same [ns]: a node that computes with a stamp in seconds since
 1970 rounds it by 120 ns."""
 

@@ -1,6 +1,6 @@
 """Models with learnt physics, for training COSTA through free runs and for its corrections."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -10,7 +10,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import Place
 from porotwin_core.rates.wells import Schedule, WellRates
-from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.rig import Rig
 from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.coefficients.refinement import coarsen_adjoint, refine
@@ -61,12 +61,9 @@ class AdjointModel(Model):
 class LearntModels:
     """Models of one rig, grid, preset and its effects with any learnt physics."""
 
-    def __init__(
-        self, rig: Rig, grid: Grid, preset: str, effects: Iterable[EffectDescription] = ()
-    ) -> None:
-        """Keep the description; `effects` are named ones beside those of the rig."""
+    def __init__(self, rig: Rig, grid: Grid, preset: str) -> None:
+        """Keep the description."""
         self._rig, self._grid, self._preset = rig, grid, preset
-        self._effects = tuple(effects)
 
     def model(self, learnt: LearntPhysics) -> AdjointModel | ImplicitModel:
         """Return the model with the `learnt` physics and scheme.
@@ -80,7 +77,6 @@ class LearntModels:
             self._rig,
             self._grid,
             preset=preset,
-            effects=self._effects,
             adapt=partial(physics_on_top, changes=learnt.effects),
         )
 

@@ -8,12 +8,9 @@ from porotwin_core.basis.check import Check
 from porotwin_core.basis.plausibility import CONDUCTIVITY, PERMEABILITY, POROSITY, PlausibleRange
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rig.description import Rig
+from porotwin_core.rig.grid_oddities import SEALING
 from porotwin_core.rig.outlines import outline_remarks
 from porotwin_core.rig.sand_drawing import sand_raster
-
-BARRIER = 1e-2
-"""A sand that conducts less than this share of another one is a barrier, such as clay: that its
-number is below those of sands is no mistake."""
 
 
 def _sands(rig: Rig) -> Iterator[Remark]:
@@ -40,7 +37,7 @@ def _conducting(rig: Rig, plausible: PlausibleRange, key: str) -> Iterator[Remar
     values = {name: getattr(sand, key) for name, sand in rig.sands.items()}
     given = {name: value for name, value in values.items() if value is not None}
     for name, value in given.items():
-        is_barrier = value < BARRIER * max(given.values())
+        is_barrier = value < SEALING * max(given.values())
         for remark in plausible.remarks(f'sands.{name}.{key}', value):
             if remark.refused or not is_barrier:
                 yield remark
