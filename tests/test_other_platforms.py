@@ -36,7 +36,7 @@ for name in {names!r}:
 print(json.dumps(failures))
 """
 
-ONLY_UNIX = {'fcntl', 'termios', 'pty', 'tty', 'resource', 'pwd', 'grp'}
+ONLY_UNIX = {'fcntl', 'termios', 'pty', 'tty', 'pwd', 'grp'}
 
 
 @pytest.mark.slow
