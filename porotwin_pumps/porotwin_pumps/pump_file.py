@@ -118,8 +118,9 @@ def _check_lines(path: Path, pumps: dict[str, PumpEntry]) -> None:
 
 def _speed(entry: PumpEntry) -> tuple[int, str]:
     protocol = PROTOCOLS[entry.protocol]
-    bits, parity, stop = protocol.frame
-    return entry.baud or protocol.baud, bits + (entry.parity or parity) + stop
+    frame = protocol.frame
+    parity = entry.parity or frame[1]
+    return entry.baud or protocol.baud, f'{frame[0]}{parity}{frame[2]}'
 
 
 def serial_line(entry: PumpEntry) -> SerialLine:

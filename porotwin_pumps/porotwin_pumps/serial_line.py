@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 GONE: tuple[type[Exception], ...] = (OSError,)
-"""What pyserial raises when a line is gone."""
+"""Errors of pyserial when a line is gone."""
 
 try:
     import termios
@@ -79,7 +79,7 @@ class SerialLine:
     def ask(self, question: bytes, *, end: bytes | WholeFn) -> bytes:
         """Return the answer to `question`.
 
-        `end` holds the bytes of which each ends an answer, or tells whether an answer is whole.
+        Any byte of `end` ends an answer; a function tells whether an answer is whole.
         Bytes that came before the question are dropped, because they answer an older question.
         After a fault the next question opens the line again.
 

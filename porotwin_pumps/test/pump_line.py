@@ -17,7 +17,7 @@ FAULTS: dict[str, Callable[[bytes], bytes]] = {
     'partial': lambda said: said[:3],
     'garbage': lambda said: b'\xff?!x' + said[-1:],
 }
-"""What a bad line makes of an answer."""
+"""Faults of a line: each takes an answer and returns another."""
 
 
 class PtyLine:

@@ -14,7 +14,7 @@ from porotwin_pumps.protocols.pump_protocol import PumpError
 from porotwin_pumps.serial_line import SerialLine
 
 OTHER = {'deaf': '', 'other_address': lambda said: said.replace(b'00', b'77', 1)}
-"""Faults of a pump, beside those of its line."""
+"""Faults of a pump; its line has others."""
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from porotwin_pumps.pretended.motor import ClockFn, PretendedMotor
 COMMAND = re.compile(r'(?P<address>\d{0,2})(?P<name>[a-z ]*?)(?P<value>[\d.]+)?( ml/min)?\r')
 
 
-class PretendedPump(PretendedMotor):
+class PretendedHarvardPump(PretendedMotor):
     """One pump; its prompt is : at rest, > or < when it runs, * when it stalled."""
 
     def __init__(self, clock: ClockFn) -> None:
@@ -47,12 +47,12 @@ class PretendedPump(PretendedMotor):
         return ''
 
 
-class PretendedPumps:
+class PretendedHarvardPumps:
     """Pumps of any address on one line."""
 
     def __init__(self, clock: ClockFn) -> None:
         """Begin with all pumps at rest."""
-        self.pumps = defaultdict[int, PretendedPump](lambda: PretendedPump(clock))
+        self.pumps = defaultdict[int, PretendedHarvardPump](lambda: PretendedHarvardPump(clock))
 
     def __call__(self, question: bytes) -> bytes:
         """Return the answer to a command; empty until it is whole."""

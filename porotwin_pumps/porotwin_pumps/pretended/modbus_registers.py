@@ -1,4 +1,4 @@
-"""Pretended devices on a Modbus line: registers that keep what was written."""
+"""Pretended devices on a Modbus line: registers that keep their values."""
 
 from collections import defaultdict
 

@@ -1,4 +1,4 @@
-"""What all pretended pumps do: they pump."""
+"""The motor of every pretended pump."""
 
 from collections.abc import Callable
 

@@ -6,7 +6,7 @@ from porotwin_pumps.protocols.pump_protocol import PumpError
 
 
 class SignedCounter:
-    """Adds what a counter counts, with the direction of the pump meanwhile."""
+    """Adds the counts of a counter, with the direction of the pump meanwhile."""
 
     def __init__(self, read: Callable[[], float], ml_per_count: float) -> None:
         """Begin with the present count, which `read` returns."""

@@ -9,7 +9,7 @@ target reached. In poll mode XON follows it.
 import re
 
 from porotwin_core.basis.errors import InputError
-from porotwin_pumps.pretended.harvard_pumps import PretendedPumps
+from porotwin_pumps.pretended.harvard_pumps import PretendedHarvardPumps
 from porotwin_pumps.protocols.pump_protocol import ROUND_OFF, PumpError, PumpProtocol, PumpSilent
 from porotwin_pumps.serial_line import LineError, SerialLine
 
@@ -116,5 +116,5 @@ PROTOCOL = PumpProtocol(
     open=HarvardPump,
     baud=115200,
     options={'diameter_mm': 'inner diameter of the syringe [mm]'},
-    pretend=PretendedPumps,
+    pretend=PretendedHarvardPumps,
 )

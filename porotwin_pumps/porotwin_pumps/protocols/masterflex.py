@@ -28,7 +28,7 @@ class MasterflexPump:
         Args:
             line: the serial line.
             address: number of the drive on the line, 1 to 89.
-            ml_per_turn: what the tube delivers in a turn [ml].
+            ml_per_turn: volume of a turn with this tube [ml].
 
         Raises:
             InputError: the address or the tube is wrong.
@@ -110,6 +110,6 @@ PROTOCOL = PumpProtocol(
     open=MasterflexPump,
     baud=4800,
     frame='7O1',
-    options={'ml_per_turn': 'what the tube delivers in a turn [ml]'},
+    options={'ml_per_turn': 'volume of a turn with this tube [ml]'},
     pretend=PretendedDrives,
 )

@@ -59,8 +59,8 @@ class PumpProtocol:
         baud: default speed of the line [bit/s].
         frame: default frame of a byte: data bits, parity N, E or O, stop bits.
         options: keyword arguments of `open` with their meanings; each is a number.
-        pretend: makes, of a clock [s], what answers a question like faultless pumps of any address
-            on one line, for a dry run; None: there is no dry run.
+        pretend: takes a clock [s] and returns a function, which answers a question like faultless
+            pumps of any address on one line, for a dry run; None: there is no dry run.
     """
 
     name: str
