@@ -13,6 +13,7 @@ setup(
         ('bin', ['scripts/porotwin']),  # on the path once the workspace is sourced
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     license='Apache-2.0',
     entry_points={'console_scripts': ['porotwin = porotwin_cli.__main__:main']},

@@ -13,6 +13,7 @@ setup(
         ('share/' + PACKAGE + '/config', ['config/porotwin.policy.xml']),
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=False,
     license='Apache-2.0',
     entry_points={'console_scripts': ['guard_node = porotwin_guard.guard_node:main']},

@@ -13,9 +13,10 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
         ('share/' + PACKAGE, ['package.xml']),
         ('share/' + PACKAGE + '/launch', [str(path) for path in Path('launch').glob('*.py')]),
-        ('share/' + PACKAGE + '/config', [str(path) for path in Path('config').glob('*.yaml')]),
+        ('share/' + PACKAGE + '/config', [str(path) for path in Path('config').iterdir()]),
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     license='Apache-2.0',
     entry_points={

@@ -22,6 +22,7 @@ SAME_CONCEPT_FOLDERS = {'checks', 'commands', 'effects', 'panels'}
 TESTS_WITHOUT_MODULE = {
     'test_bad_baselines.py': 'image and calibrate with the same bad baselines',
     'test_exact_solutions.py': 'the whole model against exact solutions',
+    'test_other_protocols.py': 'three protocols of pumps by the same tests',
     'test_pump_stop.py': 'the whole twin when a pump stops',
     'test_remarks_about_maps.py': 'all checks together on maps',
     'test_same_remarks.py': 'all commands on one recording',

@@ -56,3 +56,11 @@ def test_the_algorithms_import_without_ros(wheel: Path, tmp_path: Path) -> None:
     assert set(places) == {dotted(module) for module in ALGORITHMS}
     elsewhere = {name for name, place in places.items() if not place.startswith(str(tmp_path))}
     assert not elsewhere, f'{sorted(elsewhere)} are not from the wheel'
+
+
+@pytest.mark.parametrize(
+    'setup', sorted(ROOT.glob('porotwin_*/setup.py')), ids=lambda path: path.parent.name
+)
+def test_colcon_test_runs_pytest(setup: Path) -> None:
+    # colcon-core takes pytest where the test dependencies name it, and unittest elsewhere
+    assert "extras_require={'test': ['pytest']}" in setup.read_text(encoding='utf-8')

@@ -1,6 +1,7 @@
 """Oddities of the tracer in recorded maps, as all checks together tell them."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
 
-RIG = load_rig('rigs/small')
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
+
+RIG = load_rig(RIGS / 'small')
 
 
 def recording(*, level: float, from_s: float = 0.0, first: float = 0.0) -> Known:

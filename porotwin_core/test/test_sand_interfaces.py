@@ -1,10 +1,14 @@
 """Interfaces of sands, for drawings."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from porotwin_core.rig import load_rig, rig_from_maps
 from porotwin_core.rig.sand_interfaces import LEVELS_OF_A_MAP, interfaces
+
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
 
 DATA = {
     'name': 'box',
@@ -40,5 +44,5 @@ def test_a_map_of_many_values_has_a_few_levels():
 
 
 def test_the_described_rigs_can_be_drawn():
-    assert interfaces(load_rig('rigs/small')) is None
-    assert len(interfaces(load_rig('rigs/two_sands')).levels) == 1
+    assert interfaces(load_rig(RIGS / 'small')) is None
+    assert len(interfaces(load_rig(RIGS / 'two_sands')).levels) == 1

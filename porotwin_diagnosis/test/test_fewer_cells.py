@@ -13,7 +13,9 @@ from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps, MapSeries
 
-RIG = load_rig('rigs/small')
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
+
+RIG = load_rig(RIGS / 'small')
 TIMES = np.arange(5) * 60.0
 
 

@@ -16,9 +16,11 @@ from porotwin_diagnosis.data.initial_tracer import initial_tracer, start_and_tra
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_recording.tables.concentration import ConcentrationMaps
 
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
+
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 
-RIG = load_rig('rigs/small')
+RIG = load_rig(RIGS / 'small')
 GRID = RIG.grid(100, 60)
 TIMES = np.linspace(0.0, 3600.0, 61)
 RATE = from_ml_h(500.0)

@@ -1,13 +1,17 @@
 """Oddities of the water levels beyond the open sides."""
 
+from pathlib import Path
+
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
 from porotwin_diagnosis.data.odd_heads import odd_heads
+
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
 
 HIGHER = EffectDescription(name='water_level', parameters={'left': 0.004})
 
 
 def rig_with(boundaries: Boundaries) -> Rig:
-    return load_rig('rigs/small').model_copy(update={'boundaries': boundaries})
+    return load_rig(RIGS / 'small').model_copy(update={'boundaries': boundaries})
 
 
 def test_a_level_that_makes_heads_jump_in_a_corner_is_told() -> None:

@@ -15,6 +15,8 @@ from porotwin_imaging.calibrating.described_sands import (
 )
 from porotwin_imaging.calibrating.sands import SandLevel
 
+RIGS = Path(__file__).resolve().parents[2] / 'rigs'
+
 ROWS, COLUMNS = 60, 100
 
 
@@ -52,7 +54,7 @@ def test_without_described_sands_the_picture_alone_decides(kinds: np.ndarray | N
 
 @pytest.fixture
 def rig() -> Rig:
-    return load_rig('rigs/small')
+    return load_rig(RIGS / 'small')
 
 
 def test_a_description_knows_sands_by_their_permeability(rig: Rig) -> None:
@@ -89,7 +91,7 @@ def test_labels_have_the_names_of_rig_yaml(rig: Rig) -> None:
         'silt': {'porosity': 0.4, 'permeability_m2': 1e-11},
         'washed silt': {'porosity': 0.38, 'permeability_m2': 1e-11},
     }
-    file = Path('rigs/small/rig.yaml')
+    file = RIGS / 'small' / 'rig.yaml'
     described = {
         **yaml.safe_load(file.read_text()),
         'sands': sands,

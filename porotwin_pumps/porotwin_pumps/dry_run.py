@@ -9,7 +9,7 @@ from porotwin_pumps.bridge import PumpBridge
 from porotwin_pumps.protocols.protocol_registry import PROTOCOLS
 from porotwin_pumps.protocols.pump_protocol import PumpError
 from porotwin_pumps.pump_file import PumpEntry, pump_openers, serial_line
-from porotwin_pumps.serial_line import SerialLine
+from porotwin_pumps.serial_line import SerialLine, WholeFn
 
 Tell = Callable[[str], None]
 
@@ -22,7 +22,7 @@ class DryLine(SerialLine):
         self.path = path
         self._answer, self._tell = answer, tell
 
-    def ask(self, question: bytes, *, end: bytes) -> bytes:  # noqa: ARG002
+    def ask(self, question: bytes, *, end: bytes | WholeFn) -> bytes:  # noqa: ARG002
         """Return the answer to `question`."""
         answer = self._answer(question)
         self._tell(f'{self.path}  {shown(question)}  ->  {shown(answer)}')
@@ -48,7 +48,7 @@ def dry_run(rig: Rig, pumps: dict[str, PumpEntry], rates: WellRates, tell: Tell)
         pretend = PROTOCOLS[entry.protocol].pretend
         if pretend is None:
             raise InputError(f'{entry.protocol}: has no dry run; its `pretend` is missing')
-        return DryLine(serial_line(entry).path, pretend(), tell)
+        return DryLine(serial_line(entry).path, pretend(lambda: 0.0), tell)
 
     tell('the program starts: safe rates')
     limits = {well: entry.max_rate_ml_h for well, entry in pumps.items()}

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import ConfigDict, Field, FiniteFloat
@@ -25,6 +25,7 @@ class PumpEntry(pydantic.BaseModel):
     port: str
     address: Annotated[int, Field(ge=0)] = 0
     baud: Annotated[int, Field(gt=0)] | None = None
+    parity: Literal['N', 'E', 'O'] | None = None
     max_rate_ml_h: Annotated[FiniteFloat, Field(gt=0)]
 
     @property
@@ -100,7 +101,7 @@ def _check_wells(path: Path, pumps: dict[str, PumpEntry], rig: Rig) -> None:
 def _check_lines(path: Path, pumps: dict[str, PumpEntry]) -> None:
     """Refuse two pumps with one address, and two speeds on one line."""
     seen: dict[tuple[str, int], str] = {}
-    speeds: dict[str, int] = {}
+    speeds: dict[str, tuple[int, str]] = {}
     for well, entry in pumps.items():
         place = (entry.port, entry.address)
         if place in seen:
@@ -109,17 +110,23 @@ def _check_lines(path: Path, pumps: dict[str, PumpEntry]) -> None:
                 f'{entry.address} of {entry.port}; give each its own'
             )
         seen[place] = well
-        if speeds.setdefault(entry.port, _baud(entry)) != _baud(entry):
-            raise InputError(f'{path}: {entry.port} has two speeds; give all its pumps one baud')
+        if speeds.setdefault(entry.port, _speed(entry)) != _speed(entry):
+            raise InputError(
+                f'{path}: {entry.port} has two speeds; give all its pumps one baud and parity'
+            )
 
 
-def _baud(entry: PumpEntry) -> int:
-    return entry.baud or PROTOCOLS[entry.protocol].baud
+def _speed(entry: PumpEntry) -> tuple[int, str]:
+    protocol = PROTOCOLS[entry.protocol]
+    frame = protocol.frame
+    parity = entry.parity or frame[1]
+    return entry.baud or protocol.baud, f'{frame[0]}{parity}{frame[2]}'
 
 
 def serial_line(entry: PumpEntry) -> SerialLine:
     """Return the line of a pump; the first question opens it."""
-    return SerialLine(entry.port, _baud(entry))
+    baud, frame = _speed(entry)
+    return SerialLine(entry.port, baud, frame=frame)
 
 
 def pump_openers(

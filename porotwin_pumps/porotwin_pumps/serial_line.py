@@ -2,14 +2,28 @@
 
 import errno
 import os
-import termios
+from collections.abc import Callable
 from typing import Any
+
+GONE: tuple[type[Exception], ...] = (OSError,)
+"""Errors of pyserial when a line is gone."""
+
+try:
+    import termios
+except ImportError:  # Windows
+    pass
+else:
+    GONE += (termios.error,)
 
 ANSWER_TIMEOUT_S = 0.5
 """Longest wait for the next byte [s]: a pump answers within a tenth of it."""
 
 LONGEST_ANSWER = 256
 """Most bytes of an answer: pumps send short lines."""
+
+
+WholeFn = Callable[[bytes], bool]
+"""Returns whether an answer is whole."""
 
 
 class LineError(Exception):
@@ -19,10 +33,19 @@ class LineError(Exception):
 class SerialLine:
     """The line at `path`; several pumps with different addresses may share it."""
 
-    def __init__(self, path: str, baud: int, *, timeout_s: float = ANSWER_TIMEOUT_S) -> None:
-        """Name the line; the first question opens it, and the first one after a fault."""
+    def __init__(
+        self, path: str, baud: int, *, frame: str = '8N1', timeout_s: float = ANSWER_TIMEOUT_S
+    ) -> None:
+        """Name the line; the first question opens it, and the first one after a fault.
+
+        Args:
+            path: name of the port.
+            baud: speed [bit/s].
+            frame: data bits, parity N, E or O, and stop bits.
+            timeout_s: longest wait for the next byte [s].
+        """
         self.path = path
-        self._baud = baud
+        self._baud, self._frame = baud, frame
         self._timeout_s = timeout_s
         self._port: Any = None
 
@@ -38,6 +61,9 @@ class SerialLine:
             self._port = serial.Serial(
                 self.path,
                 self._baud,
+                bytesize=int(self._frame[0]),
+                parity=self._frame[1],
+                stopbits=int(self._frame[2]),
                 timeout=self._timeout_s,
                 write_timeout=self._timeout_s,
                 exclusive=True,
@@ -50,9 +76,10 @@ class SerialLine:
             raise LineError(f'{self.path}: cannot be opened ({reason}); check the cable') from None
         return self._port
 
-    def ask(self, question: bytes, *, end: bytes) -> bytes:
-        """Return the answer to `question` with its last byte `end`.
+    def ask(self, question: bytes, *, end: bytes | WholeFn) -> bytes:
+        """Return the answer to `question`.
 
+        Any byte of `end` ends an answer; a function tells whether an answer is whole.
         Bytes that came before the question are dropped, because they answer an older question.
         After a fault the next question opens the line again.
 
@@ -60,22 +87,23 @@ class SerialLine:
             LineError: the line is gone, or no whole answer came in time.
         """
         port = self._opened()
+        is_whole = end if callable(end) else lambda answer: bool(answer) and answer[-1] in end
         try:
             port.reset_input_buffer()
             port.write(question)
-            answer = self._read_until(port, end)
-        except (OSError, termios.error) as error:
+            answer = self._read_until(port, is_whole)
+        except GONE as error:
             self.close()
             raise LineError(f'{self.path}: the line is gone ({error})') from None
-        if not answer.endswith(end):
+        if not is_whole(answer):
             said = f'only {answer!r} came' if answer else 'nothing came'
             raise LineError(f'{self.path}: no answer within {self._timeout_s:g} s, {said}')
         return answer
 
     @staticmethod
-    def _read_until(port: Any, end: bytes) -> bytes:
+    def _read_until(port: Any, is_whole: WholeFn) -> bytes:
         answer = b''
-        while not answer.endswith(end) and len(answer) < LONGEST_ANSWER:
+        while not is_whole(answer) and len(answer) < LONGEST_ANSWER:
             byte = port.read(1)
             if not byte:
                 break

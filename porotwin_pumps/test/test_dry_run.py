@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from new_era_simulator import PumpLine
+from pump_line import PumpLine
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
@@ -54,6 +54,23 @@ def test_a_simulated_pump_gets_the_same_commands(tmp_path: Path) -> None:
     for number, commands in enumerate(sent):
         own = [one[2:].removesuffix('\\r') for one in questions if one[:2] == f'{number:02d}']
         assert [one.replace(' ', '') for one in own] == [one.replace(' ', '') for one in commands]
+
+
+@pytest.mark.parametrize('name', ['harvard', 'masterflex', 'modbus_rtu', 'new_era'])
+def test_every_protocol_has_a_dry_run(name: str, tmp_path: Path) -> None:
+    if name == 'modbus_rtu':
+        pytest.importorskip('pymodbus', reason='needs pymodbus; pip install pymodbus')
+    values = {'diameter_mm': 26.7, 'ml_per_turn': 0.8, 'ml_h_per_unit': 60.0}
+    registers = ('rate_register', 'run_register', 'direction_register', 'volume_register')
+    values |= {register: 2 * number for number, register in enumerate(registers)}
+    entry = {'protocol': name, 'port': '/dev/nowhere', 'max_rate_ml_h': 1500.0}
+    entry |= {option: values[option] for option in PROTOCOLS[name].options}
+    path = tmp_path / 'pumps.yaml'
+    pumps = {well: {**entry, 'address': number} for number, well in enumerate(RIG.wells, 1)}
+    path.write_text(yaml.safe_dump({'pumps': pumps}))
+    lines: list[str] = []
+    dry_run(RIG, load_pumps(path, RIG), RATES, lines.append)
+    assert sum('->' in line for line in lines) > 30
 
 
 def test_a_protocol_without_a_dry_run_says_so(

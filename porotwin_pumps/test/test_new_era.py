@@ -6,12 +6,15 @@ import pytest
 
 pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
 
-from new_era_simulator import PumpLine
+from pump_line import PumpLine
 
 from porotwin_core.basis.errors import InputError
 from porotwin_pumps.protocols.new_era import NewEraPump, _number
 from porotwin_pumps.protocols.pump_protocol import PumpError
 from porotwin_pumps.serial_line import SerialLine
+
+OTHER = {'deaf': '', 'other_address': lambda said: said.replace(b'00', b'77', 1)}
+"""Faults of a pump; its line has others."""
 
 
 @pytest.fixture
@@ -63,11 +66,12 @@ def test_the_delivered_volume_is_read_back(line: PumpLine) -> None:
 )
 def test_a_pump_that_answers_wrongly_is_a_fault(line: PumpLine, fault: str, words: str) -> None:
     pump = connect(line)
-    line.pumps[0].fault = fault
+    line.pumps[0].deaf = fault == 'deaf'
+    line.fault = OTHER.get(fault, fault)
     with pytest.raises(PumpError) as caught:
         pump.set_rate(100.0)
     assert words in str(caught.value)
-    line.pumps[0].fault = ''
+    line.pumps[0].deaf, line.fault = False, ''
     pump.set_rate(100.0)
     assert line.pumps[0].running_ml_h == 100.0
 
@@ -93,11 +97,11 @@ def test_a_number_that_was_damaged_on_the_line_is_a_fault(
 def test_alarms_are_named(line: PumpLine) -> None:
     pump = connect(line)
     pump.set_rate(100.0)
-    line.pumps[0].stall()
+    line.pumps[0].stop_with('S')
     with pytest.raises(PumpError, match='alarm: its motor stalled'):
         pump.check()
     pump.set_rate(100.0)
-    line.pumps[0].power_cycle()
+    line.pumps[0].stop_with('R')
     with pytest.raises(PumpError, match='alarm: it was reset; its power was interrupted'):
         pump.check()
 

@@ -42,11 +42,13 @@ def test_every_well_has_its_pump(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('well', 'changes', 'line'),
     [
-        ('control1', {'protocol': 'telepathy'}, "no protocol is named 'telepathy'; known: new_era"),
+        ('control1', {'protocol': 'telepathy'}, "no protocol is named 'telepathy'; known: harvard"),
         ('control1', {'port': None}, 'pump of control1: port'),
         ('control1', {'address': -1}, 'pump of control1: address'),
         ('control1', {'address': 0}, "'control1' and 'injector' are both at address 0"),
         ('control1', {'baud': 9600}, '/dev/ttyUSB0 has two speeds'),
+        ('control1', {'parity': 'E'}, '/dev/ttyUSB0 has two speeds'),
+        ('control1', {'parity': 'X'}, 'pump of control1: parity'),
         ('control1', {'max_rate_ml_h': 400.0}, "'control1' runs at up to 400 ml/h, rig.yaml asks"),
         ('producer', {'max_rate_ml_h': 900.0}, 'rig.yaml asks for 1000'),
         ('control1', {'max_rate_ml_h': float('inf')}, 'pump of control1: max_rate_ml_h'),

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
 
-from new_era_simulator import PumpLine
+from pump_line import PumpLine
 
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import WellRate
@@ -114,10 +114,10 @@ def test_setpoints_are_pumped_measured_and_end_in_safe_rates(rack: Rack) -> None
     rack.wait_until(lambda: rack.send(50.0, validity=1.5).code == Outcome.OK)
     rack.wait_until(lambda: rack.running() == SAFE_ML_H)
     rack.wait_until(lambda: any('ended and none followed' in line for line in rack.health))
-    rack.line.pumps[3].fault = 'silent'
+    rack.line.silent = {3}
     rack.wait_until(lambda: any("the pump of 'control2'" in line for line in rack.health))
     assert "the pump of 'control2'" in rack.send(100.0).message
-    rack.line.pumps[3].fault = ''
+    rack.line.silent.clear()
     rack.wait_until(lambda: rack.send(100.0).code == Outcome.OK)
 
 

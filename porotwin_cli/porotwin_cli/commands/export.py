@@ -19,11 +19,11 @@ def command(
     ],
     folder: Annotated[Path, typer.Argument(help='Experiment folder or dataset to write.')],
     kind: Annotated[
-        Literal['folder', 'zarr', 'netcdf'],
+        Literal['folder', 'zarr', 'netcdf', 'vtk'],
         typer.Option(
             '--format',
             help='folder: an experiment folder. zarr, netcdf: maps and rates for xarray; here the '
-            'source may be an experiment folder as well.',
+            'source may be an experiment folder as well. vtk: maps for ParaView.',
         ),
     ] = 'folder',
     segment: Annotated[
@@ -49,6 +49,8 @@ def command(
     Example: ./porotwin export experiment morning --times 0:7200
 
     Example: ./porotwin export bags/sample sample.zarr --format zarr
+
+    Example: ./porotwin export bags/sample sample_vtk --format vtk
     """
     from porotwin_recording.experiment.bag_conversion import export_bag, topics_left_out
     from porotwin_recording.experiment.experiment_folder import RIG_FILE
@@ -70,7 +72,7 @@ def command(
     if is_folder and span is None:
         raise InputError(
             f'{bag}: is an experiment folder already; copy it, cut it with --times, or give '
-            '--format zarr or netcdf'
+            '--format zarr, netcdf or vtk'
         )
     convert(partial(export_bag, segment=segment, times=span), bag, folder, as_json=as_json)
     left_out = {} if is_folder else topics_left_out(bag)
@@ -106,29 +108,37 @@ def _span(text: str) -> tuple[float, float]:
 def _export_dataset(
     source: Path,
     target: Path,
-    kind: Literal['zarr', 'netcdf'],
+    kind: Literal['zarr', 'netcdf', 'vtk'],
     segment: int | None,
     *,
     as_json: bool,
 ) -> None:
-    """Write maps and rates of a recording for xarray, and print their number."""
+    """Write a recording for xarray or ParaView, and print the number of its maps."""
     from porotwin_recording.experiment.dataset_export import export_dataset
     from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.experiment.vtk_export import export_vtk
 
     recording = open_recording(source, segment=segment)
     with progress() as bar:
         task = bar.add_task('maps', total=None)
-        export_dataset(
-            recording,
-            target,
-            kind,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+        if kind == 'vtk':
+            export_vtk(recording, target)
+        else:
+            export_dataset(
+                recording,
+                target,
+                kind,
+                progress=lambda done, total: bar.update(task, completed=done, total=total),
+            )
     maps = len(recording.times)
     if as_json:
         print_json({'output': target, 'format': kind, 'maps': maps})
     else:
-        print(f'{target}: {maps} maps; open it with xarray.open_{_OPENERS[kind]}')
+        print(f'{target}: {maps} maps; open it with {_OPENERS[kind]}')
 
 
-_OPENERS = {'zarr': 'zarr', 'netcdf': 'dataset'}
+_OPENERS = {
+    'zarr': 'xarray.open_zarr',
+    'netcdf': 'xarray.open_dataset',
+    'vtk': 'ParaView: maps.pvd',
+}

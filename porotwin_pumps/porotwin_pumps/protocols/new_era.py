@@ -9,7 +9,8 @@ import math
 import re
 
 from porotwin_core.basis.errors import InputError
-from porotwin_pumps.protocols.pump_protocol import PumpError, PumpProtocol, PumpSilent
+from porotwin_pumps.pretended.new_era_pumps import PretendedPumps
+from porotwin_pumps.protocols.pump_protocol import ROUND_OFF, PumpError, PumpProtocol, PumpSilent
 from porotwin_pumps.serial_line import LineError, SerialLine
 
 STX, ETX = b'\x02', b'\x03'
@@ -41,9 +42,6 @@ GREATEST_ML_H = 9999.0
 
 STEP_ML_H = 0.001
 """Smallest rate that the pump accepts [ml/h]."""
-
-ROUND_OFF = 2e-3
-"""Allowed difference of a rate that is read back, as a share: the pump keeps four digits."""
 
 RUNNING = {1: 'I', -1: 'W', 0: 'SP'}
 """States of a pump that infuses, withdraws or rests."""
@@ -150,33 +148,6 @@ class NewEraPump:
         if data.startswith('?'):
             raise PumpError(f"it refuses '{command}': {ERRORS.get(data, data)}")
         return status, data
-
-
-class PretendedPumps:
-    """Answers like faultless pumps on one line, whatever their addresses."""
-
-    def __init__(self) -> None:
-        """Begin with all pumps at rest."""
-        self._states: dict[str, str] = {}
-        self._values: dict[tuple[str, str], str] = {}
-
-    def __call__(self, question: bytes) -> bytes:
-        """Return the answer to a command."""
-        text = question.decode('ascii').strip()
-        address, word, value = text[:2], text[2:5], text[5:].strip()
-        data = ''
-        if word == 'RUN':
-            self._states[address] = 'W' if self._values.get((address, 'DIR')) == 'WDR' else 'I'
-        elif word == 'STP':
-            self._states[address] = 'S' if self._states[address] == 'P' else 'P'
-        elif word == 'DIS':
-            data = 'I0.000W0.000ML'
-        elif value:
-            self._values[address, word] = value
-        elif word:
-            data = self._values.get((address, word), '')
-        state = self._states.setdefault(address, 'S')
-        return STX + f'{address}{state}{data}'.encode('ascii') + ETX
 
 
 def _number(value: float) -> str:

@@ -8,6 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+ROUND_OFF = 2e-3
+"""Allowed difference of a rate that is read back, as a share: pumps keep four digits."""
+
 
 class PumpError(Exception):
     """A pump does not run as commanded; the message is one line with the reason."""
@@ -54,13 +57,15 @@ class PumpProtocol:
         open: `open(line, address, **options)` returns the pump at `address` on a serial line; it
             raises InputError for a wrong option and PumpError for a pump that does not answer.
         baud: default speed of the line [bit/s].
+        frame: default frame of a byte: data bits, parity N, E or O, stop bits.
         options: keyword arguments of `open` with their meanings; each is a number.
-        pretend: makes what answers a question like faultless pumps of any address on one line, for
-            a dry run; None: there is no dry run.
+        pretend: takes a clock [s] and returns a function, which answers a question like faultless
+            pumps of any address on one line, for a dry run; None: there is no dry run.
     """
 
     name: str
     open: Callable[..., Pump]
     baud: int
     options: dict[str, str]
-    pretend: Callable[[], Callable[[bytes], bytes]] | None = None
+    pretend: Callable[[Callable[[], float]], Callable[[bytes], bytes]] | None = None
+    frame: str = '8N1'
