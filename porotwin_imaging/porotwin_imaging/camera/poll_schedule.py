@@ -28,7 +28,7 @@ class PollSchedule:
         return self._clock() >= self._due
 
     def polled(self, *, failed: bool, arriving: bool = False) -> None:
-        """Plan the next poll: at once while a photograph is `arriving`, with a pause if it `failed`.
+        """Plan the next poll: at once if a photograph is `arriving`, with a pause if it `failed`.
 
         All others keep their rhythm; late ones are not made up.
         """

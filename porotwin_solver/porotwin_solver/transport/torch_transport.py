@@ -332,9 +332,7 @@ class _Advection:
         most_behind: Tensor | float = 2.0
         if self._scheme == Scheme.COMPRESSIVE:
             most_ahead, most_behind = 2.0 / (1.0 - cfl), 2.0 / cfl
-        size = torch.maximum(
-            torch.minimum(a, most_behind * b), torch.minimum(most_ahead * a, b)
-        )
+        size = torch.maximum(torch.minimum(a, most_behind * b), torch.minimum(most_ahead * a, b))
         if self._scheme == Scheme.THIRD_ORDER:
             size = torch.minimum(((2.0 - cfl) * a + (1.0 + cfl) * b) / 3.0, size)
         slope = torch.copysign(0.5 * (1.0 - cfl) * size, ahead)
