@@ -5,8 +5,7 @@ to the compressive scheme on cells of a sixth, which agrees with superbee on cel
 within 0.002.
 """
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,11 +67,11 @@ def run() -> list[dict[str, Any]]:
                 maps, seconds = timed(pumped)
                 found = errors(maps, references[0]) + errors(slug_maps, references[1])
                 rows.append(_row(limiter, parts, seconds, found))
-        begin = time.process_time()
-        maps = _followed()
-        found = [None, None, *errors(maps, references[1])]
-        seconds = time.process_time() - begin
-        rows.append(_row('characteristics, the slug alone', CHARACTERISTIC_PARTS, seconds, found))
+        maps, seconds = timed(_followed)
+        followed = (None, None, *errors(maps, references[1]))
+        rows.append(
+            _row('characteristics, the slug alone', CHARACTERISTIC_PARTS, seconds, followed)
+        )
     return rows
 
 
@@ -95,7 +94,9 @@ def _followed() -> FloatArray:
     return np.array([seen for _, seen in signals(asset, slug(), times=SLUG_TIMES, grid=grid)])
 
 
-def _row(design: str, parts: float, seconds: float, found: list[float | None]) -> dict[str, Any]:
+def _row(
+    design: str, parts: float, seconds: float, found: Sequence[float | None]
+) -> dict[str, Any]:
     names = ('35 min', '80 min', 'in the slug', 'after the slug')
     shown = [None if error is None else round(error, 4) for error in found]
     return {
