@@ -3,30 +3,12 @@
 import numpy as np
 import pytest
 
+from lab.benches.bench_fronts import CHARACTERISTIC_PARTS, SLUG_TIMES, slug
 from lab.benches.bench_solver import bench_rig
-from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model.simulation import simulate
-
-TIMES = (900.0, 1500.0)
-"""Times [s] of the compared maps: in the slug, and after it."""
-
-
-def slug() -> Schedule:
-    """Return ten minutes of tracer, then water beside it."""
-    rate = from_ml_h(500.0)
-    return Schedule(
-        (
-            ScheduleRow(0.0, 'injector', WellRate(rate, 1.0)),
-            ScheduleRow(0.0, 'producer', WellRate(-rate)),
-            ScheduleRow(1000.0, 'injector', WellRate(rate, 0.0)),
-            ScheduleRow(1000.0, 'control2', WellRate(0.3 * rate, 0.0)),
-            ScheduleRow(1000.0, 'producer', WellRate(-1.3 * rate)),
-        )
-    )
 
 
 @pytest.fixture(scope='module')
@@ -34,16 +16,16 @@ def truth() -> FloatArray:
     """The signal of the virtual rig, whose cells are 2.5 times smaller than those of the maps."""
     rig = bench_rig()
     grid = rig.grid(187, 112)
-    asset = VirtualRig(rig, cell=grid.dx / 2.5)
-    return np.array([seen for _, seen in signals(asset, slug(), times=TIMES, grid=grid)])
+    asset = VirtualRig(rig, cell=grid.dx / CHARACTERISTIC_PARTS)
+    return np.array([seen for _, seen in signals(asset, slug(), times=SLUG_TIMES, grid=grid)])
 
 
 def errors(preset: str, truth: FloatArray) -> FloatArray:
     """Return the relative L2 error of each map."""
     rig = bench_rig()
-    maps = simulate(rig, slug(), TIMES, grid=rig.grid(187, 112), preset=preset)
-    difference = np.linalg.norm((maps - truth).reshape(len(TIMES), -1), axis=1)
-    norm: FloatArray = np.linalg.norm(truth.reshape(len(TIMES), -1), axis=1)
+    maps = simulate(rig, slug(), SLUG_TIMES, grid=rig.grid(187, 112), preset=preset)
+    difference = np.linalg.norm((maps - truth).reshape(len(SLUG_TIMES), -1), axis=1)
+    norm: FloatArray = np.linalg.norm(truth.reshape(len(SLUG_TIMES), -1), axis=1)
     return difference / norm
 
 

@@ -28,6 +28,7 @@ BENCHES = {
 LONG = {
     'loop': 'lab.loop.bench_loop',
     'mend': 'lab.loop.bench_mend',
+    'fronts': 'lab.benches.bench_fronts',
     'physics': 'lab.benches.bench_physics',
     'faults': 'lab.faults.bench_faults',
     'fuzz': 'lab.faults.bench_fuzz',
@@ -44,6 +45,7 @@ PLAIN = {
     'costa': 'Errors with and without COSTA, and the time that COSTA takes.',
     'cycle': 'Time of one cycle of the hub.',
     'diagnosis': 'Verdicts and time beside sparse regression.',
+    'fronts': 'Designs for sharp fronts, side by side (docs/fronts.md).',
     'scaling': 'Many processes: measured with two, simulated with more.',
     'decision': 'Time from a photograph to its setpoint, with all nodes.',
     'verification': 'Problems of the field, beside their solutions (docs/verification.md).',

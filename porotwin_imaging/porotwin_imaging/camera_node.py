@@ -31,7 +31,7 @@ from porotwin_imaging.sources.source_registry import check_source, source_at
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
 """Format of a file by its first two bytes; all others are TIFF."""
-TICK_S = 0.25
+TICK_S = 0.1
 """Time between two looks at the schedule [s]."""
 LONGEST_POLL_S = 60.0
 """A poll that takes longer [s] hangs, as on a network share that does not answer."""
@@ -133,7 +133,9 @@ class CameraNode(TwinNode):
             return
         with self._diagnostics.busy('looking for photographs', LONGEST_POLL_S):
             self._forwarder.forward()
-        self._schedule.polled(failed=bool(self._forwarder.absent))
+        self._schedule.polled(
+            failed=bool(self._forwarder.absent), arriving=self._forwarder.arriving
+        )
         if self._forwarder.absent:
             self._diagnostics.report(DiagnosticStatus.ERROR, self._forwarder.absent)
             return

@@ -139,6 +139,16 @@ def test_a_file_that_is_written_slowly_comes_when_it_is_complete(folder) -> None
     assert folder.poll(2) == [('slow.jpg', 'baseline')]
 
 
+def test_a_source_tells_that_a_photograph_arrives(tmp_path) -> None:
+    now = 0.0
+    source = FolderSource(tmp_path, clock=lambda: now)
+    assert not source.poll().arriving
+    (tmp_path / 'a.jpg').write_bytes(jpeg())
+    assert source.poll().arriving
+    now = 0.1
+    assert not source.poll().arriving
+
+
 def test_a_newer_file_waits_for_an_older_one_for_a_limited_time(folder) -> None:
     data = jpeg()
     folder.put('1.jpg', data[:500], age=1)

@@ -25,3 +25,12 @@ def test_polls_keep_their_rhythm_and_pauses_grow() -> None:
     schedule.polled(failed=True)
     now += 1.0
     assert schedule.is_due()
+
+
+def test_a_photograph_that_arrives_is_looked_for_at_once() -> None:
+    now = 100.0
+    schedule = PollSchedule(30.0, clock=lambda: now)
+    schedule.polled(failed=False, arriving=True)
+    assert schedule.is_due()
+    schedule.polled(failed=False)
+    assert not schedule.is_due()

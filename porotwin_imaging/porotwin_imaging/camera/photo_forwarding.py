@@ -38,6 +38,7 @@ class PhotoForwarder:
     Attributes:
         interval_s: usual time between photographs [s].
         absent: one line while the source does not answer, else empty.
+        arriving: whether a photograph was arriving at the last look.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class PhotoForwarder:
         self.interval_s = interval_s
         self.trust = trust
         self.absent = ''
+        self.arriving = False
         self._clock = ClockMemory()
         if sent.last is not None:
             self._clock = ClockMemory(sent.last.stamp, sent.last.correction)
@@ -96,6 +98,7 @@ class PhotoForwarder:
         except Exception as error:
             polled = Polled([], [], f'looking for photographs failed: {error!r}')
         self._note_absence(polled.absent)
+        self.arriving = polled.arriving
         for line in polled.remarks:
             self._say(one_line(line))
         new = [photo for photo in polled.photos if self._is_new(photo)]

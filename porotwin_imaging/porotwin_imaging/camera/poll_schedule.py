@@ -27,8 +27,11 @@ class PollSchedule:
         """Return whether a poll is due."""
         return self._clock() >= self._due
 
-    def polled(self, *, failed: bool) -> None:
-        """Plan the next poll. Polls that succeed keep their rhythm; late ones are not made up."""
+    def polled(self, *, failed: bool, arriving: bool = False) -> None:
+        """Plan the next poll: at once if a photograph is `arriving`, with a pause if it `failed`.
+
+        All others keep their rhythm; late ones are not made up.
+        """
         now = self._clock()
         if failed:
             pause = FIRST_PAUSE_S * 2.0 ** min(self._failures, 16)
@@ -36,4 +39,4 @@ class PollSchedule:
             self._due = now + min(pause, LONGEST_PAUSE_S)
             return
         self._failures = 0
-        self._due = max(self._due + self.interval_s, now)
+        self._due = now if arriving else max(self._due + self.interval_s, now)

@@ -50,12 +50,14 @@ class Polled(NamedTuple):
         absent: one line if the camera does not answer, else empty. It is asked again after a
             growing pause.
         remarks: lines for the log, such as the settings of the camera.
+        arriving: whether a photograph seems to arrive just now, so that the next poll may find it.
     """
 
     photos: list[CameraPhoto]
     problems: list[Remark]
     absent: str = ''
     remarks: tuple[str, ...] = ()
+    arriving: bool = False
 
 
 class CameraSource(Protocol):

@@ -148,7 +148,8 @@ class FolderSource:
         photos = [
             self._photo(name, data, waiting - n) for n, (name, data) in enumerate(released, 1)
         ]
-        return Polled([photo for photo in photos if photo is not None], problems)
+        found = [photo for photo in photos if photo is not None]
+        return Polled(found, problems, arriving=bool(growing))
 
     def _candidates(self, now: float) -> tuple[list[str], list[Remark]]:
         """Return the names of files that may be sent, and problems; note when each last changed.

@@ -90,13 +90,15 @@ def step_adjoint(
 
     The derivatives by the parameters `varied` are part of the result. `rates` are [m^3/s] by well.
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
-    part through the tracer-driven flow (`flow_adjoint`). Without given `coefficients` those of the
-    step are computed. Without a `record` the step is run again.
+    part through the tracer-driven flow (`flow_adjoint`). Without a `record` the step is run again,
+    and without given `coefficients` those of the step are computed.
 
     Raises:
         InputError: as `Engine.coefficients`.
     """
-    if coefficients is None:
+    if record is not None:
+        coefficients = record.coefficients
+    elif coefficients is None:
         coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration
     with_tensor = bool(varied) or engine.physics.disperses

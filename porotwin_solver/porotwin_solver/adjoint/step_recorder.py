@@ -20,6 +20,7 @@ class StepRecorder:
     def __init__(self, engine: Engine, *, varied: bool = False) -> None:
         """Record steps of `engine`; `varied` as of `is_symmetric`."""
         self._engine, self._varied, self._left = engine, varied, MOST_KEPT_BYTES
+        self._latest: StepCoefficients | None = None
 
     def step(self, state: State, coefficients: StepCoefficients) -> StepRecord | None:
         """Do as `Engine.step`; return the record, or None: the adjoint runs the step again.
@@ -33,4 +34,7 @@ class StepRecorder:
             return None
         record = engine.recorded_step(state, coefficients, diffusion=False)
         self._left -= record.size
+        if coefficients is not self._latest:  # steps at the same rates share theirs
+            self._latest = coefficients
+            self._left -= coefficients.size
         return record

@@ -115,6 +115,11 @@ class Physics:
         """Volume of the moving pore water [m^3], (nz, nx)."""
         return self.volume * self.porosity * (1.0 - self.immobile_fraction)
 
+    @cached_property
+    def moving_volume(self) -> float:
+        """Volume of all moving pore water [m^3]."""
+        return float(np.sum(self.mobile_water))
+
     @property
     def disperses(self) -> bool:
         """Whether the dispersion of the tracer depends on the flow."""

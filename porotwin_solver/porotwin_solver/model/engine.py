@@ -89,15 +89,23 @@ class StepCoefficients(NamedTuple):
     levels: TimeStepLevels
     exchanges: Exchanges
 
+    @property
+    def size(self) -> int:
+        """The memory of the coefficients of advection [B]."""
+        levels = self.levels.level.nbytes + self.levels.order.nbytes
+        return levels + sum(part.nbytes for part in (*self.flux, *self.sources))
+
 
 class StepRecord(NamedTuple):
     """The data of `Engine.step` for its adjoint.
 
+    coefficients: those of the step.
     last: the state after the last recorded part: after the second diffusion, or the advection.
     first_diffusion, advection, second_diffusion: the concentrations [-] before every substep. The
         tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
     """
 
+    coefficients: StepCoefficients
     last: State
     first_diffusion: FloatArray
     advection: AdvectionTape
@@ -505,7 +513,7 @@ class Engine:
         diffuse(state.mobile, self.storage, exchanges, tape=second)
         last = state.copy() if diffusion else advected
         self.react(state, half)
-        return StepRecord(last, first, advection, second)
+        return StepRecord(coefficients, last, first, advection, second)
 
     def _advect(
         self, state: State, coefficients: StepCoefficients, *, record: bool = False

@@ -37,7 +37,7 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
     the flow needs a new flow after `COUPLED_SHARE`. Exchange with immobile water needs steps in
     which either little is exchanged or little water moves.
     """
-    moving = float(np.sum(physics.mobile_water))
+    moving = physics.moving_volume
     flow = _pumped(physics, rates) + _driven(physics)
     exchange = physics.exchange_rate / max(1.0 - physics.immobile_fraction, 0.1)
     slow = EXCHANGED_SHARE * _over(moving, flow)
@@ -64,11 +64,15 @@ def _pumped(physics: Physics, rates: WellRates) -> float:
 
 def _driven(physics: Physics) -> float:
     """Return the rate [m^3/s] at which outside flow, density and the water table move water."""
-    grid, depth = physics.grid, float(np.mean(physics.depth))
-    conductance = float(np.max(physics.permeability)) / physics.viscosity
-    flux = math.hypot(*physics.background_flux)
-    flux += conductance * abs(physics.density_difference) * GRAVITY
-    flux += conductance * abs(physics.table_tilt) / grid.width
+    grid = physics.grid
+    gradient = abs(physics.density_difference) * GRAVITY
+    gradient += abs(physics.table_tilt) / grid.width
     highest = physics.density * GRAVITY * physics.contact.highest
-    flux += conductance * highest / min(grid.width, grid.height)
+    gradient += highest / min(grid.width, grid.height)
+    flux = math.hypot(*physics.background_flux)
+    if gradient > 0.0:
+        flux += gradient * float(np.max(physics.permeability)) / physics.viscosity
+    if flux == 0.0:
+        return physics.contact.rainfall
+    depth = float(np.mean(physics.depth))
     return flux * depth * max(grid.width, grid.height) + physics.contact.rainfall

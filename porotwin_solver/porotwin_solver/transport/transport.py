@@ -7,8 +7,9 @@ leaves cell i through a face is
 
     c_f = c_i + correction,    correction = limited slope + transverse part (corner transport)
 
-- Limited slope: Lax-Wendroff with the superbee limiter, or the third-order QUICKEST value kept
-  within the superbee region (LeVeque, Finite Volume Methods for Hyperbolic Problems, sec. 6.11;
+- Limited slope: Lax-Wendroff with the superbee limiter or the wider one that the CFL number allows,
+  or the third-order QUICKEST value kept within the superbee region (LeVeque, Finite Volume Methods
+  for Hyperbolic Problems, sec. 6.11; Kemm, Int. J. Numer. Methods Fluids 67 (2011) 404-440;
   Leonard, Comput. Methods Appl. Mech. Eng. 88 (1991) 17-74). Zero for first-order upwind.
 - Transverse part: the inflow through the cell's other sides during half a substep (Colella, J.
   Comput. Phys. 87 (1990) 171-200; LeVeque, sec. 20.5).
