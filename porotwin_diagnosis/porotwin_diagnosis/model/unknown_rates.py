@@ -77,7 +77,7 @@ class SourceRate:
 
 
 @dataclass(frozen=True, eq=False)
-class Sources:
+class UnknownRates:
     """The unknown rates of the sources of some recordings, at the rates of their rig.
 
     Attributes:
@@ -292,7 +292,7 @@ class Settled:
 
     recordings: tuple[Recording, ...]
     samples: tuple[Sample, ...]
-    sources: Sources
+    sources: UnknownRates
     levels: tuple[float | None, ...]
 
     def told(self, rates: Sequence[SourceRate]) -> list[str]:
@@ -337,7 +337,7 @@ def settled(recordings: Sequence[Recording], *, crew: Executor | None = None) ->
     return Settled(tuple(recordings), sources.with_modes(), sources, tuple(cores))
 
 
-def at_first_rates(sources: Sources) -> tuple[Sources, list[float]]:
+def at_first_rates(sources: UnknownRates) -> tuple[UnknownRates, list[float]]:
     """Return `sources` at the rates that suit the fitted frames best without effects.
 
     Relative maps are brought to the scale of the stock. With them come the factors that do so [-].
@@ -379,10 +379,10 @@ def _level(forward: Forward, effects: Sequence[EffectDescription]) -> float:
     return float(1.0 / nearest_level(maps, sample.at_scale(maps)))
 
 
-def sources_of(samples: Sequence[Sample], *, crew: Executor | None = None) -> Sources:
+def sources_of(samples: Sequence[Sample], *, crew: Executor | None = None) -> UnknownRates:
     """Return the unknown rates of `samples` of one rig; `crew` runs the simulations."""
     unknown = unknown_rates(samples[0].rig, pumping_wells(samples))
-    return Sources(_fitter(samples, 1, crew), tuple(unknown))
+    return UnknownRates(_fitter(samples, 1, crew), tuple(unknown))
 
 
 def _fitter(samples: Sequence[Sample], refinement: int, crew: Executor | None) -> Fitter:
