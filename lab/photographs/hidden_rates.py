@@ -1,6 +1,7 @@
 """How often a posterior holds a hidden rate, on relative maps of the virtual rig.
 
-    .venv/bin/python -m lab.photographs.hidden_rates --draws 20
+    .venv/bin/python -m lab.photographs.hidden_rates --draws 12
+    .venv/bin/python -m lab.photographs.hidden_rates --draws 6 --thin
 
 Two sources inject into a uniform flow. Their rates are drawn from the prior of `rig.yaml`, and the
 maps are divided by their core.
@@ -28,6 +29,8 @@ PRIOR_ML_H = [40.0, 250.0]
 GUESS_ML_H = 100.0
 SPREADING = {'longitudinal_dispersivity': 0.002, 'transverse_dispersivity': 0.0003}
 """Known to the model as well [m]."""
+THIN = [15.0, 120.0], {'longitudinal_dispersivity': 0.003, 'transverse_dispersivity': 0.0006}
+"""Prior and spreading of plumes that are thinner than their mixing."""
 CORE_SHARE, CORE_LEAST = 0.95, 0.3
 """The core is this quantile of all values above the least one [-]."""
 
@@ -60,6 +63,10 @@ def tank(prior: list[float], spreading: dict[str, float]) -> Rig:
     )
 
 
+COLUMNS, ROWS, ELEMENT_M = 64, 40, 0.003
+"""Cells of the maps, and elements of the virtual rig."""
+
+
 def hidden(rig: Rig, seed: int, folder: Path) -> tuple[Recording, dict[str, float]]:
     """Return a recording with relative maps and guessed rates, and its true rates [ml/h]."""
     random = np.random.default_rng(seed)
@@ -77,8 +84,8 @@ def hidden(rig: Rig, seed: int, folder: Path) -> tuple[Recording, dict[str, floa
         seed=seed,
         effects=rig.effects,
         noise=MapNoise.drawn(seed),
-        grid=rig.grid(64, 40),
-        cell=0.003,
+        grid=rig.grid(COLUMNS, ROWS),
+        cell=ELEMENT_M,
     )
     recording = open_recording(folder, rig=rig)
     values = recording.concentration
@@ -112,11 +119,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--draws', type=int, default=20)
     parser.add_argument('--first', type=int, default=11)
+    parser.add_argument('--thin', action='store_true')
     asked = parser.parse_args()
+    rig = tank(*THIN) if asked.thin else tank(PRIOR_ML_H, SPREADING)
     held = []
     for seed in range(asked.first, asked.first + asked.draws):
         with tempfile.TemporaryDirectory() as folder:
-            recording, truth = hidden(tank(PRIOR_ML_H, SPREADING), seed, Path(folder) / 'run')
+            recording, truth = hidden(rig, seed, Path(folder) / 'run')
             for rate in posterior(recording):
                 low, high = rate.interval_ml_h
                 held.append(low <= truth[rate.well] <= high)

@@ -1,7 +1,5 @@
 """Rates that nobody measured, on relative maps of the virtual rig."""
 
-from pathlib import Path
-
 import pytest
 
 from lab.photographs.hidden_rates import PRIOR_ML_H, SPREADING, hidden, posterior, tank
