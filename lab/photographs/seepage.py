@@ -194,7 +194,7 @@ def fitted_rates(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, S
         end=second.time,
         initial=np.where(_in_plumes(first), without_holes(first.values), 0.0),
         own_deviation=np.nan_to_num(second.deviation)[None],
-        shared_errors=errors.of_open_scale,
+        shared_errors=replace(errors, scales=()),
         least_scale=1.0,
     )
     sources, _ = at_first_rates(sources_of([sample]))

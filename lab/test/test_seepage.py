@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lab.photographs import seepage
@@ -17,8 +18,10 @@ def test_every_photograph_is_mapped_and_shows_all_plumes() -> None:
     grid = rig.grid(65, 62)
     seen = seepage.map_photographs(rig, grid, seepage.PHOTOGRAPHS)
     assert [set(one.plumes) for one in seen[1:]] == [set('DEFG')] * 3
-    rates = seepage.rates_by_growth(rig, grid, seen[: seepage.SEEN])
-    assert all(20.0 < rate < 300.0 for rate in rates.values())
+    assert all(np.isnan(one.values[~rig.wet_sand(grid)]).mean() > 0.9 for one in seen)
+    for rate in seepage.fitted_rates(rig, grid, seen[: seepage.SEEN]).values():
+        low, high = rate.interval_ml_h
+        assert rate.prior_ml_h[0] < low < rate.rate_ml_h < high < rate.prior_ml_h[1]
 
 
 def test_missing_photographs_are_told_with_their_origin(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -132,3 +133,29 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
 )
 def test_water_that_misses_its_place_is_odd(water, others, odd) -> None:
     assert [one.key for one in remarks_about(rig_with(water, **others))] == odd
+
+
+def test_maps_show_no_canals_and_no_dry_sand_unless_it_rains() -> None:
+    water = {name: WATER[name] for name in ('canal', 'sea')}
+    table = {'water_table': {'fringe_m': 0.02}}
+    rig = rig_with(water, **table)
+    grid = rig.grid(65, 51)
+    wet = rig.wet_sand(grid)
+    row, column = (grid.z > 0.40) & (grid.z < 0.45), grid.x < 0.04
+    assert not wet[np.ix_(row, column)].any(), 'the canal'
+    assert not wet[grid.z > 0.477].any(), 'above the highest level plus the fringe'
+    assert wet[grid.z < 0.40].all()
+    assert rig_with(WATER, **table).wet_sand(grid)[-1].all(), 'rain may raise the table'
+
+
+def test_an_unknown_rate_is_an_interval_and_no_physics() -> None:
+    def tank(prior: list[float]) -> Rig:
+        ink = {'x_m': 0.3, 'z_m': 0.3, 'rate_prior_ml_h': prior}
+        return rig_with(WATER, wells={'ink': ink})
+
+    median, deviation = tank([50.0, 200.0]).wells['ink'].believed_rate_ml_h or (0.0, 0.0)
+    assert median == pytest.approx(100.0)
+    assert median * np.exp(1.645 * deviation) == pytest.approx(200.0, rel=1e-3)
+    assert tank([50.0, 200.0]).physics_fingerprint == rig_with(WATER).physics_fingerprint
+    with pytest.raises(InputError, match='first must be less'):
+        tank([200.0, 50.0])

@@ -67,7 +67,8 @@ def examine(
         crew: runs the simulations; None: one at a time.
         progress: called with the stage and its position in the work, below 0.98. It may raise
             `SearchEnded` from SINGLES_JUDGED on: the result is then the answer so far.
-        tell: called with a line for all that is odd in their rates and maps, before the search.
+        tell: called with a line for all that is odd in their rates and maps, before the search, and
+            for every rate that nobody measured, after it.
         so_far: called with a line about the best effects so far, after each stage of the search.
 
     Raises:
@@ -106,6 +107,9 @@ def examine(
     numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)
     joint, rates = start.sources.beside(explanation.model)
     explanation = replace(explanation, model=beside_the_rates(explanation.model, joint))
+    unmeasured = start.told(rates)
+    for line in unmeasured:
+        tell(line)
     held_out = tuple(
         measure_held_out(recording, sample, joint, numerics)
         for recording, sample in zip(recordings, samples, strict=True)
@@ -139,7 +143,7 @@ def examine(
         partial=partial,
         rates=tuple(rates),
         remarks=(
-            *start.told(rates),
+            *unmeasured,
             *untried_lines(findings),
             *odd_lines(recordings, OF_TABLES),
             *odd,

@@ -7,12 +7,14 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import pydantic
+from numpy.typing import NDArray
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import permeability_of
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.polygons import inside
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.rig.control_section import Control
 from porotwin_core.rig.numbers import Positive
@@ -262,6 +264,24 @@ class Rig(Section):
     def water_bodies(self) -> dict[str, WaterBody]:
         """All water at the sand by name: of the open sides and of `water`."""
         return {**self.boundaries.bodies, **self.water}
+
+    def wet_sand(self, grid: Grid) -> NDArray[np.bool_]:
+        """Return the cells (nz, nx) in sand with water, by the centre of each.
+
+        Open water is no sand. With a water table the sand is dry above the fringe over the highest
+        level, unless it rains.
+        """
+        x, z = np.meshgrid(grid.x, grid.z)
+        places = np.stack([x.ravel(), z.ravel()], axis=1)
+        wet = np.ones(grid.shape, dtype=bool)
+        for body in self.water.values():
+            if body.corners_m is not None:
+                wet &= ~inside(places, np.array(body.corners_m)).reshape(grid.shape)
+        heads = [b.head_m for b in self.water_bodies.values() if b.head_m is not None]
+        rains = any(body.rate_ml_h for body in self.water.values())
+        if self.water_table is not None and not rains:
+            wet &= z < max(heads) + self.water_table.fringe_m
+        return wet
 
     @property
     def is_driven(self) -> bool:

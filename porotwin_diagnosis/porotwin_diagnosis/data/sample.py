@@ -116,8 +116,8 @@ class Sample:
         rate_modes: change of the maps [-] by one deviation of each unknown rate, (k, nt, nz, nx);
             None if all rates are known.
         least_scale: least map value [-] of undiluted stock, where the scale of the maps is open: 1
-            for maps whose core counts as 1. Predictions take the scale that suits the fitted frames
-            best. None if the scale is known.
+            for maps whose core counts as 1. No map shows more. Predictions take the scale that
+            suits the fitted frames best, below the core. None if the scale is known.
     """
 
     rig: Rig
@@ -271,7 +271,7 @@ class Sample:
 
         The arguments have the meaning of `whitened`.
         """
-        shown = np.clip(self.at_scale(predicted), 0.0, 1.0)
+        shown = np.clip(self.at_scale(predicted), 0.0, self.least_scale or 1.0)
         expected = self.noise.expected(blurred(shown, point_spread_width))
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
@@ -342,8 +342,8 @@ class Sample:
         if self.least_scale is None:
             return predicted
         part = slice(None, self.fitted_frames or len(self.times))
-        found = nearest_level(predicted[part], self.observed[part])
-        return predicted * max(found, self.least_scale)
+        below = np.where(self.observed < FULL_STOCK * self.least_scale, self.observed, np.nan)
+        return predicted * max(nearest_level(predicted[part], below[part]), self.least_scale)
 
     def at_level(self, predicted: FloatArray) -> FloatArray:
         """Return `predicted` (nt, nz, nx) at the level of the stock that the held-out maps have.
@@ -449,7 +449,7 @@ def _delivered(
     sizes = measured_errors(maps, systematic, sands, recording.grid)
     random = np.maximum(deviation**2 - systematic**2, 0.0)
     own = np.sqrt(random + (LOCAL_SHARE * systematic) ** 2)
-    sizes = sizes.of_open_scale if stored.origin.scale else sizes
+    sizes = replace(sizes, scales=()) if stored.origin.scale else sizes  # taken by predictions
     return np.where(np.isfinite(own), own, 0.0), sizes
 
 

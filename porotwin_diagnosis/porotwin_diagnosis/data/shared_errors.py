@@ -18,7 +18,7 @@ cell. Only the level of the stock has a fixed one: imaging cannot know it. `Shar
 modes out of a residual as far as their deviations allow.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -67,7 +67,8 @@ class ErrorSizes:
     """Standard deviations of the errors that all maps share.
 
     Attributes:
-        scales: relative error of the scale in each sand [-].
+        scales: relative error of the scale in each sand [-]; empty where predictions take the scale
+            of the maps, with the level of the stock.
         bend: error of the concentration 0.5 [-].
         place_m: error of a place [m].
         blur_m2: error of the square of the width of the blur [m^2].
@@ -77,11 +78,6 @@ class ErrorSizes:
     bend: float
     place_m: float
     blur_m2: float
-
-    @property
-    def of_open_scale(self) -> 'ErrorSizes':
-        """These errors without that of the scale, where predictions take the best one anyway."""
-        return replace(self, scales=(0.0,) * len(self.scales))
 
 
 def measured_errors(
@@ -139,7 +135,7 @@ def error_modes(
     right, up = grid.x / grid.width, (grid.z / grid.height)[:, None]
     shares = [a * b for a in (right, 1.0 - right) for b in (up, 1.0 - up)]
     modes = [
-        STOCK_LEVEL * maps,
+        *([STOCK_LEVEL * maps] if sizes.scales else []),
         *(size * maps * (sands == number) for number, size in enumerate(sizes.scales)),
         pale,
         SECOND_BEND * pale * (1.0 - 2.0 * maps),

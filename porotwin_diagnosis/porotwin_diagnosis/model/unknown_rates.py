@@ -13,7 +13,7 @@ where C is the covariance of the residuals (`covariance`), widened as all interv
 The level of relative maps needs no fit: it is the factor that the prediction leaves open.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from statistics import NormalDist
@@ -32,7 +32,7 @@ from porotwin_diagnosis.data.sample import (
     Sample,
     read_sample,
 )
-from porotwin_diagnosis.data.shared_errors import nearest_level
+from porotwin_diagnosis.data.shared_errors import STOCK_LEVEL, nearest_level
 from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.fit import Fit, effects_at
 from porotwin_diagnosis.model.fitter import Fitter, bounds_of
@@ -77,7 +77,7 @@ class SourceRate:
 
 
 @dataclass(frozen=True, eq=False)
-class Sources:
+class UnknownRates:
     """The unknown rates of the sources of some recordings, at the rates of their rig.
 
     Attributes:
@@ -127,30 +127,59 @@ class Sources:
             start: scaled parameters of the effects and then of the rates, (p,).
             width: width [cells] of the smoothing of residuals.
         """
-        members = (*model, *self.unknown)
-        centre, weight = self._prices(len(start))
         fitter = self.fitter
+        return self._minimised(
+            fitter,
+            (*model, *self.unknown),
+            start,
+            width,
+            lambda members, u, left: fitter.slopes(members, u, left, width=width),
+        )
+
+    def _minimised(
+        self,
+        fitter: Fitter,
+        members: Sequence[Candidate],
+        start: FloatArray,
+        width: float,
+        slopes: Callable[..., Sequence[FloatArray]],
+    ) -> FloatArray:
+        """Return the parameters that suit `fitter` and the prior, with `slopes` of residuals."""
+        centre, weight = self._prices(len(start))
         return minimise(
             lambda u: [
                 *fitter.residuals(effects_at(members, u), width, fitted_only=True),
                 weight * (centre - u),
             ],
-            lambda u, left: [
-                *fitter.slopes(members, u, left[:-1], width=width),
-                np.diag(weight),
-            ],
+            lambda u, left: [*slopes(members, u, left[:-1]), np.diag(weight)],
             start,
             bounds_of(members),
             iterations=2 * len(members),
+            updated_slopes=fitter is not self.fitter,
         )
 
     def first_effects(self) -> tuple[EffectDescription, ...]:
-        """Return the rates, as effects, that suit the fitted frames best without other effects."""
-        scaled = self.prior[0]
-        if self.unknown:
-            for width in (COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH):
-                scaled = self.fitted((), scaled, width)
-        return effects_at(self.unknown, scaled)
+        """Return the rates, as effects, that suit the fitted frames best without other effects.
+
+        On an open scale the fit begins at low rates as well: at high ones the scale is at its
+        bound, where its slope does not show.
+        """
+        mean, deviation = self.prior
+        if not self.unknown:
+            return ()
+        is_open = any(sample.least_scale is not None for sample in self.fitter.samples)
+        starts = [mean, mean - NORMAL_DEVIATIONS * deviation][: 1 + is_open]
+        coarse = [self.fitted((), start, COARSE_SMOOTHING_WIDTH) for start in starts]
+        fits = [self.fitted((), start, SMOOTHING_WIDTH) for start in coarse]
+        return effects_at(self.unknown, min(fits, key=self._cost))
+
+    def _cost(self, scaled: FloatArray) -> float:
+        """Return the sum of squares that `fitted` minimises, of rates alone."""
+        centre, weight = self._prices(len(scaled))
+        effects = effects_at(self.unknown, scaled)
+        left = self.fitter.residuals(effects, SMOOTHING_WIDTH, fitted_only=True)
+        squares = sum(float(np.sum(one**2)) for one in left)
+        return squares + float(np.sum((weight * (centre - scaled)) ** 2))
 
     def with_modes(self) -> tuple[Sample, ...]:
         """Return the samples with the modes of the rates."""
@@ -173,7 +202,7 @@ class Sources:
     def beside(self, model: Fit) -> tuple[Fit, list[SourceRate]]:
         """Return the joint fit of `model` and the rates, and the posterior of the rates.
 
-        Cells half as large correct the parameters once, and the correction adds to the covariance.
+        Cells half as large correct the parameters, and the correction adds to the covariance.
 
         Raises:
             InputError: the model cannot run with the effects.
@@ -184,20 +213,17 @@ class Sources:
         nothing = np.zeros(len(self.unknown))
         start = np.concatenate([model.scaled_parameters, nothing])
         scaled = self.fitted(model.members, start, SMOOTHING_WIDTH)
-        centre, weight = self._prices(len(scaled))
-        effects = effects_at(members, scaled)
-        residuals, finer = (
-            fitter.residuals(effects, SMOOTHING_WIDTH, fitted_only=True)
-            for fitter in (self.fitter, self._finer)
+        residuals = self.fitter.residuals(
+            effects_at(members, scaled), SMOOTHING_WIDTH, fitted_only=True
         )
         slopes = self.fitter.slopes(members, scaled, residuals)
-        flat = np.concatenate([one.reshape(len(scaled), -1) for one in slopes], axis=1)
-        normal = flat @ flat.T + np.diag(weight**2)
-        left = np.concatenate([one.ravel() for one in finer])
-        step = np.linalg.pinv(normal) @ (flat @ left + weight**2 * (centre - scaled))
-        moved = bounds_of(members).clip(scaled + step)
+        moved = self._minimised(self._finer, members, scaled, SMOOTHING_WIDTH, lambda *_at: slopes)
         widening = (INTERVAL_DEVIATIONS / NORMAL_DEVIATIONS) ** 2
-        own = widening * (clustered_covariance(slopes, residuals) + np.diag(step**2))
+        variance = (moved - scaled) ** 2
+        if any(sample.least_scale is not None for sample in self.fitter.samples):  # of the core
+            steps = [one.parameters[0].step for one in self.unknown]
+            variance[-len(steps) :] += (STOCK_LEVEL / np.array(steps)) ** 2
+        own = widening * (clustered_covariance(slopes, residuals) + np.diag(variance))
         precision = np.zeros(len(scaled))
         precision[len(model.scaled_parameters) :] = self.prior[1] ** -2.0
         covariance = np.linalg.pinv(np.linalg.pinv(own, hermitian=True) + np.diag(precision))
@@ -266,7 +292,7 @@ class Settled:
 
     recordings: tuple[Recording, ...]
     samples: tuple[Sample, ...]
-    sources: Sources
+    sources: UnknownRates
     levels: tuple[float | None, ...]
 
     def told(self, rates: Sequence[SourceRate]) -> list[str]:
@@ -311,7 +337,7 @@ def settled(recordings: Sequence[Recording], *, crew: Executor | None = None) ->
     return Settled(tuple(recordings), sources.with_modes(), sources, tuple(cores))
 
 
-def at_first_rates(sources: Sources) -> tuple[Sources, list[float]]:
+def at_first_rates(sources: UnknownRates) -> tuple[UnknownRates, list[float]]:
     """Return `sources` at the rates that suit the fitted frames best without effects.
 
     Relative maps are brought to the scale of the stock. With them come the factors that do so [-].
@@ -353,10 +379,10 @@ def _level(forward: Forward, effects: Sequence[EffectDescription]) -> float:
     return float(1.0 / nearest_level(maps, sample.at_scale(maps)))
 
 
-def sources_of(samples: Sequence[Sample], *, crew: Executor | None = None) -> Sources:
+def sources_of(samples: Sequence[Sample], *, crew: Executor | None = None) -> UnknownRates:
     """Return the unknown rates of `samples` of one rig; `crew` runs the simulations."""
     unknown = unknown_rates(samples[0].rig, pumping_wells(samples))
-    return Sources(_fitter(samples, 1, crew), tuple(unknown))
+    return UnknownRates(_fitter(samples, 1, crew), tuple(unknown))
 
 
 def _fitter(samples: Sequence[Sample], refinement: int, crew: Executor | None) -> Fitter:

@@ -194,7 +194,9 @@ def make_baseline(
             width_m=grid.width,
             checker=_checker_on_sampling(camera, geometry, sampling),
         )
+        rows, columns = mask.usable.shape
         usable = mask.usable & used_calibration.shown(mask.usable.shape)
+        usable &= rig.wet_sand(rig.grid(columns, rows))[::-1]
         share = sampling.cell_means(usable.astype(np.float32))
         if not (share > VALIDITY.least_visible_share).any():
             raise InputError(_no_sand(odd_corners))
