@@ -72,7 +72,7 @@ PUMPS = (
     ),
     (
         'The photographs hold less tracer than the meters tell.',
-        'hub/cycle: "does the pump of", with the wells of tracer',
+        'hub/cycle: "does the pump of", with the wells of tracer; `up` prints it',
         'Tells the volumes. Control continues.',
         'weigh the stock',
     ),
