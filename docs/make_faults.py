@@ -49,9 +49,8 @@ These rules hold for every fault:
 - No setpoint follows from a bad photograph or message.
 - Every setpoint keeps the limits of `rig.yaml`.
 
-`./porotwin bench faults` is the long test, with 24 hours of simulated time and kills at random
-moments. `./porotwin bench fuzz` sends damaged files to all readers, and random words to a running
-graph and its page.
+`./porotwin bench faults` is the long test. `./porotwin bench fuzz` damages files and sends random
+words.
 """
 
 TABLE = ('| fault | sign | reaction of the twin | remedy |', '| --- | --- | --- | --- |')
@@ -72,7 +71,7 @@ PUMPS = (
     ),
     (
         'The photographs hold less tracer than the meters tell.',
-        'hub/cycle: "does the pump of", with the wells of tracer',
+        'hub/cycle: "does the pump of", with the wells of tracer; `up` prints it',
         'Tells the volumes. Control continues.',
         'weigh the stock',
     ),

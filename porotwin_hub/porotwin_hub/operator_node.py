@@ -22,6 +22,7 @@ from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_hub.operator.announcement import (
+    BY_THE_PUMPS,
     NO_SETPOINT,
     Announcement,
     confirmation_in_words,
@@ -64,7 +65,7 @@ class OperatorNode(TwinNode):
         self._words = FewWords(_print, known=(HUB, MEND))
         self._refusals = FewWords(self.get_logger().error)
         self._photographs_ahead = 0.0
-        self._waits_for_setpoints = False
+        self._told: frozenset[str] = frozenset()
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         listen = partial(follow, self, refuse=self._refuse)
@@ -121,12 +122,17 @@ class OperatorNode(TwinNode):
         )
 
     def _on_cycle(self, message: CycleReport) -> None:
-        """Say why no setpoint follows from a photograph, once until one follows again."""
-        reason = next((one for one in message.remarks if one.startswith(NO_SETPOINT)), '')
-        if reason and not self._waits_for_setpoints:
-            self._words.tell(HUB, said(HUB, reason))
-            self._speak(in_short(reason))
-        self._waits_for_setpoints = bool(reason)
+        """Say what a person must know of a photograph, once until it is over."""
+        found = {
+            kind: one
+            for kind in (NO_SETPOINT, BY_THE_PUMPS)
+            for one in message.remarks
+            if kind in one
+        }
+        for kind in found.keys() - self._told:
+            self._words.tell(HUB, said(HUB, found[kind]))
+            self._speak(in_short(found[kind]))
+        self._told = frozenset(found)
 
     def _on_offer(self, message: MendOffer) -> None:
         """Say what a diagnosis offers to the model, and what became of it."""

@@ -11,6 +11,7 @@ from hub_examples import SMALL_RIG
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
+from porotwin_checks.checks.tracer_amount import AMOUNT
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
@@ -200,16 +201,24 @@ def test_a_confirmation_bears_the_time_of_a_camera_whose_clock_is_right(
     assert conversions.time_from_msg(desk.measured[0].start) == pytest.approx(taken + 32.0, abs=5.0)
 
 
-def test_why_no_setpoint_follows_is_said_once(
+def test_what_a_person_must_know_is_said_once(
     desk: Desk, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cycles = desk.publisher('hub', CycleReport, 'hub/cycle', qos.FIELD)
     heard: list[String] = []
     desk.peer.create_subscription(String, 'operator/announcement', heard.append, qos.FIELD)
     desk.spin_until(lambda: desk.peer.count_subscribers('operator/announcement') > 0)
-    for age, expected in (('1:00:00', 1), ('1:00:30', 1), ('', 1), ('0:10:00', 2)):
-        remarks = [f'no setpoint: the photograph was taken {age} ago'] if age else []
-        cycles.publish(CycleReport(remarks=['another remark', *remarks]))
+    late = 'no setpoint: the photograph was taken {} ago'.format
+    volume = AMOUNT.format(map='the photograph', held_ml=9.0, pumped_ml=18.0)
+    for remark, expected in (
+        (late('1:00:00'), 1),
+        (late('1:00:30'), 1),
+        ('', 1),
+        (late('0:10:00'), 2),
+        (volume, 3),
+        (volume, 3),
+    ):
+        cycles.publish(CycleReport(remarks=['another remark', remark]))
         desk.spin_for(0.3)
         desk.spin_until(lambda expected=expected: len(heard) >= expected)
         assert len(heard) == expected

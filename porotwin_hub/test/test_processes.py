@@ -1,13 +1,15 @@
 """Tests of the graph's processes: restarts, stopped processes, bounded logs, and a sure end."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from typing import IO
 
 import pytest
 
@@ -118,17 +120,28 @@ def test_a_full_disk_stops_neither_the_display_nor_a_restart(
     assert sum('cannot be written (No space left' in line for line in lines) <= 3, lines
 
 
-def test_lines_that_a_full_disk_loses_are_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize('number', [errno.ENOSPC, errno.EDQUOT, errno.EROFS])
+def test_lines_that_a_full_or_read_only_disk_loses_are_told(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    free, lines = [0], list[str]()
-    monkeypatch.setattr('shutil.disk_usage', lambda _: SimpleNamespace(free=free[0]))
+    refusal: list[int] = []
+    lines: list[str] = []
+    real = tempfile.TemporaryFile
+
+    def refused(**place: Path) -> IO[bytes]:
+        if refusal:
+            raise OSError(refusal[0], os.strerror(refusal[0]))
+        return real(**place)
+
+    monkeypatch.setattr('tempfile.TemporaryFile', refused)
+    refusal.append(number)
     node = pretend_node(tmp_path, SLEEPER.format(bound=False))
     with GraphProcesses([node], tmp_path, say=lines.append, environment=with_path(tmp_path)):
-        assert until(lambda: any('the disk is full' in line for line in lines)), lines
-        free[0] = 1
-        assert until(lambda: any('has space again' in line for line in lines)), lines
-    assert sum('the disk is full' in line for line in lines) == 1
+        told = f'takes no data ({os.strerror(number)})'
+        assert until(lambda: any(told in line for line in lines)), lines
+        refusal.clear()
+        assert until(lambda: any('takes data again' in line for line in lines)), lines
+    assert sum(told in line for line in lines) == 1
 
 
 def test_a_closed_terminal_does_not_stop_the_log(tmp_path: Path) -> None:

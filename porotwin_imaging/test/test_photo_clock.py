@@ -168,6 +168,7 @@ def test_a_camera_clock_that_is_set_during_the_experiment_is_followed_after_two_
     result = times(evidence)
     assert result[:4] == [NOW + n * INTERVAL for n in range(4)]
     assert result[4:6] == [None, None]
+    assert "the camera's clock was set back" in found(evidence)[4].remarks[0]
     assert result[6:] == [NOW + n * INTERVAL for n in range(6, 10)]
     # and back again
     again = [live(n, exif=NOW + n * INTERVAL - (HOUR if n < 4 else 0)) for n in range(10)]
@@ -177,7 +178,8 @@ def test_a_camera_clock_that_is_set_during_the_experiment_is_followed_after_two_
 
 
 def test_equal_times_and_a_second_back_are_spread_and_older_ones_left_out() -> None:
-    result = found([live(n, exif=NOW - 60 + step) for n, step in enumerate([0, 0, -1, 30, -1])])
+    old = [live(n, exif=NOW - 60 + step) for n, step in enumerate([0, 0, -1, 30])]
+    result = found([*old, live(4, exif=NOW - 61, file=NOW - 61)])
     first = NOW - 60
     assert [s.time for s in result[:4]] == pytest.approx(
         [first, first + 1e-3, first + 2e-3, first + 30]

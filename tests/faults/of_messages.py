@@ -220,7 +220,7 @@ def forged_rates(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node floods /diagnostics with errors that look like orders.',
     LogLine('supervisor', 'says: "\\x1b[2Jsetpoint 777'),
-    LogLine('supervisor', 'more of other senders left out'),
+    LogLine('supervisor', 'more lines of nodes that are not of the twin'),
     does='Shows a few of them in one line each, with the name that their sender gives itself, and '
     'the number of the others. No character acts on the terminal.',
     mends=REMOVED,

@@ -217,6 +217,17 @@ def twice_as_bright(stage: Stage) -> None:
 
 
 @fault(
+    'The lamps give a quarter less light.',
+    LogLine('imaging', 'times the light of the baseline: corrected by the colour chart'),
+    does='Corrects the light by the chart, or without one by places that never change.',
+    mends='nothing at once; set the lamps as for the baseline',
+)
+def dimmer_lamps(stage: Stage) -> None:
+    pixels = decoded(stage.picture()).astype(float)
+    stage.put(encoded((0.9 * pixels).astype(np.uint8)), good=True)
+
+
+@fault(
     'All photographs so far are copied into the folder again under other names.',
     Status('camera', 'ERROR', 'is a duplicate of'),
     does='Leaves out the copies.',

@@ -2,11 +2,14 @@
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from faults.fault import Remark, Status, SupervisorLine, fault
-from faults.stage import Stage, kill
+from faults.fault import Answer, Remark, Status, SupervisorLine, fault
+from faults.stage import ENVIRONMENT, Stage, kill
+from porotwin_hub.launching.graph import NAMESPACE
 
 RESTARTED = 'Starts the node again.'
 BY_ITSELF = 'nothing: the restarted node continues'
@@ -121,6 +124,33 @@ def recorder_killed(stage: Stage) -> None:
 )
 def page_killed(stage: Stage) -> None:
     kill(stage, 'page')
+
+
+@fault(
+    'A second twin starts in the same domain.',
+    Answer('another node /porotwin/hub runs in this ROS domain'),
+    does='The second one refuses to start. Control continues.',
+    mends='give each rig a domain of its own (`--domain`)',
+)
+def second_twin(stage: Stage) -> None:
+    command = [
+        sys.executable,
+        '-m',
+        'porotwin_hub.hub_node',
+        '--ros-args',
+        '-r',
+        f'__ns:={NAMESPACE}',
+    ]
+    second = subprocess.run(
+        [*command, '-p', f'rig:={stage.folder / "rig.yaml"}'],
+        env={**ENVIRONMENT, 'ROS_DOMAIN_ID': str(stage.domain)},
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=60.0,
+    )
+    assert second.returncode == 2, second.stderr
+    assert 'another node /porotwin/hub runs in this ROS domain' in second.stderr
 
 
 @fault(

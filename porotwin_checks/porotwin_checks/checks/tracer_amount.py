@@ -33,8 +33,8 @@ INVERTED_LEVEL = 0.5
 
 AMOUNT = '{map} holds {held_ml:.3g} ml of tracer, and by the pumps it would be {pumped_ml:.3g} ml'
 REMEDY = (
-    '; {pumps}check the rates, the clocks of pumps and camera, the sizes, depth and porosity in '
-    'rig.yaml, the baseline, and whether the calibration is of this rig'
+    '; {pumps}check first whether calibration and baseline are of this rig, then the rates and '
+    'clocks, then rig.yaml'
 )
 PUMPS = 'does the pump of {wells} deliver {change} than its rate? Else '
 

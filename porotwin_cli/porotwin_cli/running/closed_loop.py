@@ -368,12 +368,11 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
 
         automatic = settings.hidden is not None and not settings.ask
         operator = MendDesk(accept_all) if automatic else nullcontext()
+        shown = ('guard', 'mend', *(('operator',) if settings.ask else ()))
         with (
             operator,
             GraphWatch(on_cycle) as watch,
-            GraphProcesses(
-                nodes, folder, say=say, show=('mend', 'operator') if settings.ask else ('mend',)
-            ) as processes,
+            GraphProcesses(nodes, folder, say=say, show=shown) as processes,
         ):
             while not watch.finished.wait(POLL_S):
                 _check(processes, time.monotonic() - newest[0], settings.patience_s, folder)

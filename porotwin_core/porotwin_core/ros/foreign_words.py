@@ -21,7 +21,7 @@ FEW = 5
 PERIOD_S = USUAL_PHOTO_INTERVAL_S
 """That period [s]: a photograph later a person knows of a flood."""
 
-OTHERS = 'other senders'
+OTHERS = 'nodes that are not of the twin'
 """Stands for all senders that are not known: names can be made up without an end."""
 
 _UNSEEN = frozenset({'Cc', 'Cf', 'Cs', 'Co', 'Cn', 'Zl', 'Zp'})
@@ -97,4 +97,4 @@ class FewWords:
             told, self._told, self._began = self._told, Counter(), self._clock()
         for name, count in told.items():
             if count > FEW:
-                self._tell(f'{count - FEW} more of {name} left out')
+                self._tell(f'{count - FEW} more lines of {name} are not shown')

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -275,9 +276,10 @@ class GraphProcesses:
 
     def _keep(self) -> None:
         """Look after all processes until the end; no failure of one look ends it."""
-        full = False
+        refusal, looked = '', 0.0
         while not self._ending.wait(POLL_S):
-            full = self._tell_full_disk(before=full)
+            if time.monotonic() - looked > self._restart_pause_s:
+                refusal, looked = self._tell_disk(before=refusal), time.monotonic()
             for kept in self._kept.values():
                 try:
                     self._look(kept)
@@ -285,17 +287,20 @@ class GraphProcesses:
                 except Exception as error:  # no memory or processes left: tried again
                     self._report(f'{kept.node.name}: {error!r}')
 
-    def _tell_full_disk(self, *, before: bool) -> bool:
-        """Return whether lines of logs are lost now; tell a change."""
+    def _tell_disk(self, *, before: str) -> str:
+        """Return why the disk of the logs takes no new file now, '' if it does; tell a change."""
+        folder, refusal = self._folder / 'log', ''
         try:
-            full = shutil.disk_usage(self._folder).free == 0
-        except OSError:  # the folder is gone
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(b'1')
+        except FileNotFoundError:  # the folder is gone
             return before
-        if full and not before:
-            self._report(f'{self._folder / "log"}: the disk is full; lines of logs are lost')
-        if before and not full:
-            self._report(f'{self._folder / "log"}: the disk has space again; lines are missing')
-        return full
+        except OSError as error:  # full, also of files or of a quota, or read-only
+            refusal = error.strerror or str(error)
+        if refusal != before:
+            now = f'takes no data ({refusal}); lines of logs are lost'
+            self._report(f'{folder}: {now if refusal else "takes data again; lines are missing"}')
+        return refusal
 
     def _look(self, kept: _Kept) -> None:
         status = kept.process.poll()

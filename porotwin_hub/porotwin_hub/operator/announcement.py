@@ -12,6 +12,9 @@ from porotwin_core.ros.foreign_words import in_short, plain
 NO_SETPOINT = 'no setpoint: '
 """Begin of the hub's remark that tells why no setpoint follows from a photograph."""
 
+BY_THE_PUMPS = 'by the pumps it would be'
+"""Words of the hub's remark that a photograph holds another volume than the pumps tell."""
+
 
 @dataclass(frozen=True)
 class Announcement:

@@ -217,7 +217,13 @@ def _stamp(
     if not evidence.in_sequence:
         return Stamp(time, lines), memory
     if memory.last is not None and time < memory.last - JITTER_S:
-        older = f'{memory.last - time:.0f} s older than the last one, so it is out of order'
+        why = 'it is out of order'
+        if live and memory.lags:  # a fresh file
+            why = (
+                f"the camera's clock was set back; after {AGREEING} photographs of this clock its "
+                'times are corrected'
+            )
+        older = f'{memory.last - time:.0f} s older than the last one, so {why}'
         reason = f"photograph '{evidence.name}' left out: it is {older}"
         return Stamp(None, (*lines, reason)), memory
     if memory.last is not None:
