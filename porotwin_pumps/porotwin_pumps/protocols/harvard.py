@@ -1,9 +1,9 @@
 """Syringe pumps of Harvard Apparatus (11 Elite, PHD Ultra) and KD Scientific (Legato).
 
-Source: commands of the mode *Quick Start* as open drivers send them; the manual was not at hand, and
-no pump has answered yet. A command is `<address><command><CR>`. Lines of the answer end with a line
-feed, and the last one is a prompt: the address and : at rest, > infusing, < withdrawing, * stalled,
-T* target reached. In poll mode XON follows it.
+Source: commands of the mode *Quick Start* as open drivers send them; the manual was not at hand,
+and no pump has answered yet. A command is `<address><command><CR>`. Lines of the answer end with a
+line feed, and the last one is a prompt: the address and : at rest, > infusing, < withdrawing, *
+stalled, T* target reached. In poll mode XON follows it.
 """
 
 import re

@@ -1,9 +1,9 @@
 """Peristaltic pumps on Masterflex L/S digital drives of Cole-Parmer with an RS-232 link.
 
 Source: commands of the drives 07523-80, -90 and 07551 as open drivers send them; the manual was not
-at hand, and no drive has answered yet. Drives have the numbers 1 to 89. A command is `<STX>P<number><command><CR>`. The answer is
-<ACK>, <NAK>, or `<STX>P<number><data><CR>`. Some drives answer G0 with <NAK> and run, so that the
-counter of turns must tell.
+at hand, and no drive has answered yet. Drives have the numbers 1 to 89. A command is
+`<STX>P<number><command><CR>`. The answer is <ACK>, <NAK>, or `<STX>P<number><data><CR>`. Some
+drives answer G0 with <NAK> and run, so that the counter of turns must tell.
 """
 
 import re
