@@ -77,7 +77,7 @@ def enough(*_: object, **__: object) -> None:
 
 
 def ask_diagnose(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examine, 'read_sample', enough)
+    monkeypatch.setattr(examine, 'settled', enough)
     diagnose.command(folder.parent / 'report', [folder])
 
 
