@@ -124,7 +124,7 @@ def plausible_state(stage: Stage) -> Iterator[None]:
 
 @fault(
     'A foreign node sends a photograph.',
-    Status('imaging', 'ERROR', 'several nodes publish camera/image/compressed'),
+    Status('imaging', 'ERROR', 'publishes camera/image/compressed too'),
     does='Leaves out all photographs while the foreign node is there. No setpoint follows.',
     mends=REMOVED,
 )

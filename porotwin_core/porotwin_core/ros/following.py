@@ -3,7 +3,7 @@
 import inspect
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from threading import Lock
@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.senders import SENDERS, Sender, check_senders
+from porotwin_core.ros.senders import check_senders
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
@@ -36,7 +36,6 @@ class Writers:
     def __init__(self, node: Node, topic: str, *, replayed: bool = True) -> None:
         """Count nothing yet; `topic` and `replayed` are those of `follow`."""
         self._node, self._topic, self._replayed = node, topic, replayed
-        self._first = ''
         self._known: set[str] = set()
         self._unseen = 0
         self._noticed = -math.inf
@@ -87,26 +86,10 @@ class Writers:
             # first the count: who matched before it is seen below, unless he has left
             found = self._event.take_event().total_count
             present = check_senders(self._node, self._topic, replayed=self._replayed)
-            self._check_same(present)
             self._known |= {sender.identity for sender in present}
             if found - len(self._known) > self._unseen:
                 self._unseen = found - len(self._known)
                 self._noticed = time.monotonic()
-
-    def _check_same(self, present: Sequence[Sender]) -> None:
-        """Check that a topic of any one node comes from the same node as before.
-
-        Raises:
-            InputError: it comes from another one.
-        """
-        if SENDERS[self._topic] or not present:
-            return
-        self._first = self._first or present[0].node
-        if present[0].node != self._first:
-            raise InputError(
-                f'{present[0].node} publishes {self._topic}, and {self._first} did before; end '
-                'one of them, or start the twin again'
-            )
 
     def check(self, info: Mapping[str, Any]) -> None:
         """Check that a message with `info` came from an allowed node.
