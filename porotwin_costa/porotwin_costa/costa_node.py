@@ -279,7 +279,7 @@ class CostaNode(TwinNode):
 
     def _make_solver(self) -> LearntSolver:
         preset = self._preset or DEFAULT_PRESET
-        return solver_named(self._solver)(self._present_rig, self._grid, preset, ())
+        return solver_named(self._solver)(self._present_rig, self._grid, preset)
 
     def _refuse_impossible(self, rates: WellRates, time_step: float) -> None:
         if not (math.isfinite(time_step) and time_step > 0.0):
