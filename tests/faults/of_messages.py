@@ -329,14 +329,10 @@ def second_hub(stage: Stage) -> None:
     mends='set a value within the range',
 )
 def parameter_out_of_range(stage: Stage) -> None:
-    for name, value, words in (
-        ('horizon_s', -5.0, 'out of range'),
-        ('evaluations', -3, 'out of range'),
-        ('model_timeout_s', math.nan, 'it must be'),
-    ):
+    for name, value in (('horizon_s', -5.0), ('evaluations', -3), ('model_timeout_s', math.nan)):
         result = set_while_it_runs(stage, 'hub', name, value)
         assert not result.successful
-        assert words in result.reason, result.reason
+        assert 'out of range' in result.reason, result.reason
 
 
 def set_while_it_runs(stage: Stage, node: str, name: str, value: object) -> Any:
