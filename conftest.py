@@ -1,6 +1,7 @@
 """Settings of all tests: repeatable property tests, and a DDS domain for every test file."""
 
 import fcntl
+import gc
 import itertools
 import os
 import signal
@@ -56,7 +57,8 @@ def _claimed_domain() -> int:
 
 
 def _release(number: int) -> None:
-    """Let other tests have a domain whose nodes have ended."""
+    """Let other tests have a domain. Nodes in this process leave it when Python collects them."""
+    gc.collect()
     _claims.pop(number).close()
 
 
