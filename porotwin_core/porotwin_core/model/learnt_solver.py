@@ -5,7 +5,7 @@ class in its parameter `solver`, as Navigation2 loads its planners.
 """
 
 import importlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, cast
 
 from porotwin_core.basis.errors import InputError
@@ -13,7 +13,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import Schedule, WellRates
-from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.rig import Rig
 
 Place = tuple[float, float]
 """(x, z) in the rig [m]."""
@@ -73,8 +73,8 @@ class LearntSolver(Protocol):
         """Return the maps (times, nz, nx) of a free run from the map `initial` at `start` [s]."""
 
 
-LearntSolverMaker = Callable[[Rig, Grid, str, Iterable[EffectDescription]], LearntSolver]
-"""(rig, grid, preset, effects) -> solver."""
+LearntSolverMaker = Callable[[Rig, Grid, str], LearntSolver]
+"""(rig, grid, preset) -> solver."""
 
 
 def solver_named(name: str) -> LearntSolverMaker:
