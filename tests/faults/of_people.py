@@ -117,7 +117,7 @@ def model_that_never_ends(stage: Stage) -> None:
 @fault(
     'A program has COSTA save its model over a file of the run.',
     LogLine('costa', 'model not saved: '),
-    does='Refuses the request, if no command at a terminal made it. Overwrites older models only.',
+    does='Refuses the request.',
     mends='end the program',
 )
 def forged_save(stage: Stage) -> None:
