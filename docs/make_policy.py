@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
 
-from porotwin_core.ros.senders import vouched_by
+from porotwin_core.ros.senders import goals_of, vouched_by
 from porotwin_core.ros.vouching import CALLERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,7 +70,8 @@ def policy(nodes_page: str) -> str:
         words, served = _words(module)
         # a node may offer a service only with some parameters
         rights.setdefault(('services', 'reply'), set()).update(served)
-        served = rights['services', 'reply'] & CALLERS.keys()
+        goals = {goals_of(action) for action in rights.get(('actions', 'execute'), ())}
+        served = (rights['services', 'reply'] | goals) & CALLERS.keys()
         heard = {vouched_by(caller) for name in served for caller in CALLERS[name]}
         rights.setdefault(('topics', 'subscribe'), set()).update(heard)
         own = set().union(*rights.values())

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import rclpy
 from graph import RunningGraph, running_graph
 from rclpy.action import ActionClient
 
@@ -10,8 +11,16 @@ from porotwin_cli.running.live_diagnosis import diagnose_run_so_far
 from porotwin_cli.running.rehearsal import calibration_fit
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
+from porotwin_core.ros.senders import goals_of
+from porotwin_core.ros.vouching import Voucher
 from porotwin_diagnosis.progress import no_progress
-from porotwin_hub.launching.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.launching.graph import (
+    NAMESPACE,
+    GraphSettings,
+    NodeDescription,
+    operator_node,
+    twin_nodes,
+)
 from porotwin_imaging.tracer.calibration import save_calibration
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -62,11 +71,13 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     return [*twin_nodes(settings), operator_node(settings, asset=False), asset]
 
 
-def diagnosed(graph: RunningGraph, client: ActionClient, stages: list[str]) -> Diagnose.Result:
+def diagnosed(
+    graph: RunningGraph, client: ActionClient, voucher: Voucher, stages: list[str]
+) -> Diagnose.Result:
     """Return the diagnosis of the run so far; its stages are appended to `stages`."""
-    sent = client.send_goal_async(
-        Diagnose.Goal(), lambda message: stages.append(message.feedback.stage)
-    )
+    goal = Diagnose.Goal()
+    voucher.vouch(goals_of('diagnosis/diagnose'), goal)
+    sent = client.send_goal_async(goal, lambda message: stages.append(message.feedback.stage))
     graph.listener.wait_for('an answer to the goal', sent.done, timeout=30.0)
     finished = sent.result().get_result_async()
     graph.listener.wait_for('a diagnosis', finished.done, timeout=300.0)
@@ -78,7 +89,10 @@ def test_the_withheld_effect_is_named_while_the_twin_goes_on(
     tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with running_graph(rig_nodes(tmp_path), tmp_path, domain) as graph:
-        client = ActionClient(graph.listener.node, Diagnose, 'diagnosis/diagnose')
+        context = graph.listener.node.context
+        mend = rclpy.create_node('mend', namespace=NAMESPACE, context=context)
+        graph.listener.spin(mend)
+        client, voucher = ActionClient(mend, Diagnose, 'diagnosis/diagnose'), Voucher(mend)
         graph.wait_for_messages('hub/cycle', 1, timeout=120.0)
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         # the command line calls this function
@@ -88,7 +102,7 @@ def test_the_withheld_effect_is_named_while_the_twin_goes_on(
         graph.wait_for_messages('hub/cycle', STATES, timeout=180.0)
         stages: list[str] = []
         cycles = len(graph.messages['hub/cycle'])
-        result = diagnosed(graph, client, stages)
+        result = diagnosed(graph, client, voucher, stages)
         assert result.outcome.code == Outcome.OK, result.outcome.message
         assert result.verdict == 'rate'
         assert result.error_after < 0.6 * result.error_before

@@ -109,7 +109,7 @@ def test_a_client_of_the_same_node_is_no_proof(graph: Callable[[str], Any]) -> N
 
 def test_a_request_is_refused_while_nobody_may_call(graph: Callable[[str], Any]) -> None:
     caller = OnlyCaller(graph('pumps'), SERVICE)
-    with pytest.raises(InputError, match='a program called asset/control'):
+    with pytest.raises(InputError, match='a program calls asset/control'):
         caller.check(Control.Request())
 
 

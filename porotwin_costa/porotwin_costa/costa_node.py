@@ -17,7 +17,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 
 from porotwin_core.basis.errors import InputError
@@ -29,7 +29,9 @@ from porotwin_core.ros import conversions
 from porotwin_core.ros.from_messages import path_from_msg
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
+from porotwin_core.ros.senders import goals_of
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_costa.correction.corrective_source import WITHHELD, LearntStep, corrective_source
 from porotwin_costa.data.dataset import (
     Dataset,
@@ -48,6 +50,9 @@ if TYPE_CHECKING:
     from porotwin_costa.networks import Architecture
     from porotwin_costa.training.live_training import LiveTraining
     from porotwin_costa.training.training import TrainingProgress
+
+TRAIN = 'costa/train'
+"""Action that trains a model."""
 
 DEFAULT_PRESET = 'fast'
 """Scheme of the solver that judges a training, where the node was told none."""
@@ -142,23 +147,27 @@ class CostaNode(TwinNode):
 
     def _offer(self) -> None:
         group = ReentrantCallbackGroup()
-        for service, name, answer in (
-            (Ping, 'ping', self._ping),
-            (DataModelInfo, 'info', self._info),
-            (CorrectiveSource, 'corrective_source', self._corrective_source),
-            (LoadModel, 'load', self._load),
-            (SaveModel, 'save', self._save),
+        # a forged request is waited for, and a forecast must not wait for it
+        apart = MutuallyExclusiveCallbackGroup()
+        for service, name, answer, among in (
+            (Ping, 'ping', self._ping, group),
+            (DataModelInfo, 'info', self._info, group),
+            (CorrectiveSource, 'corrective_source', self._corrective_source, group),
+            (LoadModel, 'load', self._load, apart),
+            (SaveModel, 'save', self._save, apart),
         ):
-            self.create_service(service, f'costa/{name}', answer, callback_group=group)
+            self.create_service(service, f'costa/{name}', answer, callback_group=among)
+        called = ('costa/load', 'costa/save', goals_of(TRAIN))
+        self._callers = {name: OnlyCaller(self, name) for name in called}
         follow_effects(self, self._on_effects)
         self._action = ActionServer(
             self,
             Train,
-            'costa/train',
+            TRAIN,
             self._train,
             goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
-            callback_group=group,
+            callback_group=apart,
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
         self.create_timer(FEEDBACK_S, self._report_training, callback_group=group, clock=steady)
@@ -291,6 +300,7 @@ class CostaNode(TwinNode):
 
     def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
         try:
+            self._callers['costa/load'].check(request)
             loaded = self._loaded(path_from_msg(request.path))
             with self._choosing:
                 self._use(loaded, request.path)
@@ -307,15 +317,17 @@ class CostaNode(TwinNode):
 
     def _save(self, request: SaveModel.Request, response: SaveModel.Response) -> SaveModel.Response:
         in_use = self._in_use
-        if in_use.model is None:
-            response.outcome = Outcome(
-                code=Outcome.NOT_READY, message='no model loaded; train or load one first'
-            )
-            return response
         try:
+            self._callers['costa/save'].check(request)
+            if in_use.model is None:
+                response.outcome = Outcome(
+                    code=Outcome.NOT_READY, message='no model loaded; train or load one first'
+                )
+                return response
             in_use.model.save(path_from_msg(request.path))
         except InputError as error:
             response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'model not saved: {error}')
             return response
         with self._choosing:
             if self._in_use is in_use:
@@ -323,11 +335,13 @@ class CostaNode(TwinNode):
         response.outcome = conversions.ok()
         return response
 
-    def _on_goal(self, _: Train.Goal) -> GoalResponse:
-        if self._training:
-            self.get_logger().warning(
-                'training refused: another one is running; wait for it or cancel it'
-            )
+    def _on_goal(self, goal: Train.Goal) -> GoalResponse:
+        try:
+            self._callers[goals_of(TRAIN)].check(goal)
+            if self._training:
+                raise InputError('another one is running; wait for it or cancel it')
+        except InputError as error:
+            self.get_logger().warning(f'training refused: {error}')
             return GoalResponse.REJECT
         self._training = True
         return GoalResponse.ACCEPT
@@ -368,11 +382,14 @@ class CostaNode(TwinNode):
             handle.publish_feedback(message)
 
     def _trained(self, handle: ServerGoalHandle) -> 'CorrectiveModel':
+        from porotwin_costa.correction.corrective_model import check_replaceable
         from porotwin_costa.training.live_training import not_used
 
         self._limit_threads()
         goal = handle.request
         begun = time.perf_counter()
+        if goal.output:
+            check_replaceable(path_from_msg(goal.output))
         dataset = _training_pairs(path_from_msg(goal.dataset))
         chosen = self._chosen_architecture(goal.architecture)
         self.get_logger().info(f'training the {chosen.name} network on {dataset.summary}')

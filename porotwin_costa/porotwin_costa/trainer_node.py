@@ -31,6 +31,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import Voucher
 from porotwin_costa.data.collector import Collector, Pair
 from porotwin_costa.data.dataset import Dataset, dataset_parts, load_dataset
 from porotwin_costa.data.physics_id import PhysicsId
@@ -157,6 +158,7 @@ class TrainerNode(TwinNode):
         self._predict = self.create_client(Predict, 'solver/predict')
         self._residual = self.create_client(Residual, 'solver/residual')
         self._train = ActionClient(self, Train, TRAIN)
+        self._voucher = Voucher(self)
         follow(self, NewState, 'asset/new_state', self._on_state, qos.FIELD)
         follow(self, CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         follow_effects(self, self._on_effects)
@@ -320,6 +322,7 @@ class TrainerNode(TwinNode):
             architecture=self._architecture,
             seed=self._seed,
         )
+        self._voucher.vouch(senders.goals_of(TRAIN), goal)
         sent = self._train.send_goal_async(
             goal, lambda _: self._retraining.reported(time.monotonic())
         )
@@ -328,7 +331,7 @@ class TrainerNode(TwinNode):
     def _on_goal_answer(self, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
-            # another client has COSTA trained at this moment
+            # another client has COSTA trained at this moment, or could send goals
             self._retraining.refused(time.monotonic())
             return
         handle.get_result_async().add_done_callback(self._on_trained)

@@ -18,6 +18,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.senders import TERMINAL, goals_of
+from porotwin_core.ros.vouching import CALLERS, Voucher
 from porotwin_costa.data.frames import Frames, mean_rates
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
@@ -41,7 +43,11 @@ class Client:
         self.node = rclpy.create_node('virtual_rig', context=context)
         self.solver = rclpy.create_node('solver', context=context)
         self.group = ReentrantCallbackGroup()
-        self._thread = NodeThread(self.node, self.solver, threads=3)
+        self._terminal = rclpy.create_node(TERMINAL, context=context)
+        self._voucher = Voucher(self._terminal)
+        # two clients of a service look like two nodes of a name
+        self._clients: dict[str, Any] = {}
+        self._thread = NodeThread(self.node, self.solver, self._terminal, threads=3)
 
     def wait(self, future: Any) -> Any:
         """Return the result of a future."""
@@ -50,20 +56,30 @@ class Client:
         assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
         return future.result()
 
-    def call(self, service: Any, name: str, request: Any) -> Any:
-        """Return the answer of a service, once it is there."""
-        client = self.node.create_client(service, name, callback_group=self.group)
+    def call(self, service: Any, name: str, request: Any, *, vouched: bool = True) -> Any:
+        """Return the answer of a service, once it is there; vouch where that is needed."""
+        if name not in self._clients:
+            node = self._terminal if name in CALLERS else self.node
+            made = node.create_client(service, name, callback_group=self.group)
+            self._clients[name] = made
+        client = self._clients[name]
         assert client.wait_for_service(PATIENCE), f'{name} absent after {PATIENCE} s'
+        if vouched and name in CALLERS:
+            self._voucher.vouch(name, request)
         return self.wait(client.call_async(request))
 
-    def action(self, **goal: Any) -> tuple[Any, list[Any]]:
+    def action(self, *, vouched: bool = True, **goal: Any) -> tuple[Any, list[Any]]:
         """Send a training goal; return its handle and a list that grows with its feedback."""
         feedback: list[Any] = []
-        client = ActionClient(self.node, Train, 'costa/train', callback_group=self.group)
+        name, request = 'costa/train', Train.Goal(**goal)
+        if name not in self._clients:
+            made = ActionClient(self._terminal, Train, name, callback_group=self.group)
+            self._clients[name] = made
+        client = self._clients[name]
         assert client.wait_for_server(PATIENCE)
-        handle = self.wait(
-            client.send_goal_async(Train.Goal(**goal), lambda m: feedback.append(m.feedback))
-        )
+        if vouched:
+            self._voucher.vouch(goals_of(name), request)
+        handle = self.wait(client.send_goal_async(request, lambda m: feedback.append(m.feedback)))
         return handle, feedback
 
     def until(

@@ -140,6 +140,44 @@ def test_costa_answers_like_the_model_that_it_loaded(
     assert client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded
 
 
+def test_who_does_not_vouch_has_nothing_loaded_saved_or_trained(
+    client, costa, dataset, trained, tmp_path
+):
+    model, pairs, new = (tmp_path / f'{name}.safetensors' for name in ('model', 'pairs', 'new'))
+    trained.save(model)
+    dataset.save(pairs)
+    for kind, name, path in ((LoadModel, 'costa/load', model), (SaveModel, 'costa/save', new)):
+        request = kind.Request(path=str(path))
+        refused = client.call(kind, name, request, vouched=False)
+        assert f'a program calls {name}, and only /terminal may' in refused.outcome.message
+    assert not client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded
+    handle, _ = client.action(vouched=False, dataset=str(pairs), output=str(new), epochs=1)
+    assert not handle.accepted
+    assert not new.exists()
+
+
+def test_only_a_model_is_overwritten(client, costa, dataset, trained, tmp_path):
+    model, pairs = tmp_path / 'model.safetensors', tmp_path / 'pairs.safetensors'
+    trained.save(model)
+    dataset.save(pairs)
+    rates = tmp_path / 'rates.csv'
+    rates.write_text('precious')
+    for load in (model, None):
+        kind, name = (LoadModel, 'costa/load') if load else (SaveModel, 'costa/save')
+        answer = client.call(kind, name, kind.Request(path=str(model)))
+        assert answer.outcome.code == Outcome.OK, answer.outcome.message
+    for other in (rates, pairs):
+        kept = other.read_bytes()
+        refused = client.call(SaveModel, 'costa/save', SaveModel.Request(path=str(other)))
+        assert refused.outcome.code == Outcome.INVALID_INPUT
+        assert 'holds no COSTA model' in refused.outcome.message
+        handle, _ = client.action(dataset=str(pairs), output=str(other), epochs=1, seed=5)
+        outcome = client.wait(handle.get_result_async()).result.outcome
+        assert outcome.code == Outcome.INVALID_INPUT
+        assert 'holds no COSTA model' in outcome.message
+        assert other.read_bytes() == kept
+
+
 def test_training_runs_beside_the_services_and_can_be_cancelled(
     client, costa, model, unseen_frames, dataset, tmp_path
 ):

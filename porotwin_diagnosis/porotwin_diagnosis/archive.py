@@ -14,6 +14,7 @@ from typing import Any
 
 from porotwin_core.basis.errors import InputError, refuse_file, writing
 from porotwin_core.basis.parallel import Crew, SchedulerLost
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.examine import examine
@@ -70,12 +71,12 @@ class ArchiveTask:
         count alone.
         """
         try:
-            found = json.loads((self.folder / SUMMARY).read_text(encoding='utf-8'))
+            found = json.loads(read_regular(self.folder / SUMMARY))
             made, recordings = found['made_with'], found['recordings']
             preset, excluded, read = made['preset'], made['excluded'], made.get('read')
             named = [one['recording'] for one in read] if read else recordings
             places = [place_of(one) for one in named]
-        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        except (InputError, OSError, ValueError, LookupError, TypeError, AttributeError):
             return f'{SUMMARY} does not tell the origin of the report'
         if places != [place_of(self.recording)]:
             return f'the report belongs to {" and ".join(map(str, places))}'

@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
@@ -28,7 +28,10 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
+from porotwin_core.ros.senders import goals_of
 from porotwin_core.ros.single_instance import only_one
+from porotwin_core.ros.vouching import OnlyCaller
+from porotwin_diagnosis.archive import ArchiveTask
 from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.progress import WorkClock
@@ -43,6 +46,9 @@ from porotwin_solver.model.presets import PRESETS
 FIRST_ESTIMATE = 0.02
 """Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
 
+
+DIAGNOSE = 'diagnosis/diagnose'
+"""Action of this node."""
 
 THREADS = 3
 """One thread diagnoses, one listens to topics, one refuses a second goal."""
@@ -85,13 +91,16 @@ class DiagnosisNode(TwinNode):
             on_effects=self._on_effects,
             on_start=self._run.note_start,
         )
+        self._callers = OnlyCaller(self, goals_of(DIAGNOSE))
         self._server = ActionServer(
             self,
             Diagnose,
-            'diagnosis/diagnose',
+            DIAGNOSE,
             execute_callback=self._execute,
+            goal_callback=self._on_goal,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
-            callback_group=ReentrantCallbackGroup(),
+            # a forged goal is waited for, and a photograph must not wait for it
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
 
     def _on_state(self, message: NewState) -> None:
@@ -125,6 +134,14 @@ class DiagnosisNode(TwinNode):
         with self._lock:
             self._run.note_effects(told.effects)
 
+    def _on_goal(self, goal: Diagnose.Goal) -> GoalResponse:
+        try:
+            self._callers.check(goal)
+        except InputError as error:
+            self.get_logger().error(f'diagnosis refused: {error}')
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
     def _execute(self, goal: ServerGoalHandle) -> Any:
         """Answer a goal. A goal that comes during a diagnosis is refused at once."""
         if not self._busy.acquire(blocking=False):
@@ -151,13 +168,17 @@ class DiagnosisNode(TwinNode):
         """Diagnose the requested recording, or the run so far, which is kept beside its report.
 
         Raises:
-            InputError: the recording cannot be judged, or the folder of the run exists already.
+            InputError: the recording cannot be judged, the folder of the run exists already, or
+                `output` holds something else than a diagnosis of the same.
         """
         if goal.request.recording:
-            return self._diagnose_recording(goal, path_from_msg(goal.request.recording), output)
+            recording = path_from_msg(goal.request.recording)
+            self._check_folder(output, recording)
+            return self._diagnose_recording(goal, recording, output)
         recording = output / RUN_FOLDER
         if recording.exists():
             raise InputError(f'{recording}: exists already; name another folder for the report')
+        self._check_folder(output, recording)
         try:
             with self._lock:
                 self._run.write(recording)
@@ -168,6 +189,13 @@ class DiagnosisNode(TwinNode):
                 text = str(error).replace(str(recording), 'the run so far')
                 raise InputError(text) from None
             raise
+
+    def _check_folder(self, output: Path, recording: Path) -> None:
+        other = ArchiveTask(recording, output, preset=self._preset).difference
+        if other and output.is_dir() and any(output.iterdir()):
+            raise InputError(
+                f'{output}: is not empty, and {other}; name a new folder for the report'
+            )
 
     def _diagnose_recording(
         self, goal: ServerGoalHandle, recording: Path, output: Path

@@ -290,7 +290,9 @@ class MendNode(TwinNode):
         self._diagnostics.report(DiagnosticStatus.OK, f'diagnosing: {reason}')
         self._asked = _Asked(self._run, newest, time.monotonic(), self._mender.in_force)
         self._overdue = False
-        sent = self._diagnosis.send_goal_async(Diagnose.Goal())
+        goal = Diagnose.Goal()
+        self._voucher.vouch(goals_of(DIAGNOSE), goal)
+        sent = self._diagnosis.send_goal_async(goal)
         sent.add_done_callback(partial(self._on_goal, self._asked))
 
     def _foreign(self) -> str:

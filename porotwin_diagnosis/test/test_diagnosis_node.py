@@ -22,6 +22,8 @@ from porotwin_core.ros import (  # noqa: E402
     qos,
 )
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros.senders import TERMINAL, goals_of  # noqa: E402
+from porotwin_core.ros.vouching import Voucher  # noqa: E402
 from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
 from porotwin_msgs.action import Diagnose  # noqa: E402
 from porotwin_msgs.msg import NewState, Outcome, Setpoint  # noqa: E402
@@ -53,8 +55,10 @@ class Graph:
         self.grid = grid
         self.server = DiagnosisNode(context=context, parameter_overrides=parameters)
         self.node = rclpy.create_node('player', context=context)
-        self._thread = NodeThread(self.server, self.node, threads=4)
-        self.client = ActionClient(self.node, Diagnose, 'diagnosis/diagnose')
+        person = rclpy.create_node(TERMINAL, context=context)
+        self._thread = NodeThread(self.server, self.node, person, threads=4)
+        self._voucher = Voucher(person)
+        self.client = ActionClient(person, Diagnose, 'diagnosis/diagnose')
         assert self.client.wait_for_server(PATIENCE)
 
     def wait(self, future):
@@ -63,23 +67,25 @@ class Graph:
         assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
         return future.result()
 
-    def goal(self, **fields):
+    def goal(self, *, vouched=True, **fields):
         feedback = []
+        goal = Diagnose.Goal(**fields)
+        if vouched:
+            self._voucher.vouch(goals_of('diagnosis/diagnose'), goal)
         handle = self.wait(
-            self.client.send_goal_async(
-                Diagnose.Goal(**fields), lambda message: feedback.append(message.feedback)
-            )
+            self.client.send_goal_async(goal, lambda message: feedback.append(message.feedback))
         )
         return handle, feedback
 
-    def refusal(self):
-        """Return the outcome of a goal on the run so far, which must be refused."""
-        handle, _ = self.goal()
+    def refusal(self, **fields):
+        """Return the outcome of a goal, which must be refused."""
+        handle, _ = self.goal(**fields)
         outcome = self.wait(handle.get_result_async()).result.outcome
         assert outcome.code != Outcome.OK
         return outcome.message
 
     def close(self):
+        self.client.destroy()  # a node that ends leaves it
         self._thread.end()
 
 
@@ -94,6 +100,22 @@ def graph(tmp_path_factory):
 
 def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):
     assert 'no map has arrived' in graph.refusal()
+
+
+def test_who_does_not_vouch_gets_no_diagnosis(graph, tmp_path):
+    handle, _ = graph.goal(vouched=False, output=str(tmp_path))
+    assert not handle.accepted
+
+
+def test_an_older_report_stays(graph, tmp_path, quiet):
+    for name in ('diagnosis.json', 'report.html'):
+        (tmp_path / name).write_text('{}')
+    for recording in ('', str(quiet)):
+        line = graph.refusal(recording=recording, output=str(tmp_path))
+        assert line.startswith(f'{tmp_path}: is not empty')
+        assert line.endswith('name a new folder for the report')
+    assert sorted(one.name for one in tmp_path.iterdir()) == ['diagnosis.json', 'report.html']
+    assert (tmp_path / 'report.html').read_text() == '{}'
 
 
 def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):

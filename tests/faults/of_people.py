@@ -10,9 +10,12 @@ from faults.stage import Stage
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.ros import conversions, qos
 from porotwin_msgs.msg import MendOffer
-from porotwin_msgs.srv import ConfirmRates, LoadModel
+from porotwin_msgs.srv import ConfirmRates, LoadModel, SaveModel
 
 NOTHING = 'nothing'
+
+ANSWER_S = 60.0
+"""Longest wait for an answer [s]."""
 
 
 def asked(
@@ -87,8 +90,14 @@ def compressed_request(stage: Stage) -> None:
     mends='name a file',
 )
 def endless_path(stage: Stage) -> None:
-    answer = stage.call(LoadModel, 'costa/load', LoadModel.Request(path='/' + 5000 * 'a'))
-    assert 'no path' in answer.outcome.message
+    assert 'no path' in loaded(stage, '/' + 5000 * 'a')
+
+
+def loaded(stage: Stage, path: str) -> str:
+    """Name a model to COSTA at the terminal, and return why it is refused."""
+    request = LoadModel.Request(path=path)
+    answer = stage.graph.listener.answer('terminal', LoadModel, 'costa/load', request, ANSWER_S)
+    return str(answer.outcome.message)
 
 
 @fault(
@@ -100,9 +109,23 @@ def endless_path(stage: Stage) -> None:
 def model_that_never_ends(stage: Stage) -> None:
     fifo = stage.folder / 'model.safetensors'
     os.mkfifo(fifo)
-    answer = stage.call(LoadModel, 'costa/load', LoadModel.Request(path=str(fifo)))
+    words = loaded(stage, str(fifo))
     fifo.unlink()
-    assert 'is a FIFO, socket or device' in answer.outcome.message
+    assert 'is a FIFO, socket or device' in words
+
+
+@fault(
+    'A program has COSTA save its model over a file of the run.',
+    LogLine('costa', 'model not saved: '),
+    does='Refuses the request.',
+    mends='end the program',
+)
+def forged_save(stage: Stage) -> None:
+    rig = stage.folder / 'rig.yaml'
+    before = rig.read_bytes()
+    answer = stage.call(SaveModel, 'costa/save', SaveModel.Request(path=str(rig)))
+    assert 'only /porotwin/terminal may' in answer.outcome.message
+    assert rig.read_bytes() == before
 
 
 @fault(

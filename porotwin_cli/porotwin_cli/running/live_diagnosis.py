@@ -12,7 +12,8 @@ from porotwin_cli.running.live_node import listening, live_node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short
-from porotwin_core.ros.senders import check_servers, goals_of
+from porotwin_core.ros.senders import TERMINAL, check_servers, goals_of
+from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_msgs.action import Diagnose
@@ -51,11 +52,11 @@ def diagnose_run_so_far(
         WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
         KeyboardInterrupt: after Ctrl-C has cancelled the diagnosis.
     """
-    node = live_node('diagnose', namespace=namespace)
-    client = ActionClient(node, Diagnose, DIAGNOSE)
+    node = live_node(TERMINAL, namespace=namespace)
+    client, voucher = ActionClient(node, Diagnose, DIAGNOSE), Voucher(node)
     with listening(node) as executor:
         try:
-            result = _result(client, executor, output, progress)
+            result = _result(client, voucher, executor, output, progress)
             check_servers(node, goals_of(DIAGNOSE))
         finally:
             client.destroy()
@@ -68,6 +69,7 @@ def diagnose_run_so_far(
 
 def _result(
     client: ActionClient,
+    voucher: Voucher,
     executor: Executor,
     output: Path,
     progress: Callable[[str, float], None],
@@ -83,7 +85,10 @@ def _result(
     def told(message: Any) -> None:
         progress(in_short(message.feedback.stage), message.feedback.fraction)
 
+    voucher.vouch(goals_of(DIAGNOSE), goal)
     handle = _asked(client, executor, lambda: client.send_goal_async(goal, told))
+    if not handle.accepted:
+        raise WorkFailed('the diagnosis node refused, and its log tells why')
     try:
         return _asked(client, executor, handle.get_result_async).result
     except KeyboardInterrupt:

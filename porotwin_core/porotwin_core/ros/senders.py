@@ -48,7 +48,7 @@ SENDERS: Mapping[str, tuple[str, ...]] = {
     'tracer/predicted': ('hub',),
     'wells/measured': ('operator', 'pumps', 'virtual_rig'),
     'wells/setpoint': (GUARD,),
-    **{vouched_by(name): (name,) for name in ('guard', 'hub', 'mend', 'page', TERMINAL)},
+    **{vouched_by(name): (name,) for name in ('guard', 'hub', 'mend', 'page', TERMINAL, 'trainer')},
 }
 """The only nodes that send each topic. `following` subscribes to these topics, and nothing else
 that uses them does. Any node may send its health."""

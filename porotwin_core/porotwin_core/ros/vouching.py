@@ -1,4 +1,4 @@
-"""Services that few nodes may call: a caller tells beforehand what it asks.
+"""Services and actions that few nodes may call: a caller tells beforehand what it asks.
 
 ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. A node
 that may call therefore publishes each request before it makes it. The service takes only what it
@@ -18,18 +18,22 @@ from rclpy.serialization import deserialize_message, serialize_message
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos, senders
 from porotwin_core.ros.following import follow
-from porotwin_core.ros.senders import vouched_by
+from porotwin_core.ros.senders import goals_of, vouched_by
 from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
 from porotwin_msgs.msg import Vouched
 
 CALLERS: Mapping[str, tuple[str, ...]] = {
     'asset/control': (senders.GUARD,),
+    'costa/load': (senders.TERMINAL,),
+    'costa/save': (senders.TERMINAL,),
+    goals_of('costa/train'): ('trainer', senders.TERMINAL),
+    goals_of('diagnosis/diagnose'): ('mend', senders.TERMINAL),
     'guard/control': ('hub',),
     'mend/answer': ('page', senders.TERMINAL),
     'operator/confirm': ('page',),
     'solver/set_effects': ('mend',),
 }
-"""The only nodes that call each service, by their names."""
+"""The only nodes that call each service, by their names. The request of an action is its goal."""
 
 
 MOST_WAITING = qos.PHOTO.depth
@@ -55,6 +59,7 @@ class OnlyCaller:
     def __init__(self, node: Node, service: str) -> None:
         """Guard `service`, a key of `CALLERS`, of `node`."""
         self._node, self._service, self._names = node, service, CALLERS[service]
+        self._calls = f'calls {service.removesuffix(goals_of(""))}'
         self._heard: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
         self._refused = ''
         self._changed = Condition()
@@ -77,7 +82,7 @@ class OnlyCaller:
             InputError: another node could call, or there are several of a name.
         """
         found = senders.callers(self._node, self._service)
-        return senders.only(self._node, found, self._names, f'calls {self._service}')
+        return senders.only(self._node, found, self._names, self._calls)
 
     def check(self, request: Any) -> senders.Sender:
         """Return the node that sent `request`. Not for a callback in the group of the topic.
@@ -91,7 +96,7 @@ class OnlyCaller:
         if caller is None:
             allowed = senders.full_name(self._node, ' or '.join(self._names))
             known = f'only {allowed} may, which does not know of it; end that program'
-            raise InputError(self._refused or f'a program called {self._service}, and {known}')
+            raise InputError(self._refused or f'a program {self._calls}, and {known}')
         return caller
 
     def _voucher_of(self, request: Any) -> str:

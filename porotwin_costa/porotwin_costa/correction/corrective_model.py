@@ -1,6 +1,7 @@
 """A trained model: the weights of a network with all that is needed to use them, and its file."""
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +38,20 @@ _DAMAGED = (
 
 REASON_CHARACTERS = 200
 """Longest excerpt of a library's message; torch lists every weight that does not fit."""
+
+
+def check_replaceable(path: Path) -> None:
+    """Check that a model saved at `path` replaces nothing, or an older model.
+
+    Raises:
+        InputError: it would replace something else.
+    """
+    if not os.path.lexists(path):
+        return
+    try:
+        read_tensors(path, FORMAT)
+    except InputError:
+        raise InputError(f'{path} holds no COSTA model; name a new file') from None
 
 
 @dataclass(frozen=True)
@@ -116,8 +131,9 @@ class CorrectiveModel:
         """Write weights and description to one .safetensors file: the whole file or nothing.
 
         Raises:
-            InputError: the file cannot be written.
+            InputError: the file cannot be written, or holds something else.
         """
+        check_replaceable(Path(path))
         tensors: dict[str, NDArray] = {
             name: tensor.numpy() for name, tensor in self.network.state_dict().items()
         }
