@@ -182,7 +182,7 @@ def test_a_flood_of_errors_is_a_few_lines_and_their_number(
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == FEW + 2
     assert lines[FEW] == '\'guard\' says: "no setpoint can pass"'
-    assert lines[FEW + 1].startswith(f'{25_900 - FEW} more of ')
+    assert lines[FEW + 1].startswith(f'{25_900 - FEW} more ')
     assert len(supervisor._errors) <= 100
 
 
