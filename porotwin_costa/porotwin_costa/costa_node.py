@@ -167,7 +167,7 @@ class CostaNode(TwinNode):
             self._train,
             goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
-            callback_group=apart,
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
         self.create_timer(FEEDBACK_S, self._report_training, callback_group=group, clock=steady)
