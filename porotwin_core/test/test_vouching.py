@@ -145,6 +145,8 @@ def test_a_service_of_several_callers_knows_which_one_asks(graph: Callable[[str]
             caller.check(request)
         voucher.vouch('mend/answer', request)
         assert caller.check(request).node == f'/{name}'
+        with pytest.raises(InputError, match='which does not know'):
+            caller.check(request)  # a word counts once
 
 
 def test_a_stranger_cannot_vouch(graph: Callable[[str], Any]) -> None:

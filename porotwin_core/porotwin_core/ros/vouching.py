@@ -100,16 +100,19 @@ class OnlyCaller:
         return caller
 
     def _voucher_of(self, request: Any) -> str:
-        """Return who has told `request`, '' for nobody; a word may come late."""
+        """Return who has told `request`, '' for nobody; a word may come late, and counts once."""
         kind = type(request)
         wanted = _text(serialize_message(request), kind)
 
-        def voucher() -> str:
-            told = (name for name, heard in self._heard if _text(heard, kind) == wanted)
-            return next(told, '')
+        def told() -> tuple[str, bytes] | None:
+            return next((one for one in self._heard if _text(one[1], kind) == wanted), None)
 
         with self._changed:
-            return self._changed.wait_for(voucher, LONGEST_SEARCH_S)
+            found = self._changed.wait_for(told, LONGEST_SEARCH_S)
+            if found is None:
+                return ''
+            self._heard.remove(found)
+            return found[0]
 
     def _on_vouched(self, name: str, message: Vouched) -> None:
         if message.service != self._service:
