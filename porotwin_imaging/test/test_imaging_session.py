@@ -93,6 +93,21 @@ def test_a_baseline_after_a_state_starts_a_new_experiment(
     assert (third.number, third.placement.action) == (0, 'start')
 
 
+def test_a_camera_that_froze_in_a_pause_stays_frozen(
+    session, laboratory, empty_photograph, true_map
+) -> None:
+    session.add_baseline(empty_photograph)
+    for time, seed in ((30.0, 3), (60.0, 4)):
+        last = laboratory.photograph(true_map, seed=seed)
+        session.add_photo(time, last)
+    pixels = cv2.imdecode(np.frombuffer(last, np.uint8), cv2.IMREAD_COLOR)
+    again = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, 99])[1].tobytes()
+    with pytest.raises(InputError, match='the camera is frozen'):
+        session.add_photo(6000.0, again)
+    fresh = session.add_photo(6030.0, laboratory.photograph(true_map, seed=5))
+    assert fresh.placement.action == 'start'
+
+
 def test_a_photograph_that_cannot_be_read_is_no_state(
     session, laboratory, empty_photograph, true_map
 ) -> None:
