@@ -187,12 +187,13 @@ class Asset:
         self._client, self._grid = client, model.grid
         self._sequence = 0
 
-    def wait_for_trainer(self) -> None:
-        """Return when a trainer receives the messages."""
+    def wait_for_trainer(self, trainer: subprocess.Popen) -> None:
+        """Return when `trainer` receives the messages."""
         publishers = (self._states, self._measured, self._clean)
         self._client.until(
             'the trainer has no subscriptions',
-            lambda: all(one.get_subscription_count() == 1 for one in publishers),
+            lambda: all(one.get_subscription_count() for one in publishers),
+            trainer,
         )
         time.sleep(1.0)  # discovery is not symmetric: the trainer may not know us yet
 

@@ -10,7 +10,7 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from costa_graph import HIDDEN, Asset, offer_solver, start, stop  # noqa: E402
+from costa_graph import HIDDEN, Asset, Client, offer_solver, start, stop  # noqa: E402
 from rcl_interfaces.msg import Log  # noqa: E402
 from rclpy.action import ActionServer  # noqa: E402
 
@@ -28,7 +28,16 @@ FRAMES = 13
 
 
 @pytest.fixture
-def node() -> Iterator[Callable[..., subprocess.Popen]]:
+def client(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
+    """A client in a domain of its own: a trainer waits for another one that it finds."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    client = Client()
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def node(client) -> Iterator[Callable[..., subprocess.Popen]]:
     """Starts nodes, and ends those that still run after the test."""
     processes = []
 
@@ -73,7 +82,7 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
     folder, output = tmp_path / 'run' / 'pairs', tmp_path / 'run' / 'model.safetensors'
     node('costa_node', rig=rig_file, architecture='local')
     trainer = twin(architecture='local')
-    asset.wait_for_trainer()
+    asset.wait_for_trainer(trainer)
     for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
         asset.experiment(frames, begin, FRAMES)
     asset.finish()
@@ -98,7 +107,7 @@ def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
         # the restarted trainer adds to the pairs, and trains with the fortieth
         first_weights = output.read_bytes()
         trainer = twin()
-        asset.wait_for_trainer()
+        asset.wait_for_trainer(trainer)
         asset.experiment(unseen_frames, 2000.0, 20)
         asset.finish()
         client.until(
@@ -136,7 +145,7 @@ def test_a_trainer_sends_no_goal_while_a_stranger_offers_training(
     server = ActionServer(stranger, Train, 'costa/train', take)
     client.node.create_subscription(Log, '/rosout', lambda log: lines.append(log.msg), 100)
     trainer = twin()
-    asset.wait_for_trainer()
+    asset.wait_for_trainer(trainer)
     services = offer_solver(client, model)
     try:
         for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
@@ -158,7 +167,7 @@ def test_a_trainer_sends_no_goal_while_a_stranger_offers_training(
 @pytest.mark.graph
 def test_a_trainer_that_collects_nothing_says_why(twin, model, asset):
     trainer = twin()
-    asset.wait_for_trainer()
+    asset.wait_for_trainer(trainer)
     for number in range(4):
         asset.state(30.0 * number, np.full(model.grid.shape, np.nan))
     asset.finish()
