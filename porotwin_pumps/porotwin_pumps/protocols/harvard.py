@@ -8,9 +8,14 @@ stalled, T* target reached. In poll mode XON follows it.
 
 import re
 
-from porotwin_core.basis.errors import InputError
 from porotwin_pumps.pretended.harvard_pumps import PretendedHarvardPumps
-from porotwin_pumps.protocols.pump_protocol import ROUND_OFF, PumpError, PumpProtocol, PumpSilent
+from porotwin_pumps.protocols.pump_protocol import (
+    ROUND_OFF,
+    PumpError,
+    PumpProtocol,
+    PumpSilent,
+    check_syringe,
+)
 from porotwin_pumps.serial_line import LineError, SerialLine
 
 XON = b'\x11'
@@ -41,10 +46,7 @@ class HarvardPump:
             InputError: the address or the diameter is wrong.
             PumpError: the pump does not answer or refuses.
         """
-        if not 0 <= address <= 99:
-            raise InputError(f'address {address} of a pump: give 0 to 99')
-        if not 0.1 <= diameter_mm <= 50.0:
-            raise InputError(f'diameter_mm {diameter_mm:g} of a syringe: give 0.1 to 50')
+        check_syringe(address, diameter_mm)
         self._line, self._address, self._direction = line, address, 0
         self._ask('poll on')
         self._ask('stop')

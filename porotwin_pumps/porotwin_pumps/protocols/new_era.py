@@ -8,9 +8,14 @@ letter for the state or `A?` and a letter for an alarm; data that begin with `?`
 import math
 import re
 
-from porotwin_core.basis.errors import InputError
 from porotwin_pumps.pretended.new_era_pumps import PretendedPumps
-from porotwin_pumps.protocols.pump_protocol import ROUND_OFF, PumpError, PumpProtocol, PumpSilent
+from porotwin_pumps.protocols.pump_protocol import (
+    ROUND_OFF,
+    PumpError,
+    PumpProtocol,
+    PumpSilent,
+    check_syringe,
+)
 from porotwin_pumps.serial_line import LineError, SerialLine
 
 STX, ETX = b'\x02', b'\x03'
@@ -62,10 +67,7 @@ class NewEraPump:
             InputError: the address or the diameter is wrong.
             PumpError: the pump does not answer or refuses.
         """
-        if not 0 <= address <= 99:
-            raise InputError(f'address {address} of a pump: give 0 to 99')
-        if not 0.1 <= diameter_mm <= 50.0:
-            raise InputError(f'diameter_mm {diameter_mm:g} of a syringe: give 0.1 to 50')
+        check_syringe(address, diameter_mm)
         self._line = line
         self._address = address
         self._direction = 0

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from porotwin_core.basis.errors import InputError
+
 ROUND_OFF = 2e-3
 """Allowed difference of a rate that is read back, as a share: pumps keep four digits."""
 
@@ -46,6 +48,18 @@ class Pump(Protocol):
             PumpError: the pump gives no volume.
         """
         ...
+
+
+def check_syringe(address: int, diameter_mm: float) -> None:
+    """Check the address of a syringe pump on its line, and the inner diameter of its syringe [mm].
+
+    Raises:
+        InputError: one of both is wrong.
+    """
+    if not 0 <= address <= 99:
+        raise InputError(f'address {address} of a pump: give 0 to 99')
+    if not 0.1 <= diameter_mm <= 50.0:
+        raise InputError(f'diameter_mm {diameter_mm:g} of a syringe: give 0.1 to 50')
 
 
 @dataclass(frozen=True)
