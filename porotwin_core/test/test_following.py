@@ -87,9 +87,13 @@ class Listener:
         self.taken: list[int] = []
         self.refused: list[str] = []
         self.node = node
-        follow(node, Setpoint, 'wells/setpoint', self._take, qos.FIELD, refuse=self.refused.append)
+        follow(node, Setpoint, 'wells/setpoint', self._take, qos.FIELD, refuse=self._refuse)
         self.executor = SingleThreadedExecutor(context=node.context)
         self.executor.add_node(node)
+
+    def _refuse(self, topic: str, line: str) -> None:
+        assert topic == 'wells/setpoint'
+        self.refused.append(line)
 
     def _take(self, message: Setpoint) -> None:
         if message.sequence == 0:

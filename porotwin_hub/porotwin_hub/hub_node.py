@@ -33,7 +33,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.senders import check_senders, publishers
+from porotwin_core.ros.senders import SENDERS, check_senders, publishers
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_hub.control.planner_parameters import PlannerParameters
 from porotwin_hub.control.setpoint_limits import Limits
@@ -129,7 +129,7 @@ class HubNode(TwinNode):
         self._twin = twin
         self._longest_cycle = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self, heard=('hub/cycle',))
-        self._refusals = FewWords(self._tell_refusal)
+        self._refusals = FewWords(self._tell_refusal, known=SENDERS)
         self._setpoints = 0
         self._effects: tuple[EffectDescription, ...] = ()
         self._model_changed = threading.Event()
@@ -202,10 +202,10 @@ class HubNode(TwinNode):
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
         # a hub in real time takes nothing from a recording
-        listen = partial(follow, self, refuse=self._refuse, replayed=self.simulated)
+        listen = partial(follow, self, refuse=self._refusals.tell, replayed=self.simulated)
         listen(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         listen(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
-        follow_effects(self, self._on_effects, refuse=self._refuse)
+        follow_effects(self, self._on_effects, refuse=self._refusals.tell)
         if not self._simulated:
             listen(Header, 'asset/experiment', self._on_experiment, qos.CONFIG)
         listen(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
@@ -226,10 +226,6 @@ class HubNode(TwinNode):
             )
         self._inbox.add_rates(known)
 
-    def _refuse(self, line: str) -> None:
-        """Tell that a message was refused, also where a flood of them comes."""
-        self._refusals.tell('', line)
-
     def _tell_refusal(self, line: str) -> None:
         self.get_logger().error(line)
         self._diagnostics.report(DiagnosticStatus.WARN, line)
@@ -248,7 +244,8 @@ class HubNode(TwinNode):
                 for values in (message.deviation, message.systematic)
             )
         except InputError as error:
-            self._refuse(f'state {message.sequence} ignored: {error}')
+            line = f'state {message.sequence} ignored: {error}'
+            self._refusals.tell('asset/new_state', line)
             return
         stamp = conversions.time_from_msg(message.header.stamp)
         self._inbox.add_state(

@@ -20,6 +20,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
+from porotwin_core.ros.senders import SENDERS
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_hub.operator.announcement import (
     BY_THE_PUMPS,
@@ -63,12 +64,12 @@ class OperatorNode(TwinNode):
             declare(self, 'speak', False, 'speak with espeak-ng', on_change=self._let_speak)
         )
         self._words = FewWords(_print, known=(HUB, MEND))
-        self._refusals = FewWords(self.get_logger().error)
+        self._refusals = FewWords(self.get_logger().error, known=SENDERS)
         self._photographs_ahead = 0.0
         self._told: frozenset[str] = frozenset()
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
-        listen = partial(follow, self, refuse=self._refuse)
+        listen = partial(follow, self, refuse=self._refusals.tell)
         # nobody sets a pump by a recording
         listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
@@ -90,9 +91,6 @@ class OperatorNode(TwinNode):
         self._voice = Voice(on_problem=self.get_logger().warning) if speak else None
         if self._voice is not None and self._voice.program is None:
             self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
-
-    def _refuse(self, line: str) -> None:
-        self._refusals.tell('', line)
 
     def _on_setpoint(self, message: Setpoint) -> None:
         now = self._now()
@@ -172,7 +170,7 @@ class OperatorNode(TwinNode):
             rates = self._book.confirmed(request.sequence, changed)
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self._refuse(f'confirmation refused: {error}')
+            self._refusals.tell('', f'confirmation refused: {error}')
             return response
         # by the clock of the photographs, so that the hub can compare it with them
         now = conversions.time_to_msg(self._now() + self._photographs_ahead)
@@ -190,7 +188,8 @@ class OperatorNode(TwinNode):
             self._book.check(self._shown(request.setpoint))
         except InputError as error:
             response.outcome = conversions.refusal(error)
-            self._refuse(f'setpoint {request.setpoint.sequence} refused: {error}')
+            line = f'setpoint {request.setpoint.sequence} refused: {error}'
+            self._refusals.tell('wells/setpoint', line)
             return response
         response.outcome = conversions.ok()
         return response

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +103,7 @@ class PageNode(TwinNode):
         """
         super().__init__('page', **kwargs)
         self._store = SnapshotStore()
-        self._complaints = FewWords(self.get_logger().error)
+        self._complaints = FewWords(self.get_logger().error, known=senders.SENDERS)
         self._simulated = self.simulated
         self._ends = False
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
@@ -198,9 +197,8 @@ class PageNode(TwinNode):
             (Forecast, 'siblings/forecast', self._on_forecast, qos.CONFIG),
             (MendOffer, 'mend/offer', self._on_offer, qos.CONFIG),
         ):
-            refuse = partial(self._complaints.tell, topic)
             take = self._checked(topic, callback)
-            follow(self, message_type, topic, take, profile, refuse=refuse)
+            follow(self, message_type, topic, take, profile, refuse=self._complaints.tell)
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._checked(DIAGNOSTICS, self._on_diagnostics), 10
         )

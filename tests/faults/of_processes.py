@@ -165,7 +165,7 @@ def page_ended(stage: Stage) -> None:
 
 @fault(
     'The solver hangs (SIGSTOP).',
-    Remark('not optimised'),
+    Remark("service 'solver/"),
     does='Waits for the model no longer than `model_timeout_s`. The last setpoint holds while it '
     'is valid; afterwards the safe rates.',
     mends='nothing: control continues when the solver answers again',

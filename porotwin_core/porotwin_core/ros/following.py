@@ -5,7 +5,6 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import partial
 from threading import Lock
 from typing import Any
 
@@ -20,6 +19,9 @@ from porotwin_core.ros.senders import check_senders
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
+
+RefuseFn = Callable[[str, str], object]
+"""Takes a topic, and one line about an ignored message of it."""
 
 WriterFn = Callable[[Any], None]
 """Takes the event that a writer was found or has left (QoSSubscriptionMatchedInfo)."""
@@ -112,7 +114,7 @@ def follow(
     on_message: Callable[..., None],
     profile: QoSProfile,
     *,
-    refuse: Callable[[str], object] | None = None,
+    refuse: RefuseFn | None = None,
     replayed: bool = True,
     on_writer: WriterFn | None = None,
     **options: Any,
@@ -126,12 +128,12 @@ def follow(
         on_message: takes a message, and its info if it has a second argument, as in rclpy; it may
             raise InputError to ignore the message.
         profile: quality of service.
-        refuse: takes one line about an ignored message; None: the log of the node, a few a minute.
+        refuse: takes the topic, and one line about an ignored message; None: the node's log.
         replayed: whether a replay may send the messages as well.
         on_writer: takes the event that a writer was found or has left.
         options: others of `create_subscription`.
     """
-    complain = refuse or partial(FewWords(node.get_logger().error).tell, topic)
+    complain = refuse or FewWords(node.get_logger().error, known=[topic]).tell
     wants_info = len(inspect.signature(on_message).parameters) > 1
     writers = Writers(node, topic, replayed=replayed)
 
@@ -143,6 +145,6 @@ def follow(
             else:
                 on_message(message)
         except InputError as error:
-            complain(f'{topic} ignored: {in_short(str(error))}')
+            complain(topic, f'{topic} ignored: {in_short(str(error))}')
 
     writers.subscribe(kind, topic, checked, profile, on_writer=on_writer, **options)

@@ -15,8 +15,8 @@ from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 LONGEST_WORDS = 500
 """Longest text that is told of one sender [characters]: six lines of a terminal."""
 
-FEW = 5
-"""Remarks of one sender that are told in a period; the others are counted."""
+FEW = 10
+"""Remarks of one sender, or about one topic, that are told in a period; the others are counted."""
 
 PERIOD_S = USUAL_PHOTO_INTERVAL_S
 """That period [s]: a photograph later a person knows of a flood."""

@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import qos
-from porotwin_core.ros.following import follow
+from porotwin_core.ros.following import RefuseFn, follow
 from porotwin_core.ros.from_messages import effects_from_msg
 from porotwin_msgs.msg import ModelEffects
 
@@ -23,7 +23,7 @@ def follow_effects(
     node: Node,
     on_effects: Callable[[ToldEffects], None],
     *,
-    refuse: Callable[[str], None] | None = None,
+    refuse: RefuseFn | None = None,
 ) -> None:
     """Subscribe `node` to the effects of the solver; those of any other sender are ignored.
 

@@ -122,7 +122,7 @@ class OnlyCaller:
             self._heard.append((name, bytes(message.request)))
             self._changed.notify_all()
 
-    def _on_refused(self, line: str) -> None:
+    def _on_refused(self, _topic: str, line: str) -> None:
         with self._changed:
             self._refused = line
 
