@@ -86,15 +86,18 @@ class Writers:
     def _doubt(self) -> None:
         """Have the messages of a latched topic sent again once no stranger could send them."""
         with self._lock:
-            if not self._latched or self._timer is not None:
+            if not self._latched:
                 return
             # the event that a writer has left may come before the graph knows; no other may follow
-            self._timer = self._node.create_timer(
-                LOOK_EACH_S,
-                self._renew,
-                callback_group=self._group,
-                clock=Clock(clock_type=ClockType.STEADY_TIME),
-            )
+            if self._timer is None:
+                self._timer = self._node.create_timer(
+                    LOOK_EACH_S,
+                    self._renew,
+                    callback_group=self._group,
+                    clock=Clock(clock_type=ClockType.STEADY_TIME),
+                )
+            elif self._timer.is_canceled():
+                self._timer.reset()
 
     def _renew(self) -> None:
         """Subscribe anew; the timer is in the group of the messages, so that none is in work."""
@@ -103,8 +106,11 @@ class Writers:
         except InputError:
             return
         with self._lock:
-            self._node.destroy_timer(self._timer)
-            self._timer = None
+            self._timer.cancel()
+            # an executor that takes the event of a destroyed subscription ends with an error
+            for handler in self._made.event_handlers:
+                self._node.remove_waitable(handler)
+            self._made.event_handlers = []
             self._node.destroy_subscription(self._made)
             self._begin()
 

@@ -35,7 +35,7 @@ CALLERS: Mapping[str, tuple[str, ...]] = {
     'costa/save': (senders.TERMINAL,),
     'guard/control': ('hub',),
     'mend/answer': ('page', senders.TERMINAL),
-    'operator/confirm': ('page',),
+    'operator/confirm': ('page', senders.TERMINAL),
     'solver/set_effects': ('mend',),
     **{goals_of(action): names for action, names in _ACTIONS.items()},
     **{cancels_of(action): names for action, names in _ACTIONS.items()},
