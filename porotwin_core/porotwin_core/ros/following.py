@@ -55,10 +55,15 @@ class Writers:
         self._taken: deque[tuple[int, int]] = deque()
         self._begin: Callable[[], None] = lambda: None
 
+    @property
+    def subscription(self) -> Any:
+        """The subscription of rclpy at present."""
+        return self._made
+
     def subscribe(
         self, *subscription: Any, on_writer: WriterFn | None = None, **options: Any
     ) -> None:
-        """Subscribe as rclpy does, and count the writers from then on."""
+        """Subscribe as rclpy does, in place of an earlier time; count the writers from then on."""
 
         def matched(event: Any) -> None:
             """Learn the name of a writer while it is there; messages are refused one by one."""
@@ -78,6 +83,8 @@ class Writers:
 
         self._begin, self._group = begin, options.get('callback_group')
         with self._lock:
+            if self._made is not None:
+                self._end()
             begin()
             profile = self._made.qos_profile
             self._latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -107,12 +114,15 @@ class Writers:
             return
         with self._lock:
             self._timer.cancel()
-            # an executor that takes the event of a destroyed subscription ends with an error
-            for handler in self._made.event_handlers:
-                self._node.remove_waitable(handler)
-            self._made.event_handlers = []
-            self._node.destroy_subscription(self._made)
+            self._end()
             self._begin()
+
+    def _end(self) -> None:
+        """Destroy the subscription, but not its event: an executor that takes that would end."""
+        for handler in self._made.event_handlers:
+            self._node.remove_waitable(handler)
+        self._made.event_handlers = []
+        self._node.destroy_subscription(self._made)
 
     def look(self) -> None:
         """See who publishes now.
