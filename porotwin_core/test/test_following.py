@@ -11,6 +11,7 @@ import pytest
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
 
 from porotwin_core.basis.errors import InputError  # noqa: E402
 from porotwin_core.ros import conversions, qos  # noqa: E402
@@ -153,3 +154,57 @@ def test_no_setpoint_is_believed_of_a_stranger_that_has_left(nodes: Callable[[st
         guards.publish(Setpoint(sequence=brief + 1))
         listener.until(lambda last=brief: listener.taken[-1] == last + 1)
     assert listener.taken == [1, 2, 3, 4, 5, 6]
+
+
+class LateListener:
+    """A node that follows the latched topic `asset/experiment` and keeps what it takes."""
+
+    def __init__(self, node: Any) -> None:
+        self.taken: list[str] = []
+        self.refused: list[str] = []
+        follow(node, Header, TOPIC, self._take, qos.CONFIG, refuse=self.refused.append)
+        self.executor = SingleThreadedExecutor(context=node.context)
+        self.executor.add_node(node)
+
+    def _take(self, message: Header) -> None:
+        self.taken.append(message.frame_id)
+
+    def spin(self, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.05)
+
+
+TOPIC = 'asset/experiment'
+
+
+@pytest.mark.graph
+def test_a_true_latched_message_is_taken_once_when_the_stranger_has_gone(
+    nodes: Callable[[str], Any],
+) -> None:
+    imaging, stranger = nodes('imaging'), nodes('stranger')
+    imaging.create_publisher(Header, TOPIC, qos.CONFIG).publish(Header(frame_id='true'))
+    for silent in (True, False):
+        forged = stranger.create_publisher(Header, TOPIC, qos.CONFIG)
+        if not silent:
+            forged.publish(Header(frame_id='forged'))
+        late = LateListener(nodes(f'late_{silent}'.lower()))
+        deadline = time.monotonic() + 20.0
+        while not late.refused:
+            assert time.monotonic() < deadline
+            late.spin(0.1)
+        late.spin(2.0)  # nothing is taken while the stranger stands, nor told again
+        assert late.taken == [] and len(late.refused) <= 2
+        stranger.destroy_publisher(forged)
+        while not late.taken:
+            assert time.monotonic() < deadline
+            late.spin(0.1)
+        for _ in range(3):
+            stranger.destroy_publisher(stranger.create_publisher(Header, TOPIC, qos.CONFIG))
+            brief = stranger.create_publisher(Header, TOPIC, qos.CONFIG)
+            brief.publish(Header(frame_id='forged'))
+            late.spin(0.3)
+            stranger.destroy_publisher(brief)
+            late.spin(1.0)
+        assert late.taken == ['true']
+        assert all('asset/experiment ignored' in line for line in late.refused)

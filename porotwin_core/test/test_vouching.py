@@ -1,5 +1,6 @@
 """Tests of services that one node alone may call."""
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -8,20 +9,25 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
+from action_msgs.srv import CancelGoal  # noqa: E402
+from rclpy.action import ActionClient, ActionServer  # noqa: E402
+from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
 
 from porotwin_core.basis.errors import InputError  # noqa: E402
 from porotwin_core.ros import conversions, qos, senders  # noqa: E402
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
-from porotwin_core.ros.senders import SENDERS, vouched_by  # noqa: E402
+from porotwin_core.ros.senders import SENDERS, cancels_of, vouched_by  # noqa: E402
 from porotwin_core.ros.service_answer import answer_within  # noqa: E402
-from porotwin_core.ros.vouching import CALLERS, OnlyCaller, Voucher  # noqa: E402
+from porotwin_core.ros.vouching import CALLERS, OnlyCaller, Voucher, cancel_request  # noqa: E402
+from porotwin_msgs.action import Diagnose  # noqa: E402
 from porotwin_msgs.msg import Effect, Setpoint, Vouched  # noqa: E402
 from porotwin_msgs.srv import AnswerMend, Control, SetEffects  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
 SERVICE = 'asset/control'
+ACTION = 'diagnosis/diagnose'
 
 
 NODES = ('pumps', 'guard', 'page', 'terminal', 'stranger')
@@ -72,6 +78,20 @@ def graph(domain: int) -> Iterator[Callable[[str], Any]]:
     spinning.end()
 
 
+def until(condition: Callable[[], Any], *, seconds: float = 20.0) -> None:
+    """Return when `condition` is true."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def result_of(future: Any) -> Any:
+    """Return the result of a future."""
+    until(future.done)
+    return future.result()
+
+
 def call_and_leave(node: Any, number: int) -> None:
     """Call the pumps as `node`, wait for no answer, and be gone from the graph."""
     client = node.create_client(Control, SERVICE)
@@ -117,15 +137,69 @@ def test_a_request_with_nan_is_vouched_for(graph: Callable[[str], Any]) -> None:
     voucher, caller = Voucher(graph('guard')), OnlyCaller(graph('pumps'), SERVICE)
     graph('guard').create_client(Control, SERVICE)
     request: Any = SetEffects.Request(effects=[Effect(parameter_values=[float('nan'), 0.1])])
-    deadline = time.monotonic() + 20.0
-    while not senders.callers(graph('pumps'), SERVICE):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: senders.callers(graph('pumps'), SERVICE))
     voucher.vouch(SERVICE, request)
     assert caller.check(request).node == '/guard'
     request.effects[0].parameter_values[1] = 0.2
     with pytest.raises(InputError):
         caller.check(request)
+
+
+def test_every_request_of_a_burst_is_vouched_for_and_no_word_counts_twice(
+    graph: Callable[[str], Any],
+) -> None:
+    guard, pumps = graph('guard'), graph('pumps')
+    voucher, caller = Voucher(guard), OnlyCaller(pumps, SERVICE)
+    guard.create_client(Control, SERVICE)
+    until(lambda: senders.callers(pumps, SERVICE))
+    burst = [Control.Request(setpoint=Setpoint(sequence=number)) for number in range(5)]
+    for request in burst:
+        voucher.vouch(SERVICE, request)
+    for request in burst:
+        assert caller.check(request).node == '/guard'
+    # a stranger makes the words doubtful, which are sent again when it has left
+    forged = graph('stranger').create_publisher(Vouched, vouched_by('guard'), qos.VOUCHED)
+    until(forged.get_subscription_count)
+    forged.publish(Vouched(service=SERVICE))
+    with pytest.raises(InputError, match='/stranger publishes'):
+        until(lambda: caller.check(burst[0]), seconds=5.0)
+    graph('stranger').destroy_publisher(forged)
+    time.sleep(2.0)
+    with pytest.raises(InputError):
+        caller.check(burst[-1])
+
+
+def test_who_may_not_send_goals_cannot_cancel_them(graph: Callable[[str], Any]) -> None:
+    server, terminal, stranger = graph('pumps'), graph('terminal'), graph('stranger')
+    callers = OnlyCaller(server, cancels_of(ACTION))
+    ended = threading.Event()
+
+    def execute(goal: Any) -> Any:
+        while not (goal.is_cancel_requested or ended.wait(0.01)):
+            pass
+        goal.canceled() if goal.is_cancel_requested else goal.abort()
+        return Diagnose.Result()
+
+    ActionServer(
+        server,
+        Diagnose,
+        ACTION,
+        execute,
+        cancel_callback=callers.cancels,
+        callback_group=ReentrantCallbackGroup(),
+    )
+    client, voucher = ActionClient(terminal, Diagnose, ACTION), Voucher(terminal)
+    assert client.wait_for_server(20.0)
+    goal = result_of(client.send_goal_async(Diagnose.Goal()))
+    cancelling = stranger.create_client(CancelGoal, cancels_of(ACTION))
+    assert cancelling.wait_for_service(20.0)
+    for request in (CancelGoal.Request(), cancel_request(goal)):
+        assert result_of(cancelling.call_async(request)).goals_canceling == []
+    stranger.destroy_client(cancelling)
+    until(lambda: len(senders.callers(server, cancels_of(ACTION))) == 1)
+    assert result_of(goal.cancel_goal_async()).goals_canceling == []  # nobody vouches for it
+    assert result_of(voucher.cancel(ACTION, goal)).goals_canceling != []
+    ended.set()
 
 
 def test_a_service_of_several_callers_knows_which_one_asks(graph: Callable[[str], Any]) -> None:
@@ -154,11 +228,8 @@ def test_a_stranger_cannot_vouch(graph: Callable[[str], Any]) -> None:
     assert guard.send(1).code == conversions.ok().code
     forged = Control.Request(setpoint=Setpoint(sequence=666))
     stranger = graph('stranger')
-    publisher = stranger.create_publisher(Vouched, vouched_by('guard'), qos.CONFIG)
-    deadline = time.monotonic() + 20.0
-    while not publisher.get_subscription_count():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    publisher = stranger.create_publisher(Vouched, vouched_by('guard'), qos.VOUCHED)
+    until(publisher.get_subscription_count)
     publisher.publish(Vouched(service=SERVICE, request=serialize_message(forged)))
     answer = answer_within(guard.client, forged, 20.0)  # even from the guard
     assert '/stranger publishes guard/_vouched too' in answer.outcome.message

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -29,7 +29,7 @@ from porotwin_core.ros import conversions
 from porotwin_core.ros.from_messages import path_from_msg
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
-from porotwin_core.ros.senders import goals_of
+from porotwin_core.ros.senders import cancels_of, goals_of
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_costa.correction.corrective_source import WITHHELD, LearntStep, corrective_source
@@ -157,7 +157,7 @@ class CostaNode(TwinNode):
             (SaveModel, 'save', self._save, apart),
         ):
             self.create_service(service, f'costa/{name}', answer, callback_group=among)
-        called = ('costa/load', 'costa/save', goals_of(TRAIN))
+        called = ('costa/load', 'costa/save', goals_of(TRAIN), cancels_of(TRAIN))
         self._callers = {name: OnlyCaller(self, name) for name in called}
         follow_effects(self, self._on_effects)
         self._action = ActionServer(
@@ -166,7 +166,7 @@ class CostaNode(TwinNode):
             TRAIN,
             self._train,
             goal_callback=self._on_goal,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            cancel_callback=self._callers[cancels_of(TRAIN)].cancels,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still

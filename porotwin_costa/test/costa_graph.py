@@ -44,7 +44,7 @@ class Client:
         self.solver = rclpy.create_node('solver', context=context)
         self.group = ReentrantCallbackGroup()
         self._terminal = rclpy.create_node(TERMINAL, context=context)
-        self._voucher = Voucher(self._terminal)
+        self.voucher = Voucher(self._terminal)
         # two clients of a service look like two nodes of a name
         self._clients: dict[str, Any] = {}
         self._thread = NodeThread(self.node, self.solver, self._terminal, threads=3)
@@ -65,7 +65,7 @@ class Client:
         client = self._clients[name]
         assert client.wait_for_service(PATIENCE), f'{name} absent after {PATIENCE} s'
         if vouched and name in CALLERS:
-            self._voucher.vouch(name, request)
+            self.voucher.vouch(name, request)
         return self.wait(client.call_async(request))
 
     def action(self, *, vouched: bool = True, **goal: Any) -> tuple[Any, list[Any]]:
@@ -78,7 +78,7 @@ class Client:
         client = self._clients[name]
         assert client.wait_for_server(PATIENCE)
         if vouched:
-            self._voucher.vouch(goals_of(name), request)
+            self.voucher.vouch(goals_of(name), request)
         handle = self.wait(client.send_goal_async(request, lambda m: feedback.append(m.feedback)))
         return handle, feedback
 

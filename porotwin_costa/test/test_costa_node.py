@@ -197,7 +197,8 @@ def test_training_runs_beside_the_services_and_can_be_cancelled(
     request, *_ = _question(model, unseen_frames)
     during = client.call(CorrectiveSource, 'costa/corrective_source', request)
     assert during.status == 'no model loaded'
-    client.wait(handle.cancel_goal_async())
+    assert not client.wait(handle.cancel_goal_async()).goals_canceling  # nobody vouches for it
+    assert client.wait(client.voucher.cancel('costa/train', handle)).goals_canceling
     cancelled = client.wait(handle.get_result_async()).result
     assert cancelled.outcome.code == Outcome.FAILED
     assert 'cancelled' in cancelled.outcome.message

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
@@ -28,7 +28,7 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
-from porotwin_core.ros.senders import goals_of
+from porotwin_core.ros.senders import cancels_of, goals_of
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_diagnosis.archive import ArchiveTask
@@ -98,7 +98,7 @@ class DiagnosisNode(TwinNode):
             DIAGNOSE,
             execute_callback=self._execute,
             goal_callback=self._on_goal,
-            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            cancel_callback=OnlyCaller(self, cancels_of(DIAGNOSE)).cancels,
             # a forged goal is waited for, and a photograph must not wait for it
             callback_group=MutuallyExclusiveCallbackGroup(),
         )

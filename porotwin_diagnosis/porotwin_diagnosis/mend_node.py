@@ -307,7 +307,7 @@ class MendNode(TwinNode):
         goal = future.result()
         if self._asked is not asked:  # given up before
             if goal.accepted:
-                goal.cancel_goal_async()
+                self._voucher.cancel(DIAGNOSE, goal)
             return
         if not goal.accepted:
             self._give_up('no verdict: the diagnosis node refused; it is asked again later')
@@ -322,7 +322,7 @@ class MendNode(TwinNode):
         elif time.monotonic() - self._asked.began > self._longest_s and not self._overdue:
             self._overdue = True
             if self._goal is not None:
-                self._goal.cancel_goal_async()
+                self._voucher.cancel(DIAGNOSE, self._goal)
             self._give_up(f'no verdict within {self._longest_s:g} s; the diagnosis is cancelled')
 
     def _give_up(self, line: str) -> None:

@@ -57,7 +57,7 @@ class Graph:
         self.node = rclpy.create_node('player', context=context)
         person = rclpy.create_node(TERMINAL, context=context)
         self._thread = NodeThread(self.server, self.node, person, threads=4)
-        self._voucher = Voucher(person)
+        self.voucher = Voucher(person)
         self.client = ActionClient(person, Diagnose, 'diagnosis/diagnose')
         assert self.client.wait_for_server(PATIENCE)
 
@@ -71,7 +71,7 @@ class Graph:
         feedback = []
         goal = Diagnose.Goal(**fields)
         if vouched:
-            self._voucher.vouch(goals_of('diagnosis/diagnose'), goal)
+            self.voucher.vouch(goals_of('diagnosis/diagnose'), goal)
         handle = self.wait(
             self.client.send_goal_async(goal, lambda message: feedback.append(message.feedback))
         )
@@ -189,7 +189,8 @@ def test_a_running_diagnosis_reports_progress_refuses_another_and_can_be_cancele
     refused = graph.wait(second.get_result_async()).result.outcome
     assert refused.code != Outcome.OK
     assert refused.message == 'diagnosis: one is running; wait for its result or cancel it'
-    graph.wait(handle.cancel_goal_async())
+    assert not graph.wait(handle.cancel_goal_async()).goals_canceling  # nobody vouches for it
+    assert graph.wait(graph.voucher.cancel('diagnosis/diagnose', handle)).goals_canceling
     outcome = graph.wait(handle.get_result_async()).result.outcome
     assert outcome.message == 'diagnosis canceled'
     assert not (tmp_path / 'out' / 'diagnosis.json').exists()

@@ -162,7 +162,7 @@ def test_setpoints_are_announced_confirmed_and_expire(
     assert conversions.rates_from_msg(desk.measured[1].wells) == safe
 
 
-def test_only_the_page_confirms_rates(
+def test_only_the_page_and_the_terminal_confirm_rates(
     desk: Desk, other: dict[str, WellRate], capfd: pytest.CaptureFixture[str]
 ) -> None:
     desk.setpoints.publish(setpoint(1, other))
@@ -173,7 +173,7 @@ def test_only_the_page_confirms_rates(
     desk.spin_until(client.service_is_ready)
     future = client.call_async(ConfirmRates.Request(sequence=1))
     desk.spin_until(future.done)
-    assert 'and only /page may' in future.result().outcome.message
+    assert 'and only /page or terminal may' in future.result().outcome.message
     assert (
         sum('confirmation refused: ' in line for line in capfd.readouterr().err.splitlines()) == 1
     )
@@ -181,7 +181,9 @@ def test_only_the_page_confirms_rates(
     # a client of the page is no proof either
     future = desk.confirm.call_async(ConfirmRates.Request(sequence=1))
     desk.spin_until(future.done)
-    assert 'only /page may, which does not know of it' in future.result().outcome.message
+    assert (
+        'only /page or terminal may, which does not know of it' in future.result().outcome.message
+    )
     assert desk.measured == []
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)

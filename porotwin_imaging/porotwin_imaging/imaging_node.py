@@ -84,7 +84,8 @@ class ImagingNode(TwinNode):
         def store(message: CompressedImage, info: Mapping[str, Any]) -> None:
             time = time_from_msg(message.header.stamp)
             try:
-                writers.check(info)
+                if not writers.check(info):
+                    return
             except InputError as error:
                 self._complain(
                     f'{role} photograph of {time_in_words(time)} left out: {error}', time

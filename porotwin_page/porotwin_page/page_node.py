@@ -417,8 +417,9 @@ class PageNode(TwinNode):
         if not client.wait_for_service(timeout_sec=LONGEST_SEARCH_S):
             raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
-        self._voucher.vouch('mend/answer', request)
-        response = twin_answer_within(self, client, request, LONGEST_ANSWER_S, look=self._go_on)
+        response = self._voucher.ask(
+            client, 'mend/answer', request, LONGEST_ANSWER_S, look=self._go_on
+        )
         if response is None:
             raise ConfirmationUnavailable(
                 f'the mend node did not answer within {LONGEST_ANSWER_S:g} s; try again'
@@ -438,11 +439,11 @@ class PageNode(TwinNode):
             raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
-        self._voucher.vouch('operator/confirm', request)
-        response = twin_answer_within(self, client, request, timeout, look=self._go_on)
+        ask = partial(self._voucher.ask, client, 'operator/confirm', request, look=self._go_on)
+        response = ask(timeout)
         if given.sure and response is not None and response.outcome.code != Outcome.OK:
             # the operator node takes odd rates that are confirmed once more: this yes
-            response = twin_answer_within(self, client, request, timeout, look=self._go_on)
+            response = ask(timeout)
         if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'

@@ -27,6 +27,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
@@ -159,12 +160,14 @@ class Hub(Node):
         def confirm(
             request: ConfirmRates.Request, response: ConfirmRates.Response
         ) -> ConfirmRates.Response:
+            caller.check(request)
             self.requests.append(request)
             again = len(self.requests) % 2 == 0
             question = InputError('confirm the same once more')
             response.outcome = conversions.ok() if again else conversions.refusal(question)
             return response
 
+        caller = OnlyCaller(self.operator, 'operator/confirm')
         self.operator.create_service(ConfirmRates, 'operator/confirm', confirm)
 
     def send(self, topic: str, message: Any) -> None:
@@ -231,7 +234,7 @@ def hub() -> Iterator[Hub]:
     context = rclpy.Context()
     rclpy.init(context=context)
     node = Hub(context)
-    thread = NodeThread(node, node.operator, node.mend)
+    thread = NodeThread(node, node.operator, node.mend, threads=2)
     yield node
     thread.end()
 

@@ -21,14 +21,15 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.following import follow
+from porotwin_core.ros.following import Writers, follow
+from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
 from porotwin_recording.mcap.interfaces import message_class
 from porotwin_recording.mcap.serialization import SECOND
-from porotwin_recording.mcap.topic_names import TYPES
+from porotwin_recording.mcap.topic_names import DOUBTFUL, MEASURED, TYPES
 
 DISCOVERY_PERIOD = 0.2
 """Period of the search for new topics [s]."""
@@ -62,6 +63,8 @@ class RecorderNode(TwinNode):
 
     Log times come from this node's clock, which is simulated with `use_sim_time`. Publish times
     come from the publisher's computer. Hidden topics, such as topics of actions, are left out.
+    Measured rates that a foreign node could have sent are set aside, on a topic of their own: so
+    no reader of the bag takes them.
 
     Args:
         kwargs: passed on to `Node`.
@@ -105,6 +108,8 @@ class RecorderNode(TwinNode):
         self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
         self._single_publisher: dict[str, bool] = {}
         self._types = {self.resolve_topic_name(topic): kind for topic, kind in TYPES.items()}
+        self._measured, self._meters = self.resolve_topic_name(MEASURED), Writers(self, MEASURED)
+        self._doubts = FewWords(self.get_logger().warning)
         self._refused: dict[str, str] = {}
         self._told: set[tuple[str, str]] = set()
         self._publisher_counts: dict[str, int] = {}
@@ -191,14 +196,19 @@ class RecorderNode(TwinNode):
         """
         message = message_class(kind)
         self._recorder.add_topic(name, kind, offered)
-        if name in self._recorded:
-            subscription, known = self._recorded[name]
-            if known == offered:
-                return
-            self.destroy_subscription(subscription)
-        subscription = self.create_subscription(
-            message, name, self._callback(name), _subscription_qos(offered), raw=True
-        )
+        recorded = self._recorded.get(name)
+        if recorded is not None and recorded[1] == offered:
+            return
+        profile = _subscription_qos(offered)
+        if name == self._measured:
+            self._meters.subscribe(message, name, self._callback(name), profile, raw=True)
+            subscription = self._meters.subscription
+        else:
+            if recorded is not None:
+                self.destroy_subscription(recorded[0])
+            subscription = self.create_subscription(
+                message, name, self._callback(name), profile, raw=True
+            )
         self._types[name] = kind
         self._recorded[name] = (subscription, offered)
 
@@ -207,7 +217,9 @@ class RecorderNode(TwinNode):
             self._record(name, data, info)
             # All other messages in the queue are recorded at once. A call through the executor
             # costs more than the rest, and a queue that overflows meanwhile loses messages.
-            subscription, _ = self._recorded[name]
+            subscription = self._recorded[name][0]
+            if name == self._measured:
+                subscription = self._meters.subscription
             handle = subscription.handle
             with handle:
                 while (more := handle.take_message(subscription.msg_type, True)) is not None:
@@ -216,6 +228,15 @@ class RecorderNode(TwinNode):
         return receive
 
     def _record(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        if name == self._measured:
+            try:
+                if not self._meters.check(info):
+                    return
+            except InputError as error:
+                self._doubts.tell(name, f'measured rates set aside: {error}')
+                kind, offered = self._types[name], self._recorded[name][1]
+                name = f'{name}/{DOUBTFUL}'
+                self._recorder.add_topic(name, kind, offered)
         sequence = info['publication_sequence_number'] or 0
         message = _Message(name, data, info['source_timestamp'], sequence)
         now = self._simulated_time if self._is_simulated else round(self.now() * SECOND)
@@ -238,7 +259,7 @@ class RecorderNode(TwinNode):
                 log_time=now,
                 publish_time=each.publish_time,
                 sequence=each.sequence,
-                single_publisher=self._single_publisher[each.topic],
+                single_publisher=self._single_publisher.get(each.topic, False),
             )
 
     def _on_clock(self, message: ClockMessage) -> None:

@@ -8,15 +8,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import rclpy
 from node_processes import Process, by_topic, node, write_minute_bag
+from rclpy.publisher import Publisher
 from recording_examples import eventually
 from refused_node import refusal
+from std_msgs.msg import Header
 
+from porotwin_core.ros import qos
 from porotwin_core.ros.senders import SENDERS
+from porotwin_msgs.msg import WellRates
 from porotwin_recording import recorder_node
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.serialization import SECOND
-from porotwin_recording.mcap.topic_names import TYPES
+from porotwin_recording.mcap.topic_names import DOUBTFUL, MEASURED, TYPES
 
 pytestmark = pytest.mark.graph
 
@@ -203,6 +208,45 @@ def test_a_topic_of_the_twin_is_recorded_with_its_type_whoever_comes_first(tmp_p
     bag = BagReader(tmp_path / 'run')
     assert bag.topics['/porotwin/wells/setpoint'].type_name == SETPOINT
     assert list(bag.messages(['/porotwin/wells/setpoint']))
+
+
+def test_measured_rates_that_a_stranger_could_have_sent_are_set_aside(
+    tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    pumps, stranger = (
+        rclpy.create_node(name, namespace='/porotwin', context=context)
+        for name in ('pumps', 'stranger')
+    )
+    true = pumps.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+
+    def tell(publisher: Publisher, frame: str) -> None:
+        assert eventually(publisher.get_subscription_count)
+        publisher.publish(WellRates(header=Header(frame_id=frame)))
+
+    with node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder:
+        for _ in range(3):
+            tell(true, 'true')
+            time.sleep(0.5)
+            brief = stranger.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+            tell(brief, 'forged')
+            stranger.destroy_publisher(brief)
+            time.sleep(0.5)
+        tell(true, 'true')
+        time.sleep(0.5)
+        assert recorder.stop() == 0, recorder.output
+    rclpy.shutdown(context=context)
+    bag = BagReader(tmp_path / 'run')
+    name = f'/porotwin/{MEASURED}'
+    kept, aside = (
+        [bag.decode(one).header.frame_id for one in bag.messages([topic])]
+        for topic in (name, f'{name}/{DOUBTFUL}')
+    )
+    assert (kept, set(aside)) == (['true'] * 4, {'forged'})
+    (remark,) = bag.remarks
+    assert f'{len(aside)} messages of {name} were set aside' in remark
 
 
 def test_the_types_of_all_topics_whose_sender_matters_are_known() -> None:

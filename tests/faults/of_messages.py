@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import CompressedImage
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
-from faults.stage import ENVIRONMENT, GRID, Stage
+from faults.stage import ENVIRONMENT, GRID, Stage, kill
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
@@ -23,9 +23,15 @@ from porotwin_core.ros.foreign_words import FEW
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
 from porotwin_msgs.srv import Cancel, Control, Predict
+from porotwin_recording.experiment.bag import read_bag
+from porotwin_recording.mcap.bag_reader import BagReader
+from porotwin_recording.mcap.topic_names import DOUBTFUL
 
 REMOVED = 'end the foreign node'
 NO_SETPOINT = 'Ignores the state. No setpoint follows while another node sends states.'
+FORGED = 5e-8
+"""A rate that the rig can have [m^3/s]."""
+
 NX, NZ = (int(number) for number in GRID.split('x'))
 
 
@@ -137,6 +143,21 @@ def foreign_photograph(stage: Stage) -> Iterator[None]:
 
 
 @fault(
+    'Imaging starts again while a foreign node publishes a baseline.',
+    Status('imaging', 'ERROR', 'publishes camera/baseline/compressed too'),
+    does='Leaves out all baselines, and takes the true one when the foreign node has gone.',
+    mends=REMOVED,
+)
+def foreign_baseline(stage: Stage) -> Iterator[None]:
+    photograph = CompressedImage(header=conversions.header_at(time.time()), format='jpeg')
+    photograph.data = array.array('B', stage.picture())
+    with stage.foreign('camera/baseline/compressed', CompressedImage, qos.BASELINE) as send:
+        send(photograph)
+        kill(stage, 'imaging')
+        yield
+
+
+@fault(
     'A foreign node sends a setpoint that keeps all limits.',
     Status('guard', 'ERROR', 'no setpoint can pass'),
     LogLine('operator', 'wells/setpoint ignored'),
@@ -215,6 +236,25 @@ def forged_rates(stage: Stage) -> Iterator[None]:
     stage.good_photograph()
     yield
     next(rates, None)
+
+
+@fault(
+    'A program publishes measured rates and leaves at once, again and again.',
+    LogLine('recorder', 'measured rates set aside'),
+    does='No node uses them, and no reader of the recording does.',
+    mends='end the program',
+)
+def brief_rates(stage: Stage) -> None:
+    for _ in range(5):
+        for _ in foreign_rates(stage, {'injector': WellRate(FORGED, 1.0)}, name='stranger'):
+            pass
+
+    def aside() -> bool:
+        return any(DOUBTFUL in name for name in BagReader(stage.folder / 'bag').topics)
+
+    stage.wait_for('the rates in the recording', aside)
+    measured = read_bag(stage.folder / 'bag').measured
+    assert measured is None or all(row.rate.rate != FORGED for row in measured.rows)
 
 
 @fault(

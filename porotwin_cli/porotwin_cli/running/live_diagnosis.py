@@ -92,7 +92,7 @@ def _result(
     try:
         return _asked(client, executor, handle.get_result_async).result
     except KeyboardInterrupt:
-        _asked(client, executor, handle.cancel_goal_async)
+        _asked(client, executor, lambda: voucher.cancel(DIAGNOSE, handle))
         raise
 
 

@@ -3,11 +3,13 @@
 import inspect
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from threading import Lock
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -16,6 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_core.ros.senders import check_senders
+from porotwin_core.ros.service_answer import LOOK_EACH_S
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
@@ -33,6 +36,10 @@ class Writers:
     A program may publish and leave before a node looks who publishes. The middleware counts all
     writers that it ever found. If more were found than were seen under an allowed name, some have
     left unseen. A message that arrived before this was noticed may be theirs.
+
+    A latched topic may never send a true message again that was refused. The subscription is
+    therefore made anew as soon as no stranger could send, and a message that was taken before does
+    not count twice.
     """
 
     def __init__(self, node: Node, topic: str, *, replayed: bool = True) -> None:
@@ -44,12 +51,21 @@ class Writers:
         self._lock = Lock()
         self._event: Any = None
         self._made: Any = None
+        self._timer: Any = None
+        self._group: Any = None
+        self._latched = False
+        self._taken: deque[tuple[int, int]] = deque()
         self._begin: Callable[[], None] = lambda: None
+
+    @property
+    def subscription(self) -> Any:
+        """The subscription of rclpy at present."""
+        return self._made
 
     def subscribe(
         self, *subscription: Any, on_writer: WriterFn | None = None, **options: Any
     ) -> None:
-        """Subscribe as rclpy does, and count the writers from then on."""
+        """Subscribe as rclpy does, in place of an earlier time; count the writers from then on."""
 
         def matched(event: Any) -> None:
             """Learn the name of a writer while it is there; messages are refused one by one."""
@@ -67,16 +83,48 @@ class Writers:
             self._made, self._unseen, self._noticed = made, 0, -math.inf
             self._known.clear()
 
-        self._begin = begin
+        self._begin, self._group = begin, options.get('callback_group')
         with self._lock:
+            if self._made is not None:
+                self._end()
             begin()
+            profile = self._made.qos_profile
+            self._latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            self._taken = deque(maxlen=profile.depth)
+
+    def _doubt(self) -> None:
+        """Have the messages of a latched topic sent again once no stranger could send them."""
+        with self._lock:
+            if not self._latched:
+                return
+            # the event that a writer has left may come before the graph knows; no other may follow
+            if self._timer is None:
+                self._timer = self._node.create_timer(
+                    LOOK_EACH_S,
+                    self._renew,
+                    callback_group=self._group,
+                    clock=Clock(clock_type=ClockType.STEADY_TIME),
+                )
+            elif self._timer.is_canceled():
+                self._timer.reset()
 
     def _renew(self) -> None:
-        """Subscribe anew to a topic that keeps messages: a true one may have been refused."""
+        """Subscribe anew; the timer is in the group of the messages, so that none is in work."""
+        try:
+            self.look()
+        except InputError:
+            return
         with self._lock:
-            if self._made.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-                self._node.destroy_subscription(self._made)
-                self._begin()
+            self._timer.cancel()
+            self._end()
+            self._begin()
+
+    def _end(self) -> None:
+        """Destroy the subscription, but not its event: an executor that takes that would end."""
+        for handler in self._made.event_handlers:
+            self._node.remove_waitable(handler)
+        self._made.event_handlers = []
+        self._node.destroy_subscription(self._made)
 
     def look(self) -> None:
         """See who publishes now.
@@ -93,17 +141,28 @@ class Writers:
                 self._unseen = found - len(self._known)
                 self._noticed = time.monotonic()
 
-    def check(self, info: Mapping[str, Any]) -> None:
-        """Check that a message with `info` came from an allowed node.
+    def check(self, info: Mapping[str, Any]) -> bool:
+        """Return whether a message with `info` is new, and check that an allowed node sent it.
 
         Raises:
             InputError: another node publishes, or has left and may have sent it.
         """
+        try:
+            self._check(info)
+        except InputError:
+            self._doubt()
+            raise
+        message = info['source_timestamp'], info['publication_sequence_number']
+        if self._latched and message in self._taken:
+            return False
+        self._taken.append(message)
+        return True
+
+    def _check(self, info: Mapping[str, Any]) -> None:
         self.look()
         # the stamp is of a clock that may be set; an age is wrong for a moment only
         age = (time.time_ns() - info['received_timestamp']) * 1e-9
         if time.monotonic() - age <= self._noticed:
-            self._renew()
             raise InputError(f'a program published {self._topic} too and has left; end it')
 
 
@@ -139,7 +198,8 @@ def follow(
 
     def checked(message: Any, info: Mapping[str, Any]) -> None:
         try:
-            writers.check(info)
+            if not writers.check(info):
+                return
             if wants_info:
                 on_message(message, info)
             else:

@@ -1,6 +1,9 @@
 """The quality of service of every kind of topic, for publishers and subscribers."""
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from porotwin_core.ros.senders import LEASE_S
 
 
 def _profile(depth: int, durability: DurabilityPolicy) -> QoSProfile:
@@ -29,6 +32,10 @@ DECISIONS = _profile(64, DurabilityPolicy.TRANSIENT_LOCAL)
 
 CLOCK = _profile(1000, DurabilityPolicy.VOLATILE)
 """The time of a replay, where no step back may be missed."""
+
+VOUCHED = _profile(PHOTO.depth, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Words about requests: requests in a row all count; who listens only now hears no old ones."""
+VOUCHED.lifespan = Duration(nanoseconds=round(LEASE_S * 1e9))
 
 SETPOINT = _profile(1, DurabilityPolicy.VOLATILE)
 """Setpoints: only the newest counts, and a late subscriber never gets an old one."""

@@ -158,6 +158,11 @@ def goals_of(action: str) -> str:
     return f'{action}/_action/send_goal'
 
 
+def cancels_of(action: str) -> str:
+    """Return the service that cancels goals of `action`; ROS 2 makes it for every action."""
+    return f'{action}/_action/cancel_goal'
+
+
 def refuse_others(node: Any, found: Collection[Sender], names: Sequence[str], doing: str) -> None:
     """Check that every sender in `found` is a node of one of the `names`.
 

@@ -11,6 +11,8 @@ from functools import partial
 from threading import Condition
 from typing import Any
 
+from action_msgs.srv import CancelGoal
+from rclpy.action import CancelResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -18,26 +20,39 @@ from rclpy.serialization import deserialize_message, serialize_message
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos, senders
 from porotwin_core.ros.following import follow
-from porotwin_core.ros.senders import goals_of, vouched_by
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
+from porotwin_core.ros.senders import cancels_of, goals_of, vouched_by
+from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
 from porotwin_msgs.msg import Vouched
+
+_ACTIONS: Mapping[str, tuple[str, ...]] = {
+    'costa/train': ('trainer', senders.TERMINAL),
+    'diagnosis/diagnose': ('mend', senders.TERMINAL),
+}
 
 CALLERS: Mapping[str, tuple[str, ...]] = {
     'asset/control': (senders.GUARD,),
     'costa/load': (senders.TERMINAL,),
     'costa/save': (senders.TERMINAL,),
-    goals_of('costa/train'): ('trainer', senders.TERMINAL),
-    goals_of('diagnosis/diagnose'): ('mend', senders.TERMINAL),
     'guard/control': ('hub',),
     'mend/answer': ('page', senders.TERMINAL),
-    'operator/confirm': ('page',),
+    'operator/confirm': ('page', senders.TERMINAL),
     'solver/set_effects': ('mend',),
+    **{goals_of(action): names for action, names in _ACTIONS.items()},
+    **{cancels_of(action): names for action, names in _ACTIONS.items()},
 }
-"""The only nodes that call each service, by their names. The request of an action is its goal."""
+"""The only nodes that call each service, by their names. An action has two
+services: the request is a goal, or the number of one to cancel."""
 
 
-MOST_WAITING = qos.PHOTO.depth
+MOST_WAITING = qos.VOUCHED.depth
 """Requests that a service remembers: a caller makes one at a time, for one photograph."""
+
+
+def cancel_request(goal: Any) -> CancelGoal.Request:
+    """Return the request to cancel a `goal` (a handle of its client, or of its server)."""
+    request = CancelGoal.Request()
+    request.goal_info.goal_id = goal.goal_id
+    return request
 
 
 class Voucher:
@@ -45,12 +60,23 @@ class Voucher:
 
     def __init__(self, node: Node) -> None:
         """Make the topic of `node`."""
-        self._publisher = node.create_publisher(Vouched, vouched_by(node.get_name()), qos.CONFIG)
+        self._node = node
+        self._publisher = node.create_publisher(Vouched, vouched_by(node.get_name()), qos.VOUCHED)
 
     def vouch(self, service: str, request: Any) -> None:
         """Tell that `request` to `service` comes from here; call it right before the call."""
         told = Vouched(service=service, request=serialize_message(request))
         self._publisher.publish(told)
+
+    def ask(self, client: Any, service: str, request: Any, longest_s: float, **options: Any) -> Any:
+        """Vouch for a `request` by `client`, and return what `twin_answer_within` returns."""
+        self.vouch(service, request)
+        return twin_answer_within(self._node, client, request, longest_s, **options)
+
+    def cancel(self, action: str, goal: Any) -> Any:
+        """Cancel a `goal` (ClientGoalHandle) of `action`, and return the future of the answer."""
+        self.vouch(cancels_of(action), cancel_request(goal))
+        return goal.cancel_goal_async()
 
 
 class OnlyCaller:
@@ -69,7 +95,7 @@ class OnlyCaller:
                 Vouched,
                 vouched_by(name),
                 partial(self._on_vouched, name),
-                qos.CONFIG,
+                qos.VOUCHED,
                 refuse=self._on_refused,
                 replayed=False,
                 callback_group=MutuallyExclusiveCallbackGroup(),
@@ -98,6 +124,15 @@ class OnlyCaller:
             known = f'only {allowed} may, which does not know of it; end that program'
             raise InputError(self._refused or f'a program {self._calls}, and {known}')
         return caller
+
+    def cancels(self, goal: Any) -> CancelResponse:
+        """Return whether a `goal` (ServerGoalHandle) is cancelled, as its caller vouches for."""
+        try:
+            self.check(cancel_request(goal))
+        except InputError as error:
+            self._node.get_logger().error(f'not cancelled: {error}')
+            return CancelResponse.REJECT
+        return CancelResponse.ACCEPT
 
     def _voucher_of(self, request: Any) -> str:
         """Return who has told `request`, '' for nobody; a word may come late, and counts once."""

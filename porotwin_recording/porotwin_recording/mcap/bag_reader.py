@@ -22,6 +22,7 @@ from porotwin_recording.mcap.bag_folder import (
 from porotwin_recording.mcap.bag_records import BagMessage
 from porotwin_recording.mcap.mcap_reader import NO_HEADS, McapFile, merged_topics, open_mcap
 from porotwin_recording.mcap.serialization import Deserializer
+from porotwin_recording.mcap.topic_names import DOUBTFUL
 
 logger = logging.getLogger(__name__)
 
@@ -63,6 +64,13 @@ class BagReader:
         self.end_time = max((part.message_end_time for part in filled), default=0)
         self.message_count = sum(part.message_count for part in filled)
         self._deserializers: dict[str, Deserializer] = {}
+        for name, topic in self.topics.items():
+            if name.endswith(f'/{DOUBTFUL}') and topic.message_count:
+                self.remark(
+                    f'{self.path}: {topic.message_count} messages of '
+                    f'{name.removesuffix(f"/{DOUBTFUL}")} were set aside when they were recorded, '
+                    f'for another program could have sent them; look at them on {name}'
+                )
 
     def _opened(self, paths: list[Path]) -> dict[Path, McapFile]:
         """Return the readable ones of `paths`, by path; remark on the others.

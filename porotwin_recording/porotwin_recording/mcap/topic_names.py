@@ -15,6 +15,9 @@ IMAGE = 'camera/image/compressed'
 BASELINE = 'camera/baseline/compressed'
 CYCLE = 'hub/cycle'
 
+DOUBTFUL = '_doubtful'
+"""Last part of the name of a topic with messages that a foreign node could have sent."""
+
 TYPES = {
     '/clock': 'rosgraph_msgs/msg/Clock',
     BASELINE: 'sensor_msgs/msg/CompressedImage',
