@@ -162,9 +162,13 @@ class LateListener:
     def __init__(self, node: Any) -> None:
         self.taken: list[str] = []
         self.refused: list[str] = []
-        follow(node, Header, TOPIC, self._take, qos.CONFIG, refuse=self.refused.append)
+        follow(node, Header, TOPIC, self._take, qos.CONFIG, refuse=self._refuse)
         self.executor = SingleThreadedExecutor(context=node.context)
         self.executor.add_node(node)
+
+    def _refuse(self, topic: str, line: str) -> None:
+        assert topic == TOPIC
+        self.refused.append(line)
 
     def _take(self, message: Header) -> None:
         self.taken.append(message.frame_id)
