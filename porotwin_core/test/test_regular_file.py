@@ -18,7 +18,6 @@ OWN_FILES = {
     'porotwin_core/porotwin_core/basis/parallel.py': 'of the kernel',
     'porotwin_page/porotwin_page/rigs.py': 'of the kernel',
     'porotwin_imaging/porotwin_imaging/photograph/sent_photos.py': 'written by the camera node',
-    'porotwin_imaging/porotwin_imaging/live/experiment_start.py': 'written by the imaging node',
     'porotwin_imaging/porotwin_imaging/sources/gphoto2.py': 'in a new temporary folder',
     'porotwin_cli/porotwin_cli/commands/test.py': 'of the source code',
     'porotwin_hub/porotwin_hub/launching/parameter_file.py': 'of the package',

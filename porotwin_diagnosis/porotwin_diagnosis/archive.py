@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError, refuse_file, writing
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.parallel import Crew, SchedulerLost
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
@@ -71,7 +72,7 @@ class ArchiveTask:
         count alone.
         """
         try:
-            found = json.loads(read_regular(self.folder / SUMMARY))
+            found = json_value(read_regular(self.folder / SUMMARY))
             made, recordings = found['made_with'], found['recordings']
             preset, excluded, read = made['preset'], made['excluded'], made.get('read')
             named = [one['recording'] for one in read] if read else recordings
@@ -190,7 +191,7 @@ def diagnose_archive(
 def _earlier_rows(path: Path) -> list[dict[str, Any]]:
     """Return the rows of an earlier table whose folders are still there."""
     try:
-        rows = json.loads(path.read_text(encoding='utf-8'))
+        rows = json_value(path.read_text(encoding='utf-8'))
         return [row for row in rows if Path(row['report']).is_dir()]
     except (OSError, ValueError, LookupError, TypeError):
         return []
@@ -203,7 +204,7 @@ def _row(task: ArchiveTask, refusal: str | None) -> dict[str, Any]:
         return row | {
             'verdict': None, 'combination': [], 'confidence': None, 'refused': refusal,
         }  # fmt: skip
-    found = json.loads((task.folder / SUMMARY).read_text(encoding='utf-8'))
+    found = json_value((task.folder / SUMMARY).read_text(encoding='utf-8'))
     return row | {
         'verdict': found['verdict'],
         'combination': found['combination'],

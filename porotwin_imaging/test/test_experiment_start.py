@@ -48,6 +48,8 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     for text in (
         '{"first_photograph_s": "soon"}',
         '[]',
+        '[' * 200_000,
+        f'{{"first_photograph_s": {10**400}}}',
         '{"first_photograph_s": 1, "baselines": 2}',
     ):
         file.write_text(text)

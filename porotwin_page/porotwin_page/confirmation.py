@@ -4,13 +4,13 @@ A browser sends the rate of every well, so the record holds the rates that it sh
 rates are refused. For odd rates the page first asks the operator.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.remark import QUOTED
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
@@ -67,12 +67,12 @@ def decoded(body: bytes) -> Any:
         InputError: it is no JSON, repeats a key, or has an invalid number.
     """
     try:
-        return json.loads(
+        return json_value(
             body.decode('utf-8'), parse_constant=_no_number, object_pairs_hook=_unique_keys
         )
     except InputError:
         raise
-    except (ValueError, RecursionError):
+    except ValueError:
         raise InputError('confirmation: not JSON; send an object of sequence, rates_ml_h') from None
 
 

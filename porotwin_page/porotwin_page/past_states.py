@@ -9,6 +9,7 @@ from typing import IO
 
 import numpy as np
 
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_page.graph_snapshot import (
@@ -138,7 +139,7 @@ class PastStates:
             if self._file is None or grid is None or not self._first <= number <= self._last:
                 return None
             content = os.pread(self._file.fileno(), self._size(grid), self._place_of(number))
-        head = json.loads(content[:_HEAD])
+        head = json_value(content[:_HEAD])
         maps = np.frombuffer(content[_HEAD:], dtype=_STORED).reshape(_MAPS, *grid.shape)
         observed, forecast, difference = (
             None if np.isnan(values).all() else values for values in maps.astype(float)

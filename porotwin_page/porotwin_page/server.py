@@ -10,6 +10,7 @@ skips snapshots and delays nobody; there is no queue.
 import asyncio
 import contextlib
 import json
+import logging
 import socket
 import threading
 import time
@@ -21,10 +22,13 @@ from typing import Any, get_args
 
 import numpy as np
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
+from aiohttp.log import server_logger
 from aiohttp.web_protocol import RequestHandler
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import WellRates
+from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_page import confirmation
 from porotwin_page.access import Access, AccessRefused
 from porotwin_page.address import DEFAULT_HOST
@@ -65,6 +69,9 @@ MAX_CONFIRMATION = 16 * 1024
 
 PATIENCE_S = 10.0
 """Longest time for a request, for the body of a confirmation, and between two requests [s]."""
+
+NO_HTTP = FewWords(logging.getLogger(__name__).warning)
+"""Tells of bytes that are no request: anybody can send them."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -447,6 +454,15 @@ def _choice(request: web.Request, given: str, choices: Mapping[str, Any]) -> Any
     return choices[given]
 
 
+def _tell_briefly(record: logging.LogRecord) -> bool:
+    """Return whether the library logs a record with its traceback: not if it is no request."""
+    fault = record.exc_info[1] if record.exc_info else None
+    if not isinstance(fault, HttpProcessingError):
+        return True
+    NO_HTTP.tell('', f'a request was refused, for it is no HTTP: {in_short(fault.message)}')
+    return False
+
+
 class ServerThread:
     """Serves an application on a listening socket, in a thread with an event loop of its own."""
 
@@ -477,6 +493,7 @@ class ServerThread:
             return await handler(request)
 
         application.middlewares.insert(0, first)
+        server_logger.addFilter(_tell_briefly)
         runner = web.AppRunner(
             application,
             access_log=None,

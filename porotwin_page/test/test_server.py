@@ -30,6 +30,7 @@ from page_examples import (
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import WellRates
+from porotwin_core.ros.foreign_words import FEW
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page import server
 from porotwin_page.access import Access
@@ -546,3 +547,19 @@ def test_a_compressed_request_is_refused_unread_and_silent_connections_end(
         for connection in (silent, slow, kept.sock):
             assert connection.recv(1) == b''  # the page has ended it
             connection.close()
+
+
+def test_bytes_that_are_no_request_cost_a_few_plain_lines(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    listening = listen('127.0.0.1:0')
+    address = listening.getsockname()
+    with contextlib.closing(ServerThread(Scene().application.make(), listening)):
+        for number in range(20):
+            with socket.create_connection(address, timeout=10.0) as connection:
+                odd = f'GET /\x1b[2J{number} HTTP/9\r\n'.encode() + b'\xff: \x07\r\n\r\n'
+                connection.sendall(odd)
+                assert b' 400 ' in connection.recv(100)
+    assert 0 < len(caplog.records) <= FEW
+    assert all(line.isprintable() for line in caplog.messages)
+    assert not any(record.exc_info for record in caplog.records)

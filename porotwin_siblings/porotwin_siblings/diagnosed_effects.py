@@ -1,11 +1,11 @@
 """Effects that a diagnosis found, with the intervals of their parameters."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS, Parameter
 from porotwin_solver.effects import effect
@@ -34,7 +34,7 @@ def read_diagnosis(path: Path) -> tuple[Candidate, ...]:
         InputError: the file cannot be read, or lacks a key.
     """
     try:
-        data = json.loads(read_regular(path))
+        data = json_value(read_regular(path))
         kept = [item for item in data['effects'] if item['name'] in data['combination']]
         return tuple(_diagnosed(item) for item in kept if effect(item['name']).scope in OF_THE_RIG)
     except OSError as error:

@@ -1,6 +1,5 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
-import json
 import signal
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.units import percent
 from porotwin_core.model.preset_names import PRESET_WORDS
 from porotwin_core.ros.foreign_words import in_short
@@ -327,7 +327,7 @@ def _live(output: Path, namespace: str, *, as_json: bool) -> None:
 
     with progress() as bar:
         result = diagnose_run_so_far(output, _shown_on(bar), namespace=namespace)
-    summary = json.loads((output / 'diagnosis.json').read_text())
+    summary = json_value((output / 'diagnosis.json').read_text())
     if as_json:
         print_json({'output': output, **summary})
         return

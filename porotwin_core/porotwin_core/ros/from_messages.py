@@ -5,7 +5,6 @@ message that was read from a bag. Every message is checked here once: array size
 names, finite numbers.
 """
 
-import json
 import math
 import sys
 from collections.abc import Iterable, Sequence
@@ -17,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
+from porotwin_core.basis.remark import QUOTED
 from porotwin_core.basis.units import to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
@@ -246,12 +247,12 @@ def _objective_from_msg(message: Any) -> dict[str, Any]:
     name = getattr(message, 'objective', '') or ObjectiveDescription().name
     text = getattr(message, 'objective_parameters', '') or '{}'
     try:
-        parameters = json.loads(text)
+        parameters = json_value(text)
     except ValueError:
         parameters = None
     if not isinstance(parameters, dict):
         raise InputError(
-            f"rig description: objective_parameters '{text}': send a JSON object, or nothing"
+            f"rig description: objective_parameters '{text[:QUOTED]}': send a JSON object, or nothing"
         )
     return {**parameters, 'name': name}
 

@@ -11,6 +11,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError, write_error
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file
 
@@ -72,9 +73,9 @@ def read_tensors(path: Path, file_format: str) -> tuple[dict[str, Any], dict[str
     if _KEY not in metadata:
         raise InputError(f'{path}: made by another program, needs {file_format}')
     try:
-        description = json.loads(metadata[_KEY])
+        description = json_value(metadata[_KEY])
         found = description.pop('format')
-    except (AttributeError, KeyError, json.JSONDecodeError):
+    except (AttributeError, KeyError, ValueError):
         raise InputError(f'{path}: its description is damaged; make it again') from None
     if found != file_format:
         raise InputError(f'{path}: made as {found}, needs {file_format}; train or build it again')

@@ -1,6 +1,5 @@
 """The verdict of a diagnosis for the running twin: reads diagnosis.json and checks the verdict."""
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
@@ -185,7 +185,7 @@ def read_finding(report: Path) -> Finding:
     """
     path = report.with_name('diagnosis.json')
     try:
-        return finding_of(json.loads(read_regular(path)), str(report))
+        return finding_of(json_value(read_regular(path)), str(report))
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; diagnose again') from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:

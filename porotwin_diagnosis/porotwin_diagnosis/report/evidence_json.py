@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_diagnosis.decision.evidence import Evidence
@@ -51,7 +52,7 @@ def read_evidence(path: Path) -> Evidence:
 
     The explanation is computed again from the fits.
     """
-    content = json.loads(read_regular(path))
+    content = json_value(read_regular(path))
     findings = _read_findings(content)
     before, after = content['held_out_errors']
     return Evidence(

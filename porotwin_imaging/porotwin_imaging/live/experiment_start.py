@@ -10,6 +10,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
 
 
@@ -70,7 +72,7 @@ def _noted(file: Path) -> tuple[float, frozenset[str]]:
     """Return the time of the first photograph [s], and the digests of the baselines."""
     baselines: frozenset[str] = frozenset()
     try:
-        noted = json.loads(file.read_text('utf-8'))
+        noted = json_value(read_regular(file))
         time = float(noted['first_photograph_s'])
         baselines = frozenset(map(str, noted.get('baselines', ())))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.parent import PARENT
 from porotwin_core.basis.whole_file import whole_file
 
@@ -209,7 +210,7 @@ class SentPhotos:
 def _photo_of(line: bytes) -> SentPhoto | None:
     """Return the photograph that a line describes, None if the line is damaged."""
     try:
-        fields = json.loads(line)
+        fields = json_value(line)
         mark = tuple(int(number) for number in fields['mark'])
         stamp = None if fields['stamp'] is None else float(fields['stamp'])
         name, digest, role = (str(fields[key]) for key in ('name', 'digest', 'role'))
@@ -217,5 +218,5 @@ def _photo_of(line: bytes) -> SentPhoto | None:
         if any(abs(number) >= _LARGEST for number in mark):
             return None
         return SentPhoto(name, digest, mark, stamp, float(fields['correction']), role)
-    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+    except (ValueError, TypeError, KeyError, OverflowError):
         return None

@@ -1,10 +1,10 @@
 """The verdicts of diagnoses below a folder, by the recordings that they are about."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_recording.experiment.experiment_folder import RIG_FILE
 
@@ -37,7 +37,7 @@ class KnownVerdicts:
 
     def _add(self, file: Path) -> None:
         try:
-            content = json.loads(read_regular(file))
+            content = json_value(read_regular(file))
             words = f'{content["verdict"]} ({100 * float(content["confidence"]):.0f} %)'
             recordings = [*_recordings(content), *_owners(file)]
             verdict = _Verdict(file.stat().st_mtime, words)

@@ -8,6 +8,7 @@ import json
 import pydantic
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_section import FixedWell
 
@@ -29,7 +30,7 @@ def with_pauses(rig: Rig, text: str) -> Rig:
         return rig
     fixed = dict(rig.control.fixed)
     try:
-        for name, pauses in json.loads(text).items():
+        for name, pauses in json_value(text).items():
             fixed[name] = FixedWell.model_validate({**dict(fixed[name]), 'pauses_min': pauses})
     except (ValueError, KeyError, AttributeError, pydantic.ValidationError):
         raise InputError(

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError, writing
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_folder import whole_folder
 from porotwin_recording.tables.one_writer import one_writer
@@ -100,7 +101,7 @@ def open_archive(file: Path, folder: Path) -> dict[str, object]:
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, OSError) as error:
         raise InputError(f'{file}: cannot be unpacked: {error}; copy it again') from None
     try:
-        told = json.loads(read_regular(folder / VERSIONS_FILE))
+        told = json_value(read_regular(folder / VERSIONS_FILE))
     except ValueError:
         told = {}
     return told if isinstance(told, dict) else {}

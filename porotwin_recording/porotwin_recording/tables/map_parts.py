@@ -15,6 +15,7 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import write_error
+from porotwin_core.basis.json_text import json_value
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import (
@@ -151,7 +152,7 @@ class MapParts:
 def _source_in(mark: Path) -> dict[str, Any]:
     """Return the source in the file `mark`; empty if there is none that can be read."""
     try:
-        found = json.loads(mark.read_text(encoding='utf-8'))
+        found = json_value(mark.read_text(encoding='utf-8'))
     except (FileNotFoundError, ValueError):  # torn by a kill
         return {}
     return found if isinstance(found, dict) else {}
