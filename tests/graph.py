@@ -104,6 +104,16 @@ class RunningGraph:
         path = self.processes.log(name)
         return path.read_text(encoding='utf-8', errors='replace') if path.is_file() else ''
 
+    @contextmanager
+    def logs_of_a_failure(self) -> Iterator[None]:
+        """Print the ends of all logs if the block fails."""
+        try:
+            yield
+        except BaseException:
+            for name in self.nodes:
+                print(f'--- {name}\n{self.log(name)[-2000:]}')
+            raise
+
     def wait_for_publishers(self, *topics: str) -> None:
         """Return when the publishers of `topics` are found, so that no message is missed."""
         for topic in topics:
@@ -153,11 +163,7 @@ def running_graph(
     try:
         with GraphProcesses(nodes, folder, say=lines.append, environment=environment) as processes:
             graph = RunningGraph([node.name for node in nodes], processes, listener, lines)
-            try:
+            with graph.logs_of_a_failure():
                 yield graph
-            except BaseException:
-                for node in nodes:
-                    print(f'--- {node.name}\n{graph.log(node.name)[-2000:]}')
-                raise
     finally:
         listener.close()

@@ -43,6 +43,7 @@ ROS_SHELLS = {
     'porotwin_hub/planner_parameters.py': 'declares parameters of the hub',
     'porotwin_siblings/siblings_messages.py': 'turns states and outlooks from and into messages',
     'porotwin_cli/graph_watch.py': 'listens to a running graph',
+    'porotwin_cli/live_confirmation.py': 'answers a running graph',
     'porotwin_cli/live_diagnosis.py': 'asks a running graph',
     'porotwin_cli/live_node.py': 'the node of a command',
     'porotwin_cli/live_mend.py': 'answers a running graph',

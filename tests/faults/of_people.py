@@ -171,7 +171,7 @@ def forged_confirmation(stage: Stage) -> None:
     wells = conversions.rates_to_msg(stage.limits.safe())
     confirmation = ConfirmRates.Request(sequence=sequence, wells=wells)
     answer = stage.call(ConfirmRates, 'operator/confirm', confirmation)
-    assert 'only /porotwin/page may' in answer.outcome.message
+    assert 'only /porotwin/page or terminal may' in answer.outcome.message
     before = stage.graph.log('operator').count('confirmed by')
     for _ in range(3):
         stage.call_and_leave(ConfirmRates, 'operator/confirm', confirmation)

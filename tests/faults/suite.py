@@ -41,9 +41,10 @@ def check(fault: Fault, stages: Stages) -> None:
     stage = stages.get()
     stage.healthy = False
     since = stage.since()
-    with fault.injected_into(stage):
-        for sign in fault.signs:
-            stage.wait_for(str(sign), lambda sign=sign: sign.shows(since))
-    stage.wait_for_control()
-    stage.check_setpoints()
+    with stage.graph.logs_of_a_failure():
+        with fault.injected_into(stage):
+            for sign in fault.signs:
+                stage.wait_for(str(sign), lambda sign=sign: sign.shows(since))
+        stage.wait_for_control()
+        stage.check_setpoints()
     stage.healthy = True

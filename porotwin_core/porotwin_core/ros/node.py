@@ -85,7 +85,7 @@ OnChangeFn = Callable[[Any], None]
 """Takes a value of a parameter; raises InputError if it is wrong."""
 
 CLOCK = 'use_sim_time'
-"""Parameter of every node of ROS 2: whether its time is that of the topic /clock."""
+"""Parameter of every node of ROS 2: whether the topic /clock sets its time."""
 
 
 LEFT_OUT = 'left out, it makes this node fail'
@@ -101,7 +101,7 @@ class TwinNode(Node):
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
-        """Make a node called `name`; `kwargs` are those of rclpy, such as `context`."""
+        """Make a node called `name`; rclpy takes the `kwargs`, such as `context`."""
         super().__init__(name, **kwargs)
         self._logger = PlainLogger(super().get_logger().name)
         self._left_out = FewWords(self._logger.error)

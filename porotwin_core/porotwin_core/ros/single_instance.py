@@ -27,7 +27,7 @@ DISCOVERY_S = 1.0
 """Time until nodes on other machines are discovered [s]."""
 
 GHOST_S = LEASE_S + RELEASE_S
-"""Time after which discovery has forgotten a killed process for sure [s]."""
+"""Longest time that discovery remembers a killed process [s]."""
 
 PERIOD_S = 0.1
 """Time between two looks [s]."""
