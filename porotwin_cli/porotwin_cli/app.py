@@ -15,7 +15,7 @@ import typer
 from porotwin_cli import commands
 from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.foreign_words import plain
+from porotwin_core.basis.plain_text import plain
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DISK_FULL = 'no space left on a disk that this command writes to; remove something there'

@@ -27,6 +27,7 @@ from rich.table import Table
 from rich.text import Text
 
 from porotwin_core.basis.errors import InputError, check_writable
+from porotwin_core.basis.plain_text import plain
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
 
@@ -69,7 +70,7 @@ class _NewWarnings(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the message of `record` unless it was printed before."""
-        text = record.getMessage()
+        text = plain(record.getMessage())
         if text not in self._told:
             self._told.add(text)
             say(f'porotwin: odd: {text}')

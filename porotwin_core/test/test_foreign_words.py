@@ -4,7 +4,9 @@ import unicodedata
 
 import pytest
 
-from porotwin_core.ros.foreign_words import FEW, LONGEST_WORDS, PERIOD_S, FewWords, plain, said
+from porotwin_core.basis.plain_text import plain
+from porotwin_core.basis.remark import Remark
+from porotwin_core.ros.foreign_words import FEW, LONGEST_WORDS, PERIOD_S, FewWords, said
 
 ACTING = [chr(code) for code in range(0x110000)
           if unicodedata.category(chr(code)) in {'Cc', 'Cf', 'Cs', 'Zl', 'Zp'}]  # fmt: skip
@@ -76,3 +78,7 @@ def test_a_flood_gives_a_few_lines_and_one_with_their_number(lines: list[str]) -
     assert rest == f'{25_900 - FEW} more lines of nodes that are not of the twin are not shown'
     few.tell('lamp', 'the next period')
     assert lines[-1] == 'the next period'
+
+
+def test_a_remark_about_a_foreign_name_acts_on_no_terminal() -> None:
+    assert str(Remark('rates.csv', 'inj\x1b[2J\u202e', 'unknown\nwell', '')).isprintable()

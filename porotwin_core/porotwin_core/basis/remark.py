@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from porotwin_core.basis.plain_text import plain
+
 NAMED = 3
 """Things of one kind that a remark names; more would hide the reason."""
 
@@ -44,6 +46,6 @@ class Remark:
         return cls(key, '', *told, code=code, facts=facts)
 
     def __str__(self) -> str:
-        """Return the remark on one line."""
+        """Return the remark on one line; a name of somebody else acts on no terminal."""
         about = f'{self.key} is {self.value}: ' if self.value else f'{self.key}: '
-        return about + '; '.join(filter(None, (self.why, self.remedy)))
+        return plain(about + '; '.join(filter(None, (self.why, self.remedy))))

@@ -6,10 +6,10 @@ look like an order for a pump. All such texts pass through this module before a 
 
 import threading
 import time
-import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection
 
+from porotwin_core.basis.plain_text import plain
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 LONGEST_WORDS = 500
@@ -23,19 +23,6 @@ PERIOD_S = USUAL_PHOTO_INTERVAL_S
 
 OTHERS = 'nodes that are not of the twin'
 """Stands for all senders that are not known: names can be made up without an end."""
-
-_UNSEEN = frozenset({'Cc', 'Cf', 'Cs', 'Co', 'Cn', 'Zl', 'Zp'})
-"""Categories of characters that nobody sees: controls, marks of direction, ends of lines."""
-
-
-def plain(text: str) -> str:
-    """Return `text` on one line: every character that acts instead of being seen by its number."""
-    if text.isascii() and text.isprintable():
-        return text
-    return ''.join(
-        one.encode('unicode_escape').decode() if unicodedata.category(one) in _UNSEEN else one
-        for one in text
-    )
 
 
 def in_short(text: str) -> str:

@@ -252,8 +252,8 @@ def _objective_from_msg(message: Any) -> dict[str, Any]:
         parameters = None
     if not isinstance(parameters, dict):
         raise InputError(
-            f"rig description: objective_parameters '{text[:QUOTED]}': "
-            'send a JSON object, or nothing'
+            f"rig description: objective_parameters '{text[:QUOTED]}': send a JSON object, or "
+            'nothing'
         )
     return {**parameters, 'name': name}
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from rclpy.impl import rcutils_logger
 
-from porotwin_core.ros.foreign_words import plain
+from porotwin_core.basis.plain_text import plain
 
 # rclpy takes the place of a message from its caller; this file is none, like those of rclpy
 rcutils_logger._internal_callers.append(__file__)

@@ -20,8 +20,8 @@ from typing import IO, Any, Self
 import yaml
 
 from porotwin_core.basis.parent import PARENT, REFUSAL, WRONG_PARAMETERS
+from porotwin_core.basis.plain_text import plain
 from porotwin_core.clock.stamps import MACHINE_START_S, STEADY_CLOCK
-from porotwin_core.ros.foreign_words import plain
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.liveness import RESTART_AFTER_S
 from porotwin_hub.launching.node_processes import POLL_S, kill, process_of

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from porotwin_core.basis.plain_text import plain
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import PUMP_STEP_ML_H
-from porotwin_core.ros.foreign_words import in_short, plain
+from porotwin_core.ros.foreign_words import in_short
 
 NO_SETPOINT = 'no setpoint: '
 """Begin of the hub's remark that tells why no setpoint follows from a photograph."""
