@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -86,9 +86,10 @@ def signals(
     Raises:
         InputError: a well of the schedule is not known.
     """
+    pumped = replace(commanded, levels=None)  # the rig knows them itself
     for time in times:
         until = max(time + rig.clock_offset, 0.0)
-        for start, end, rates in commanded.intervals(rig.time, until):
+        for start, end, rates in pumped.intervals(rig.time, until):
             rig.set_rates(rates)
             rig.advance(end - start, passed)
         yield time, signal_seen(rig, grid, time=time)

@@ -137,6 +137,15 @@ class TrueRig:
         """Return where water stands or falls at the sand, on another mesh."""
         return WaterPlaces.on(mesh, {**self.boundaries.bodies, **self.water})
 
+    def at_levels(self, rises: Mapping[str, float]) -> Self:
+        """Return the rig after its water rose by `rises` [m], by name."""
+        sides = {side: rises.get(side, 0.0) for side in self.boundaries.open_sides}
+        water = {
+            name: body.with_change(rises.get(name, 0.0), 1.0) for name, body in self.water.items()
+        }
+        boundaries = self.boundaries.with_water_raised(sides, others=True)
+        return replace(self, boundaries=boundaries, water=water)
+
     @property
     def pore_depth(self) -> FloatArray:
         """Porosity times depth of the vertices [m], (nz + 1, nx + 1)."""

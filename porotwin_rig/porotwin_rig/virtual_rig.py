@@ -1,5 +1,6 @@
 """The virtual rig: an independent simulator in place of the physical rig."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.levels import Levels
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects import EffectSet
@@ -62,6 +64,7 @@ class VirtualRig:
         self.effects = EffectSet.checked(effects, rig)
         self.mesh = Mesh.over(rig, cell=cell)
         self.time = 0.0
+        self._levels = Levels.of(rig)
         self.balance = TracerBalance()
         self._true_rig = self.effects.applied(TrueRig.nominal(rig, self.mesh))
         self._pumps = RunningPumps(rig, pumps or Pumps(), self.effects)
@@ -104,11 +107,14 @@ class VirtualRig:
         if not duration >= 0.0:
             raise InputError(f'advance by {duration} s: give a duration of zero or more')
         self._pumps.start()
-        longest = self.effects.longest_step
-        steps = max(1, math.ceil(duration / longest - STEP_ROUND_OFF)) if duration > 0.0 else 0
-        for _ in range(steps):
-            self._step(duration / steps)
-            passed(self.time)
+        edges = [self.time, *self._levels.moments(self.time, self.time + duration)]
+        spans = [later - time for time, later in itertools.pairwise(edges)]
+        for span in [*spans, duration - sum(spans)]:
+            longest = self.effects.longest_step
+            steps = max(1, math.ceil(span / longest - STEP_ROUND_OFF)) if span > 0.0 else 0
+            for _ in range(steps):
+                self._step(span / steps)
+                passed(self.time)
 
     def concentration(self, grid: Grid) -> FloatArray:
         """Return the visible tracer on `grid`, (nz, nx).

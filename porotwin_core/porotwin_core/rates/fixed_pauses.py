@@ -1,4 +1,4 @@
-"""The announced pauses of wells that the twin does not change, and the rates that follow from them.
+"""What is announced of a run: pauses of wells that the twin does not change, levels of water.
 
 State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
 """
@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
+from porotwin_core.rates.levels import NO_LEVELS, Levels
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
@@ -24,18 +25,20 @@ Pause = tuple[float, float]
 
 @dataclass(frozen=True)
 class FixedPauses:
-    """The announced pauses of each fixed well.
+    """The announced pauses of each fixed well, and the announced levels of water.
 
     Attributes:
         of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
             of `since`.
         running: the rate of each of these wells outside its pauses [m^3/s].
         producer: the well that takes out the water of all others; None: there is none.
+        levels: the levels that change, on the same clock.
     """
 
     of_wells: Mapping[str, tuple[Pause, ...]] = field(default_factory=dict)
     running: Mapping[str, WellRate] = field(default_factory=dict)
     producer: str | None = None
+    levels: Levels = NO_LEVELS
 
     @classmethod
     def of(cls, rig: Rig) -> 'FixedPauses':
@@ -46,7 +49,7 @@ class FixedPauses:
         fixed = rig.control.fixed if rig.control is not None else {}
         pausing = {name: well for name, well in fixed.items() if well.pauses_min}
         if rig.control is None or not pausing:
-            return cls()
+            return cls(levels=Levels.of(rig))
         last = rig.control.end_min
         return cls(
             {
@@ -61,6 +64,7 @@ class FixedPauses:
                 for name, well in pausing.items()
             },
             rig.control.producer,
+            Levels.of(rig),
         )
 
     def since(self, began: float) -> 'FixedPauses':
@@ -69,7 +73,7 @@ class FixedPauses:
             name: tuple((began + start, began + end) for start, end in pauses)
             for name, pauses in self.of_wells.items()
         }
-        return replace(self, of_wells=moved)
+        return replace(self, of_wells=moved, levels=self.levels.since(began))
 
     def moments(self, begin: float, end: float) -> set[float]:
         """Return when a pause begins or ends between `begin` and `end` [s], both left out."""
@@ -129,7 +133,7 @@ class FixedPauses:
     def in_schedule(self, schedule: Schedule) -> Schedule:
         """Return the rates of a `schedule` that will be run: with the pauses, see `rested`."""
         if not self.of_wells:
-            return schedule
+            return self._with_levels(schedule)
         own: dict[float, dict[str, WellRate]] = {}
         for row in schedule.rows:
             own.setdefault(row.time, {})[row.well] = row.rate
@@ -145,17 +149,21 @@ class FixedPauses:
                 if name in own.get(time, {}) or rate != before.get(name, WellRate())
             ]
             before = rates
-        return Schedule(tuple(rows))
+        return self._with_levels(Schedule(tuple(rows)))
+
+    def _with_levels(self, schedule: Schedule) -> Schedule:
+        return replace(schedule, levels=self.levels) if self.levels.courses else schedule
 
     def in_plan(
         self, plan: Sequence[RateStep], begin: float, horizon: float
     ) -> tuple[RateStep, ...]:
-        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], with the pauses."""
+        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], as announced."""
         edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
         starts = sorted({*edges, *(step.start for step in plan)})
-        return tuple(
+        rested = [
             RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
-        )
+        ]
+        return self.levels.in_plan(rested, begin, horizon)
 
 
 NO_PAUSES = FixedPauses()

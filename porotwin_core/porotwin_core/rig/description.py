@@ -30,6 +30,7 @@ from porotwin_core.rig.sections import (
     Boundaries,
     Camera,
     EffectDescription,
+    LevelCourse,
     MapReference,
     Section,
     WaterBody,
@@ -133,6 +134,10 @@ class Rig(Section):
         default_factory=dict,
         description='water at the sand by name, beside the open sides: heads on parts of sides, '
         'open water in the picture, rain',
+    )
+    levels: dict[str, LevelCourse] = Field(
+        default_factory=dict,
+        description='how levels change, by the name of an open side or of `water`',
     )
     water_table: WaterTable | None = Field(
         None, description='a water table inside the sand; without it the sand is full of water'
@@ -252,13 +257,24 @@ class Rig(Section):
                     raise ValueError(f"water '{name}' overlaps '{other}'; correct from_m and to_m")
             taken[body.side].append((body.from_m, end, name))
         has_heads = any(body.head_m is not None for body in self.water.values())
-        if (has_heads or self.water_table) and sides.open_sides and not sides.heads_m:
+        if (
+            (has_heads or self.levels or self.water_table)
+            and sides.open_sides
+            and not sides.heads_m
+        ):
             raise ValueError(
                 f'the {" and ".join(sides.open_sides)} side is open without a head; give '
                 'boundaries.heads_m, or close it (the top is open unless you write top: closed)'
             )
         if self.closed and (self.water or self.water_table):
             raise ValueError('water cannot leave: give some water a head_m')
+        heads = [name for name, body in self.water_bodies.items() if body.head_m is not None]
+        for name in self.levels:
+            if name not in heads:
+                known = ', '.join(heads) or 'none'
+                raise ValueError(f"levels: no water '{name}' has a head; known: {known}")
+            if name in self.wells:
+                raise ValueError(f"levels: '{name}' is water and a well; rename one of them")
 
     @property
     def water_bodies(self) -> dict[str, WaterBody]:
@@ -278,6 +294,7 @@ class Rig(Section):
             if body.corners_m is not None:
                 wet &= ~inside(places, np.array(body.corners_m)).reshape(grid.shape)
         heads = [b.head_m for b in self.water_bodies.values() if b.head_m is not None]
+        heads += [level for course in self.levels.values() for _, level in course.points]
         rains = any(body.rate_ml_h for body in self.water.values())
         if self.water_table is not None and not rains:
             wet &= z < max(heads) + self.water_table.fringe_m
@@ -285,10 +302,10 @@ class Rig(Section):
 
     @property
     def is_driven(self) -> bool:
-        """Whether water flows without wells: heads differ, rain falls, or dense water stands."""
+        """Whether water flows without wells: by heads that differ or change, rain, dense water."""
         rains = any(body.rate_ml_h or body.concentration for body in self.water.values())
         heads = {body.head_m for body in self.water_bodies.values()} - {None}
-        return rains or len(heads) > 1
+        return rains or bool(self.levels) or len(heads) > 1
 
     @property
     def placed_sands(self) -> tuple[str, ...]:
@@ -377,7 +394,7 @@ class Rig(Section):
             data['boundaries']['raised_heads_m'] = raised
         if self.water:  # beside other water the level counts
             data['boundaries']['heads_m'] = self.boundaries.heads_m
-        for key in ('water', 'water_table'):
+        for key in ('water', 'levels', 'water_table'):
             data = {name: value for name, value in data.items() if name != key or value}
         for name in PROPERTIES:
             values = self.nominal_map(name)

@@ -407,12 +407,13 @@ class _Task:
         starts = np.array([*(step.start for step in ahead), *(self._lead + plan.starts)])
         rates = [*(self._limits.control_rates(step.rates) for step in ahead), *plan.rates]
         moments, stages = self._with_pauses(starts)
+        steps = [
+            RateStep(float(moment), self._delivered(rates[stage], float(moment)))
+            for moment, stage in zip(moments, stages, strict=True)
+        ]
         cost, by_rate = self._model.plan_cost(
             self._state,
-            [
-                RateStep(float(moment), self._delivered(rates[stage], float(moment)))
-                for moment, stage in zip(moments, stages, strict=True)
-            ],
+            self._pauses.levels.on_plan(steps, self._now, self._whole),
             horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
@@ -434,9 +435,13 @@ class _Task:
     def _with_pauses(self, starts: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return when any rate changes, and the stage that holds from then on.
 
-        Announced pauses divide the stages that begin at `starts` after the state [s], (stages,).
+        Announced pauses and levels divide the stages that begin at `starts` [s] after the state,
+        (stages,).
         """
-        edges = self._pauses.moments(self._now, self._now + self._whole)
+        end = self._now + self._whole
+        edges = self._pauses.moments(self._now, end).union(
+            self._pauses.levels.moments(self._now, end)
+        )
         moments = np.union1d(starts, [edge - self._now for edge in edges])
         return moments, np.searchsorted(starts, moments, side='right') - 1
 

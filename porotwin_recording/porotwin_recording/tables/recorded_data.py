@@ -1,7 +1,7 @@
 """The data of one experiment, as a folder or a bag holds them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from porotwin_checks.known import Known
 from porotwin_core.rates.fixed_pauses import FixedPauses
@@ -61,6 +61,7 @@ class RecordedData:
         commanded = self.announced
         if self.measured is None or not self.measured.rows:
             return commanded
+        levels = FixedPauses.of(self.rig).levels
         rows = self.measured.rows
         begin = {row.well: row.time for row in reversed(rows)}
         later = later_commands(commanded, self.measured)
@@ -69,7 +70,8 @@ class RecordedData:
             for row in (() if commanded is None else commanded.rows)
             if row.time < begin.get(row.well, rows[-1].time)
         ]
-        return self._balanced(Schedule((*rows, *earlier, *later)))
+        known = self._balanced(Schedule((*rows, *earlier, *later)))
+        return replace(known, levels=levels) if levels.courses else known
 
     def _balanced(self, schedule: Schedule) -> Schedule:
         """Return `schedule`, balanced by the producer of the control section in a closed rig."""
