@@ -11,6 +11,7 @@ import numpy as np
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.water_levels import NO_LEVELS
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -86,7 +87,7 @@ def signals(
     Raises:
         InputError: a well of the schedule is not known.
     """
-    pumped = replace(commanded, levels=None)  # the rig knows them itself
+    pumped = replace(commanded, levels=NO_LEVELS)  # the rig knows them itself
     for time in times:
         until = max(time + rig.clock_offset, 0.0)
         for start, end, rates in pumped.intervals(rig.time, until):

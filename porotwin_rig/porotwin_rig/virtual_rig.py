@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rates.levels import Levels
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects import EffectSet
@@ -64,7 +64,7 @@ class VirtualRig:
         self.effects = EffectSet.checked(effects, rig)
         self.mesh = Mesh.over(rig, cell=cell)
         self.time = 0.0
-        self._levels = Levels.of(rig)
+        self._levels = WaterLevels.of(rig)
         self.balance = TracerBalance()
         self._true_rig = self.effects.applied(TrueRig.nominal(rig, self.mesh))
         self._pumps = RunningPumps(rig, pumps or Pumps(), self.effects)

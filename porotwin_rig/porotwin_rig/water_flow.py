@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rates.levels import Levels
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import WellRates
 from porotwin_rig.box_flow import (
     BoxFlow,
@@ -20,7 +20,6 @@ from porotwin_rig.true_rig import TrueRig
 from porotwin_rig.wet_sand import WetSand
 
 FloatArray = NDArray[np.floating]
-Rises = Mapping[str, float]
 
 
 class WaterFlow:
@@ -56,8 +55,8 @@ class WaterFlow:
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._table: tuple[WellRates, Rises, WetSand] | None = None
-        self._levels = Levels.of(rig.rig)
+        self._table: tuple[WellRates, Mapping[str, float], WetSand] | None = None
+        self._levels = WaterLevels.of(rig.rig)
         self._per_metre: dict[str, Fluxes] = {}
         self._excess = rig.density_difference / rig.rig.density_kg_m3
         self._heads = water.potential(mesh.z[:, None], self._excess)
@@ -79,7 +78,7 @@ class WaterFlow:
                 act on the flow.
             time: time since the start [s], for levels that change and a table that sways.
         """
-        rises = self._levels.rises(time)
+        rises = self._levels.at(time)
         if self._rig.fringe is not None:
             return self._below_table(rates, tracer, rises)
         total = self._background
@@ -101,14 +100,16 @@ class WaterFlow:
             self._per_metre[name] = self._flow.combined([], held_potential=raised - described)
         return self._per_metre[name]
 
-    def _potential(self, rises: Rises) -> FloatArray:
+    def _potential(self, rises: Mapping[str, float]) -> FloatArray:
         """Return the potential of the held vertices [m of water] after the water rose [m]."""
         places = self._rig.at_levels(rises).water_places
         found = places.potential(self._rig.mesh.z[:, None], self._excess)
         return np.zeros(self._rig.mesh.shape) if found is None else found
 
-    def _below_table(self, rates: WellRates, tracer: FloatArray, rises: Rises) -> Fluxes:
-        """Return the fluxes below the steady table of `rates` and levels; the latest one is kept.
+    def _below_table(
+        self, rates: WellRates, tracer: FloatArray, rises: Mapping[str, float]
+    ) -> Fluxes:
+        """Return the fluxes below the steady table of `rates` and levels; the latest is kept.
 
         Density and viscosity of the tracer act on the flow, not on the table.
         """
@@ -137,7 +138,9 @@ class WaterFlow:
             self._unit[name] = self._flow.well(x, z)
         return self._unit[name]
 
-    def _coupled_fluxes(self, rates: WellRates, c: FloatArray, rises: Rises) -> Fluxes:
+    def _coupled_fluxes(
+        self, rates: WellRates, c: FloatArray, rises: Mapping[str, float]
+    ) -> Fluxes:
         """Return the fluxes where density or viscosity depends on the concentration `c`."""
         alone = self._rig.viscosity_ratio == 1.0  # heads and rain are in the background
         own = self._potential(rises) if rises else self._heads

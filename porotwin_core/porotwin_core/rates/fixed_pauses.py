@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
-from porotwin_core.rates.levels import NO_LEVELS, Levels
+from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
@@ -16,6 +16,7 @@ from porotwin_core.rates.wells import (
     WellRate,
     WellRates,
     planned_rates,
+    with_rises,
 )
 from porotwin_core.rig import Rig
 
@@ -38,7 +39,7 @@ class FixedPauses:
     of_wells: Mapping[str, tuple[Pause, ...]] = field(default_factory=dict)
     running: Mapping[str, WellRate] = field(default_factory=dict)
     producer: str | None = None
-    levels: Levels = NO_LEVELS
+    levels: WaterLevels = NO_LEVELS
 
     @classmethod
     def of(cls, rig: Rig) -> 'FixedPauses':
@@ -49,7 +50,7 @@ class FixedPauses:
         fixed = rig.control.fixed if rig.control is not None else {}
         pausing = {name: well for name, well in fixed.items() if well.pauses_min}
         if rig.control is None or not pausing:
-            return cls(levels=Levels.of(rig))
+            return cls(levels=WaterLevels.of(rig))
         last = rig.control.end_min
         return cls(
             {
@@ -64,7 +65,7 @@ class FixedPauses:
                 for name, well in pausing.items()
             },
             rig.control.producer,
-            Levels.of(rig),
+            WaterLevels.of(rig),
         )
 
     def since(self, began: float) -> 'FixedPauses':
@@ -133,7 +134,7 @@ class FixedPauses:
     def in_schedule(self, schedule: Schedule) -> Schedule:
         """Return the rates of a `schedule` that will be run: with the pauses, see `rested`."""
         if not self.of_wells:
-            return self._with_levels(schedule)
+            return replace(schedule, levels=self.levels)
         own: dict[float, dict[str, WellRate]] = {}
         for row in schedule.rows:
             own.setdefault(row.time, {})[row.well] = row.rate
@@ -149,10 +150,7 @@ class FixedPauses:
                 if name in own.get(time, {}) or rate != before.get(name, WellRate())
             ]
             before = rates
-        return self._with_levels(Schedule(tuple(rows)))
-
-    def _with_levels(self, schedule: Schedule) -> Schedule:
-        return replace(schedule, levels=self.levels) if self.levels.courses else schedule
+        return Schedule(tuple(rows), self.levels)
 
     def in_plan(
         self, plan: Sequence[RateStep], begin: float, horizon: float
@@ -163,7 +161,12 @@ class FixedPauses:
         rested = [
             RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
         ]
-        return self.levels.in_plan(rested, begin, horizon)
+        ends = [*starts[1:], horizon]
+        return tuple(
+            RateStep(step.start + (low - (begin + step.start)), with_rises(step.rates, rises))
+            for step, end in zip(rested, ends, strict=True)
+            for low, _, rises in self.levels.parts(begin + step.start, begin + end)
+        )
 
 
 NO_PAUSES = FixedPauses()

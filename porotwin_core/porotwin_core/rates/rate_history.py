@@ -41,7 +41,7 @@ from porotwin_core.rates.rates_in_force import (
     same_rates,
 )
 from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import RateStep, WellRates, mean_rates
+from porotwin_core.rates.wells import RateStep, WellRates, mean_rates, with_rises
 from porotwin_core.rig import Rig
 
 MOST_EVENTS = 4096
@@ -347,7 +347,7 @@ class RateHistory:
         """
         pumped = joined(RatePeriod(*period[:3]) for period in self.traced(start, end))
         return tuple(
-            RatePeriod(low, high, {**period.rates, **rises})
+            RatePeriod(low, high, with_rises(period.rates, rises))
             for period in pumped
             for low, high, rises in self.pauses.levels.parts(period.start, period.end)
         )

@@ -5,13 +5,11 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
-
-if TYPE_CHECKING:
-    from porotwin_core.rates.levels import Levels
+from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +43,11 @@ class WellRate:
 
 WellRates = Mapping[str, WellRate]
 """Rates by well name; a well without an entry pumps nothing."""
+
+
+def with_rises(rates: WellRates, rises: Mapping[str, float]) -> dict[str, WellRate]:
+    """Return `rates` with the `rises` [m] of water, by name."""
+    return {**rates, **{name: WellRate(rise=rise) for name, rise in rises.items()}}
 
 
 def net_rate(rates: WellRates) -> float:
@@ -116,11 +119,11 @@ class ScheduleRow:
 class Schedule:
     """The rates of all wells over time, as rows in the order of their times.
 
-    The `levels` of water that change are in its `intervals`; None: none do.
+    The `levels` of water that change are in its `intervals`.
     """
 
     rows: tuple[ScheduleRow, ...] = ()
-    levels: 'Levels | None' = None
+    levels: WaterLevels = NO_LEVELS
     _times: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -160,11 +163,9 @@ class Schedule:
         changes = sorted({time for time in self._times if start < time < end})
         edges = [start, *changes, end]
         for low, high in itertools.pairwise(edges):
-            if high > low and self.levels is None:
-                yield low, high, self.at(low)
-            elif high > low and self.levels is not None:
+            if high > low:
                 for first, last, rises in self.levels.parts(low, high):
-                    yield first, last, {**self.at(low), **rises}
+                    yield first, last, with_rises(self.at(low), rises)
 
     def injected_stock(self, start: float, end: float) -> float:
         """Return the volume of tracer stock [m^3] that all wells inject from `start` to `end` [s].
@@ -194,13 +195,13 @@ class Schedule:
 
     @property
     def busiest(self) -> dict[str, WellRate]:
-        """The rates at the moment at which the wells pump most water together."""
-        moments = [self.at(time) for time in dict.fromkeys(self._times)]
-        return max(
-            moments,
-            key=lambda rates: math.fsum(abs(well.rate) for well in rates.values()),
-            default={},
+        """The rates at the moment at which the wells pump most water together, with its levels."""
+        moment = max(
+            dict.fromkeys(self._times),
+            key=lambda time: math.fsum(abs(well.rate) for well in self.at(time).values()),
+            default=0.0,
         )
+        return with_rises(self.at(moment), self.levels.at(moment))
 
 
 def quoted(wells: Iterable[str]) -> str:

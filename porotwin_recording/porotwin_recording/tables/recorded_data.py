@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from porotwin_checks.known import Known
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import balanced
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, later_commands
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import ConcentrationMaps
@@ -61,7 +62,6 @@ class RecordedData:
         commanded = self.announced
         if self.measured is None or not self.measured.rows:
             return commanded
-        levels = FixedPauses.of(self.rig).levels
         rows = self.measured.rows
         begin = {row.well: row.time for row in reversed(rows)}
         later = later_commands(commanded, self.measured)
@@ -71,7 +71,7 @@ class RecordedData:
             if row.time < begin.get(row.well, rows[-1].time)
         ]
         known = self._balanced(Schedule((*rows, *earlier, *later)))
-        return replace(known, levels=levels) if levels.courses else known
+        return replace(known, levels=WaterLevels.of(self.rig))
 
     def _balanced(self, schedule: Schedule) -> Schedule:
         """Return `schedule`, balanced by the producer of the control section in a closed rig."""

@@ -167,10 +167,11 @@ class Physics:
         Raises:
             InputError: a rate for a well that the rig does not have.
         """
+        water = (*self.boundaries.open_sides, *self.water)
         found = {
             name: well.rate * self.rate_factors.get(self.well(name), 1.0)
             for name, well in rates.items()
-            if name not in self.levels
+            if name in self.wells or name not in water
         }
         if not self.rate_factors or not self.contact.closed:
             return found

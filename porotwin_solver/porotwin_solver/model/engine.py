@@ -240,7 +240,7 @@ class Engine:
         return flux if self.background is None else flux + self.background
 
     def _flux_per_metre(self, name: str) -> FaceField:
-        """Return the additional flux [m^2/s] for each metre by which the water `name` rises."""
+        """Return the additional flux [m^2/s] per metre of rise of the water `name`."""
         if name not in self._per_metre:
             one = {level: WellRate(rise=float(level == name)) for level in self.physics.levels}
             raised = background_flux(self.physics.at_levels(one)) or FaceField.zeros(self.grid)

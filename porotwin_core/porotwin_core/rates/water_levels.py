@@ -9,13 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from porotwin_core.basis.units import MINUTE_S
-from porotwin_core.rates.rates_in_force import SHORTEST_PERIOD_S
-from porotwin_core.rates.wells import RateStep, WellRate, WellRates
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.rig import Rig
 
 
 @dataclass(frozen=True)
-class Course:
+class Rises:
     """Straight lines through `rises` [m] above the described level, at `times` [s].
 
     It begins anew after every `period` [s].
@@ -46,7 +45,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Levels:
+class WaterLevels:
     """The levels that change, by the name of the water.
 
     Attributes:
@@ -54,11 +53,11 @@ class Levels:
         began: the start of the experiment [s].
     """
 
-    courses: Mapping[str, Course] = field(default_factory=dict)
+    courses: Mapping[str, Rises] = field(default_factory=dict)
     began: float = 0.0
 
     @classmethod
-    def of(cls, rig: Rig) -> 'Levels':
+    def of(cls, rig: Rig) -> 'WaterLevels':
         """Return the levels of `rig`, in seconds since the start of the experiment."""
         found = {}
         for name, course in rig.levels.items():
@@ -67,10 +66,10 @@ class Levels:
             minutes, levels = zip((0.0, head), *course.points, strict=True)
             every = math.inf if course.every_min is None else MINUTE_S * course.every_min
             times = tuple(MINUTE_S * minute for minute in minutes)
-            found[name] = Course(times, tuple(level - head for level in levels), every)
+            found[name] = Rises(times, tuple(level - head for level in levels), every)
         return cls(found)
 
-    def since(self, began: float) -> 'Levels':
+    def since(self, began: float) -> 'WaterLevels':
         """Return the levels on a clock that showed `began` [s] at the start of the experiment."""
         return replace(self, began=began)
 
@@ -90,48 +89,28 @@ class Levels:
                 found.update(start + edge for edge in edges[low:] if start + edge < last)
         return sorted(self.began + time for time in found)
 
-    def parts(self, begin: float, end: float) -> Iterator[tuple[float, float, WellRates]]:
+    def parts(self, begin: float, end: float) -> Iterator[tuple[float, float, dict[str, float]]]:
         """Yield (start, end, rises) of the parts of `begin` to `end` [s], which is finite.
 
         Each names all water whose level changes, at its mean level.
         """
-        near = SHORTEST_PERIOD_S
-        edges = [time for time in self.moments(begin, end) if begin + near < time < end - near]
+        edges = [
+            time
+            for time in self.moments(begin, end)
+            if begin + SAME_STAMP_S < time < end - SAME_STAMP_S
+        ]
         for low, high in itertools.pairwise([begin, *edges, end]):
-            yield low, high, self._mean(low, high)
+            yield low, high, self.mean(low, high)
 
-    def rises(self, time: float) -> dict[str, float]:
-        """Return the rise [m] of all this water at `time` [s], by name."""
+    def at(self, time: float) -> dict[str, float]:
+        """Return how much higher each water stands at `time` [s] than described [m], by name."""
         return {name: course.at(time - self.began) for name, course in self.courses.items()}
 
-    def on_plan(self, plan: Sequence[RateStep], begin: float, horizon: float) -> Sequence[RateStep]:
-        """Return each step of a `plan`, as `in_plan`, with its mean levels."""
-        ends = [*(step.start for step in plan[1:]), horizon]
-        return [
-            RateStep(step.start, {**step.rates, **self._mean(begin + step.start, begin + end)})
-            for step, end in zip(plan, ends, strict=True)
-        ]
-
-    def _mean(self, begin: float, end: float) -> WellRates:
-        """Return the levels in the middle of `begin` to `end` [s], the mean of a straight line."""
+    def mean(self, begin: float, end: float) -> dict[str, float]:
+        """Return as `at` in the middle of `begin` to `end` [s]: the mean of straight lines."""
         first = max(begin, self.began)  # before, all stand as described
-        middle = first + (end - first) / 2.0 - self.began
-        return {name: WellRate(rise=course.at(middle)) for name, course in self.courses.items()}
-
-    def in_plan(
-        self, plan: Sequence[RateStep], begin: float, horizon: float
-    ) -> tuple[RateStep, ...]:
-        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], with the levels."""
-        if not self.courses:
-            return tuple(plan)
-        ends = [*(step.start for step in plan[1:]), horizon]
-        return tuple(
-            RateStep(low - begin, {**step.rates, **rises})
-            for step, end in zip(plan, ends, strict=True)
-            if step.start < horizon
-            for low, _, rises in self.parts(begin + step.start, begin + min(end, horizon))
-        )
+        return self.at(first + (end - first) / 2.0)
 
 
-NO_LEVELS = Levels()
+NO_LEVELS = WaterLevels()
 """No level changes."""

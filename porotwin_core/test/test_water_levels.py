@@ -7,7 +7,7 @@ import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.levels import Levels
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import RateStep, Schedule, WellRate, mean_rates
 from porotwin_core.rig import parse_rig
 
@@ -34,25 +34,25 @@ def rig_with(points: list, **course: float):
     )
 
 
-def rises(levels: Levels, begin: float, end: float) -> list[tuple[float, float, float]]:
+def rises(levels: WaterLevels, begin: float, end: float) -> list[tuple[float, float, float]]:
     return [(low, high, found['left'].rise) for low, high, found in levels.parts(begin, end)]
 
 
 def test_parts_carry_as_much_as_the_straight_line() -> None:
-    parts = rises(Levels.of(rig_with([[10, '49 cm']])), 0.0, 900.0)
+    parts = rises(WaterLevels.of(rig_with([[10, '49 cm']])), 0.0, 900.0)
     volume = sum((high - low) * rise for low, high, rise in parts)
     np.testing.assert_allclose(volume, 0.5 * 600.0 * 0.02 + 300.0 * 0.02)
     assert max(high - low for low, high, _ in parts[:-1]) <= 60.0
 
 
 def test_two_points_of_one_time_are_a_step() -> None:
-    found = rises(Levels.of(rig_with([[5, 0.47], [5, 0.50]])), 0.0, 600.0)
+    found = rises(WaterLevels.of(rig_with([[5, 0.47], [5, 0.50]])), 0.0, 600.0)
     assert [part[:2] for part in found] == [(0.0, 300.0), (300.0, 600.0)]
     np.testing.assert_allclose([part[2] for part in found], [0.0, 0.03])
 
 
 def test_a_cycle_begins_anew_by_the_clock_of_the_experiment() -> None:
-    levels = Levels.of(rig_with([[2, 0.48], [2, 0.47], [4, 0.47]], every_min=4)).since(1000.0)
+    levels = WaterLevels.of(rig_with([[2, 0.48], [2, 0.47], [4, 0.47]], every_min=4)).since(1000.0)
     first, later = (rises(levels, 1000.0 + start, 1240.0 + start) for start in (0.0, 720.0))
     np.testing.assert_allclose([part[2] for part in first], [0.0025, 0.0075, 0.0])
     np.testing.assert_allclose([part[2] for part in later], [part[2] for part in first])
