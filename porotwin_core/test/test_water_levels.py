@@ -35,7 +35,7 @@ def rig_with(points: list, **course: float):
 
 
 def rises(levels: WaterLevels, begin: float, end: float) -> list[tuple[float, float, float]]:
-    return [(low, high, found['left'].rise) for low, high, found in levels.parts(begin, end)]
+    return [(low, high, found['left']) for low, high, found in levels.parts(begin, end)]
 
 
 def test_parts_carry_as_much_as_the_straight_line() -> None:
