@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -21,9 +22,6 @@ from porotwin_rig.true_rig import TrueRig
 from porotwin_rig.water_flow import WaterFlow
 
 FloatArray = NDArray[np.floating]
-
-STEP_ROUND_OFF = 1e-9
-"""A duration may exceed a whole number of longest steps by this part of a step."""
 
 
 class VirtualRig:
@@ -111,7 +109,7 @@ class VirtualRig:
         spans = [later - time for time, later in itertools.pairwise(edges)]
         for span in [*spans, duration - sum(spans)]:
             longest = self.effects.longest_step
-            steps = max(1, math.ceil(span / longest - STEP_ROUND_OFF)) if span > 0.0 else 0
+            steps = max(1, math.ceil(span / longest - ROUND_OFF)) if span > 0.0 else 0
             for _ in range(steps):
                 self._step(span / steps)
                 passed(self.time)

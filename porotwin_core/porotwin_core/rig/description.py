@@ -10,6 +10,7 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import permeability_of
@@ -43,9 +44,6 @@ DEFAULT_CELL_M = 0.005
 
 MOST_DEFAULT_CELLS = 250_000
 """Most cells of a grid that nobody asked for: one prediction takes a second or two."""
-
-SLIP = 1e-9
-"""Excess of a length over the rig [-] that is round-off."""
 
 FINGERPRINT_LENGTH = 12
 """Hexadecimal digits of a fingerprint: 48 bits, enough to tell the rigs of a laboratory apart."""
@@ -242,7 +240,7 @@ class Rig(Section):
                 continue
             length = self.height_m if body.side in ('left', 'right') else self.width_m
             end = body.to_m or length
-            if not body.from_m < end <= length * (1.0 + SLIP):
+            if not body.from_m < end <= length * (1.0 + ROUND_OFF):
                 raise ValueError(
                     f"water '{name}' reaches from {body.from_m:g} to {end:g} m, but the "
                     f'{body.side} side is {length:g} m long; correct from_m and to_m'

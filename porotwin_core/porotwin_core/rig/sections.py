@@ -162,7 +162,6 @@ class LevelCourse(Section):
     """
 
     points: tuple[tuple[NotNegative, Level], ...] = Field(
-        min_length=1,
         description='time after the start [min] and level [m] of each point, in their order; two '
         'points of one time are a step',
     )
@@ -172,10 +171,17 @@ class LevelCourse(Section):
 
     @model_validator(mode='after')
     def _is_in_order(self) -> Self:
+        if not self.points:
+            raise ValueError('points: give at least one, such as [10, 0.48]')
         minutes = [minute for minute, _ in self.points]
         for before, minute in pairwise(minutes):
             if minute < before:
                 raise ValueError(f'points: {minute:g} min follows {before:g} min; sort them')
+        if self.every_min is not None and self.every_min < 1:
+            raise ValueError(
+                f'every_min {self.every_min:g}: models know the mean of each minute only; give its '
+                'mean level, or a cycle of a minute or more'
+            )
         if self.every_min is not None and minutes[-1] > self.every_min:
             raise ValueError(
                 f'points: {minutes[-1]:g} min lies beyond the cycle of {self.every_min:g} min; '

@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
@@ -42,9 +43,6 @@ of the flow where the tracer changes it. The splitting error is second order in 
 
 PROCESSOR = 'cpu'
 """The device on which compiled kernels move the tracer, in threads."""
-
-STEP_ROUND_OFF = 1e-9
-"""Excess over a whole number of LONGEST_STEP that adds no step: round-off of the times."""
 
 FLOW_UPDATES = 100
 """Updates of a cell that take as long as its share of a solution of the flow, roughly."""
@@ -323,7 +321,7 @@ class Engine:
         Without `longest_step` [s], the engine's own longest step holds.
         """
         longest = self.longest_step if longest_step is None else longest_step
-        count = max(1, math.ceil(duration / longest - STEP_ROUND_OFF))
+        count = max(1, math.ceil(duration / longest - ROUND_OFF))
         return count, duration / count
 
     def coefficients(self, state: State, rates: WellRates, length: float) -> StepCoefficients:
