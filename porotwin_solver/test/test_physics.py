@@ -8,6 +8,7 @@ from porotwin_core.basis.units import GRAVITY
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
+from porotwin_solver.adjoint import gradient
 from porotwin_solver.effects import described_physics, parse_effects
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.simulation import simulate
@@ -89,3 +90,24 @@ def test_rates_without_the_levels_are_refused(rig) -> None:
         described_physics(rig, rig.grid(24, 12)).at_levels({})
     with pytest.raises(InputError, match='the level of sea changes'):
         simulate(rig, Schedule(), [60.0], grid=rig.grid(24, 12))
+
+
+def test_the_gradient_follows_the_levels(rig) -> None:
+    setting = {'grid': rig.grid(24, 12), 'preset': 'fast'}
+
+    def cost(factor: float) -> float:
+        effects = parse_effects([f'permeability:factor={factor}'])
+        (seen,) = simulate(rig, announced(rig), [900.0], effects=effects, **setting)
+        return float((seen**2).sum())
+
+    found = gradient(
+        rig,
+        announced(rig),
+        [900.0],
+        lambda _index, seen: (float((seen**2).sum()), 2.0 * seen),
+        effects=parse_effects(['permeability:factor=1.1']),
+        parameters=[('permeability', 'factor')],
+        **setting,
+    )
+    slope = (cost(1.1 + 1e-6) - cost(1.1 - 1e-6)) / 2e-6
+    assert found.parameters[0] == pytest.approx(slope, rel=1e-3)
