@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +11,6 @@ import numpy as np
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.rates.water_levels import NO_LEVELS
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -87,10 +86,9 @@ def signals(
     Raises:
         InputError: a well of the schedule is not known.
     """
-    pumped = replace(commanded, levels=NO_LEVELS)  # the rig knows them itself
     for time in times:
         until = max(time + rig.clock_offset, 0.0)
-        for start, end, rates in pumped.intervals(rig.time, until):
+        for start, end, rates in commanded.intervals(rig.time, until):
             rig.set_rates(rates)
             rig.advance(end - start, passed)
         yield time, signal_seen(rig, grid, time=time)

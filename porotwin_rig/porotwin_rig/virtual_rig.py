@@ -72,12 +72,14 @@ class VirtualRig:
         self._visible = self._transport.dissolved(self._tracer)
 
     def set_rates(self, rates: WellRates) -> None:
-        """Command `rates` from now on; wells that are not named stop.
+        """Command `rates` from now on; wells that are not named stop. Levels follow `rig.yaml`.
 
         Raises:
             InputError: a well is not known.
         """
-        self._pumps.command(rates)
+        self._pumps.command(
+            {name: rate for name, rate in rates.items() if name not in self.rig.levels}
+        )
 
     def commanded_rates(self) -> dict[str, WellRate]:
         """Return the rates that were set last."""
