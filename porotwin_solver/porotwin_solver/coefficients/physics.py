@@ -192,8 +192,9 @@ class Physics:
             return self
         if missing := self.levels - rates.keys():
             raise InputError(
-                f'levels: the level of {", ".join(sorted(missing))} changes (rig.yaml), which this '
-                'cannot follow; remove it from levels'
+                f'levels: the level of {", ".join(sorted(missing))} changes, which these rates do '
+                'not tell; COSTA cannot follow it, and a program names the levels by '
+                'FixedPauses.of(rig).in_schedule(rates)'
             )
         rises = {name: rates[name].rise for name in self.levels}
         water = {
