@@ -282,18 +282,26 @@ def print_table(
 ) -> None:
     """Print a table on standard output; all columns but the first are aligned to the right.
 
-    Cells of the first column, and of those whose title is in `whole`, are not broken at spaces.
+    Cells of the first column, and of those whose title is in `whole`, are not broken at spaces. In
+    a file or a pipe, no word is broken.
     """
+    cells = [[str(cell) for cell in row] for row in rows]
     table = Table(title=escape(title), title_justify='left')
-    for index, name in enumerate(header):
+    is_file = not sys.stdout.isatty()
+    for number, column in enumerate(zip(header, *cells, strict=True)):
         # a name that does not fit goes on in the next line; it is never cut
-        justify: JustifyMethod = 'right' if index else 'left'
+        justify: JustifyMethod = 'right' if number else 'left'
+        longest = max(map(len, ' '.join(column).split()), default=0)
         table.add_column(
-            escape(name), justify=justify, overflow='fold', no_wrap=not index or name in whole
+            escape(column[0]),
+            justify=justify,
+            overflow='fold',
+            no_wrap=not number or column[0] in whole,
+            min_width=longest if is_file else None,
         )
-    for row in rows:
-        table.add_row(*(escape(str(cell)) for cell in row))
-    Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)
+    for row in cells:
+        table.add_row(*map(escape, row))
+    Console(width=PIPE_WIDTH if is_file else None).print(table, crop=not is_file)
 
 
 def refuse_existing(path: Path) -> None:

@@ -184,6 +184,8 @@ class CostaNode(TwinNode):
     def _objection(self) -> str:
         """Return why the model does not correct the physics in force, or an empty string."""
         model = self._in_use.model
+        if model is not None and self._rig.levels:
+            return 'levels of water change, which COSTA does not know'
         present = PhysicsId.of(self._present_rig, self._preset)
         if model is None or not model.physics.difference(present):
             return ''
@@ -293,7 +295,7 @@ class CostaNode(TwinNode):
     def _refuse_impossible(self, rates: WellRates, time_step: float) -> None:
         if not (math.isfinite(time_step) and time_step > 0.0):
             raise InputError(f'time step {time_step} s: must be positive')
-        unknown = sorted(set(rates) - set(self._rig.wells))
+        unknown = sorted(set(rates) - set(self._rig.wells) - set(self._rig.levels))
         if unknown:
             known = ', '.join(self._rig.wells)
             raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")

@@ -157,7 +157,8 @@ def examine(
 def _so_far(null: Fit, best: Fit) -> str:
     """Return the line about the best effects so far; how sure they are is known at the end."""
     errors = f'{percent(null.held_out_error)} to {percent(best.held_out_error)}'
-    return f'so far: {in_words(best.effects)}; error of the held-out maps {errors}'
+    told = f'error of the held-out maps {errors}, on the grid of this stage'
+    return f'so far: {in_words(best.effects)}; {told}'
 
 
 def untried_lines(findings: Findings) -> list[str]:

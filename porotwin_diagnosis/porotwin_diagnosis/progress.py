@@ -36,7 +36,9 @@ SINGLES_JUDGED = STAGE_ENDS[0]
 class WorkClock:
     """Turns positions into shares of the work; work that is left out counts no longer."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, quick: bool = False) -> None:
+        """Begin; a `quick` search ends when single effects are judged."""
+        self._quick = quick
         self._position = 0.0
         self._done = 0.0
 
@@ -70,7 +72,11 @@ class WorkClock:
 
     @property
     def _left(self) -> float:
-        return 1.0 - share_of_time(self._position)
+        left = 1.0 - share_of_time(self._position)
+        if self._quick and self._position < STAGE_ENDS[-1]:
+            begin = share_of_time(max(self._position, SINGLES_JUDGED))
+            left -= share_of_time(STAGE_ENDS[-1]) - begin
+        return left
 
 
 def share_of_time(position: float) -> float:

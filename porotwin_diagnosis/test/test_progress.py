@@ -5,6 +5,7 @@ import pytest
 from porotwin_diagnosis.progress import (
     POSITIONS,
     SHARES,
+    SINGLES_JUDGED,
     STAGE_ENDS,
     WorkClock,
     share_of_time,
@@ -47,3 +48,12 @@ def test_steps_count_when_they_end() -> None:
     with step('first'), step('second'):
         assert told == [('first', 0.2), ('second', 0.2)]
     assert told[2:] == [('second', pytest.approx(0.25)), ('first', pytest.approx(0.3))]
+
+
+def test_a_quick_search_has_one_end() -> None:
+    clock = WorkClock(quick=True)
+    for position in (0.01, SINGLES_JUDGED):
+        clock.reach(position)
+        assert clock.share + clock.least_left == pytest.approx(1.0)
+    clock.reach(STAGE_ENDS[-1])
+    assert clock.share + clock.least_left == pytest.approx(1.0)

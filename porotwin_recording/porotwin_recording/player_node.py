@@ -93,6 +93,9 @@ SHORTEST_WAIT = 0.1
 DECADE = 3.2e8
 """Longer than any recording [s]."""
 
+RATES = 'porotwin_msgs/msg/WellRates'
+"""Type of measured rates."""
+
 PHOTOGRAPH_TIME = 'photograph_time'
 """Value in the diagnostics of imaging: the stamp of the photograph that it refuses [s]."""
 
@@ -106,7 +109,8 @@ OpenBagFn = Callable[[str], BagReader]
 
 
 class PlayerNode(TwinNode):
-    """Publishes the messages of a bag, byte for byte, at their log times.
+    """Publishes the messages of a bag, byte for byte, at their log times. Measured
+    rates of an older version get the installed one.
 
     The process ends with the bag unless the parameter `loop` is set. The parameter `lockstep`
     names a topic whose messages begin with a header, for example hub/cycle. Then the player waits
@@ -167,6 +171,8 @@ class PlayerNode(TwinNode):
         self._start = self._checked_start(start_s)
         self._serializer = Serializer()
         self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
+        self._older: set[str] = set()
+        """Topics of rates in an older version of their message."""
         self._publishers_by_topic = self._make_publishers(selection)
         self._lock_step = LockStep()
         self._deaf = self._connections_needed()
@@ -227,9 +233,12 @@ class PlayerNode(TwinNode):
         """
         qos = _publisher_qos(topic)
         if inputs and topic.name.endswith(f'/{topic_names.SETPOINT}'):
-            kind = message_class('porotwin_msgs/msg/WellRates')
+            kind = message_class(RATES)
             measured = topic.name.removesuffix(topic_names.SETPOINT) + topic_names.MEASURED
             return self.create_publisher(kind, measured, qos)
+        if topic.type_name == RATES and topic.definition and not _is_installed(topic):
+            self._older.add(topic.name)
+            return self.create_publisher(message_class(RATES), topic.name, qos)
         return self.create_publisher(_installed_class(topic), topic.name, qos)
 
     def _run(self) -> None:
@@ -482,6 +491,8 @@ class PlayerNode(TwinNode):
         if publisher.topic_name != message.topic:
             self._setpoint = message
             data = as_measured(self._bag, message, self._serializer, at=at)
+        elif message.topic in self._older:
+            data = as_measured(self._bag, message, self._serializer)
         publisher.publish(data)
         self._played[message.topic] += at is None
         count, size = self._unacknowledged.get(message.topic, (0, 0))
@@ -551,12 +562,16 @@ def _installed_class(topic: Topic) -> type[Any]:
         InputError: its type is not installed, or in another version than the recorded one.
     """
     kind = message_class(topic.type_name)
-    installed = message_definition(topic.type_name)
-    if topic.definition and type_hash(topic.type_name, topic.definition) != type_hash(
-        topic.type_name, installed
-    ):
+    if topic.definition and not _is_installed(topic):
         raise InputError(f"'{topic.type_name}' was recorded in another version than is installed")
     return kind
+
+
+def _is_installed(topic: Topic) -> bool:
+    """Return whether the recorded version of the type of a topic is the installed one."""
+    installed = message_definition(topic.type_name)
+    recorded, own = (type_hash(topic.type_name, one) for one in (topic.definition, installed))
+    return recorded == own
 
 
 def main(open_bag: OpenBagFn = BagReader) -> None:

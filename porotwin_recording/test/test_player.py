@@ -74,3 +74,14 @@ def test_setpoints_become_rates_that_hold_from_their_stamp_on(tmp_path: Path) ->
     assert rates_from_msg(rates.wells) == rates_from_msg(setpoint.wells)
     again = deserialize_message(as_measured(bag, message, serializer, at=9 * SECOND), WellRates)
     assert again.start.sec == again.header.stamp.sec == 9
+
+
+def test_measured_rates_keep_their_times(tmp_path: Path) -> None:
+    serializer, measured = Serializer(), WellRates(wells=rates_to_msg({'in': WellRate(1e-7, 1.0)}))
+    measured.start.sec, measured.header.stamp.sec = 5, 7
+    with BagWriter(tmp_path / 'run') as writer:
+        writer.add_topic('/p/wells/measured', 'porotwin_msgs/msg/WellRates')
+        writer.write('/p/wells/measured', serializer.to_cdr(measured), log_time=1)
+    bag = BagReader(tmp_path / 'run')
+    (message,) = bag.messages()
+    assert deserialize_message(as_measured(bag, message, serializer), WellRates) == measured

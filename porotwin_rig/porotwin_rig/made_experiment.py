@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -117,7 +117,7 @@ def make_experiment(
     Args:
         folder: the experiment folder; must not hold an experiment yet.
         rig: the nominal rig; written as it is.
-        commanded: the commanded rates.
+        commanded: the commanded rates; later ones than the duration are left out.
         duration: length of the experiment [s].
         photo_interval: time between frames [s], the first at 0.
         seed: seed of the noise, and of the photographs.
@@ -144,7 +144,8 @@ def make_experiment(
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
         photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
         rig = photographer.rig
-    write_folder(folder, RecordedData(rig, commanded=commanded))
+    rows = tuple(row for row in commanded.rows if row.time <= duration)
+    write_folder(folder, RecordedData(rig, commanded=replace(commanded, rows=rows)))
     camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
     times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
     photos: list[Photo] = []

@@ -115,7 +115,7 @@ class TracerTransport:
             time: time since the start [s].
             duration: length of the step [s].
         """
-        fluxes = water.fluxes(rates, tracer.mobile, time)
+        fluxes = water.fluxes(rates, tracer.mobile, time + 0.5 * duration)
         carrier = self._carrier(water, fluxes, rates)
         tracer, balance = self._reacted(tracer, balance, 0.5 * duration)
         tracer, balance = self._carried(tracer, balance, carrier, water, fluxes, rates, duration)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Boundaries, Rig, WaterBody
@@ -17,9 +18,6 @@ from porotwin_rig.water_places import WaterPlaces
 
 FloatArray = NDArray[np.floating]
 Quantity = Literal['depth_m', 'porosity', 'permeability_m2']
-
-ROUND_OFF_OF_ONE = 1e-9
-"""A mean over a map of ones may exceed 1 by round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +135,15 @@ class TrueRig:
         """Return where water stands or falls at the sand, on another mesh."""
         return WaterPlaces.on(mesh, {**self.boundaries.bodies, **self.water})
 
+    def at_levels(self, rises: Mapping[str, float]) -> Self:
+        """Return the rig after its water rose by `rises` [m], by name."""
+        sides = {side: rises.get(side, 0.0) for side in self.boundaries.open_sides}
+        water = {
+            name: body.with_change(rises.get(name, 0.0), 1.0) for name, body in self.water.items()
+        }
+        boundaries = self.boundaries.with_water_raised(sides, others=True)
+        return replace(self, boundaries=boundaries, water=water)
+
     @property
     def pore_depth(self) -> FloatArray:
         """Porosity times depth of the vertices [m], (nz + 1, nx + 1)."""
@@ -158,7 +165,7 @@ class TrueRig:
         Raises:
             InputError: the porosity exceeds 1, or a source or sink lies outside the rig.
         """
-        if self.porosity.max() > 1.0 + ROUND_OFF_OF_ONE:
+        if self.porosity.max() > 1.0 + ROUND_OFF:
             raise InputError(
                 f'porosity {self.porosity.max():.6g}: must not exceed 1; '
                 'lower its map or the factor of the effect'

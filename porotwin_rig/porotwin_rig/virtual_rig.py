@@ -1,5 +1,6 @@
 """The virtual rig: an independent simulator in place of the physical rig."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 
@@ -7,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_rig.effects import EffectSet
@@ -19,9 +22,6 @@ from porotwin_rig.true_rig import TrueRig
 from porotwin_rig.water_flow import WaterFlow
 
 FloatArray = NDArray[np.floating]
-
-STEP_ROUND_OFF = 1e-9
-"""A duration may exceed a whole number of longest steps by this part of a step."""
 
 
 class VirtualRig:
@@ -62,6 +62,7 @@ class VirtualRig:
         self.effects = EffectSet.checked(effects, rig)
         self.mesh = Mesh.over(rig, cell=cell)
         self.time = 0.0
+        self._levels = WaterLevels.of(rig)
         self.balance = TracerBalance()
         self._true_rig = self.effects.applied(TrueRig.nominal(rig, self.mesh))
         self._pumps = RunningPumps(rig, pumps or Pumps(), self.effects)
@@ -71,12 +72,14 @@ class VirtualRig:
         self._visible = self._transport.dissolved(self._tracer)
 
     def set_rates(self, rates: WellRates) -> None:
-        """Command `rates` from now on; wells that are not named stop.
+        """Command `rates` from now on; wells that are not named stop. Levels follow `rig.yaml`.
 
         Raises:
             InputError: a well is not known.
         """
-        self._pumps.command(rates)
+        self._pumps.command(
+            {name: rate for name, rate in rates.items() if name not in self.rig.levels}
+        )
 
     def commanded_rates(self) -> dict[str, WellRate]:
         """Return the rates that were set last."""
@@ -104,11 +107,14 @@ class VirtualRig:
         if not duration >= 0.0:
             raise InputError(f'advance by {duration} s: give a duration of zero or more')
         self._pumps.start()
-        longest = self.effects.longest_step
-        steps = max(1, math.ceil(duration / longest - STEP_ROUND_OFF)) if duration > 0.0 else 0
-        for _ in range(steps):
-            self._step(duration / steps)
-            passed(self.time)
+        edges = [self.time, *self._levels.moments(self.time, self.time + duration)]
+        spans = [later - time for time, later in itertools.pairwise(edges)]
+        for span in [*spans, duration - sum(spans)]:
+            longest = self.effects.longest_step
+            steps = max(1, math.ceil(span / longest - ROUND_OFF)) if span > 0.0 else 0
+            for _ in range(steps):
+                self._step(span / steps)
+                passed(self.time)
 
     def concentration(self, grid: Grid) -> FloatArray:
         """Return the visible tracer on `grid`, (nz, nx).

@@ -1,11 +1,13 @@
 """The water of the virtual rig: fluxes through the boxes for given rates and tracer."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import WellRates
 from porotwin_rig.box_flow import (
     BoxFlow,
@@ -53,9 +55,11 @@ class WaterFlow:
         self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
         self.has_open_side = bool(self._held.any())
         self._unit: dict[str, Fluxes] = {}
-        self._table: tuple[WellRates, WetSand] | None = None
-        excess = rig.density_difference / rig.rig.density_kg_m3
-        self._heads = water.potential(mesh.z[:, None], excess)
+        self._table: tuple[WellRates, Mapping[str, float], WetSand] | None = None
+        self._levels = WaterLevels.of(rig.rig)
+        self._per_metre: dict[str, Fluxes] = {}
+        self._excess = rig.density_difference / rig.rig.density_kg_m3
+        self._heads = water.potential(mesh.z[:, None], self._excess)
         self._rain = water.rain if water.rain.x.any() or water.rain.z.any() else None
         self._background = self._background_fluxes()
         is_driven = self._heads is not None or self._rain is not None
@@ -72,36 +76,56 @@ class WaterFlow:
             rates: true rates of all sources and sinks.
             tracer: concentration of the mobile water, (nz + 1, nx + 1); its density and viscosity
                 act on the flow.
-            time: time since the start [s], for a water table that sways.
+            time: time since the start [s], for levels that change and a table that sways.
         """
+        rises = self._levels.at(time)
         if self._rig.fringe is not None:
-            return self._below_table(rates, tracer)
+            return self._below_table(rates, tracer, rises)
         total = self._background
+        alone = self._rig.viscosity_ratio == 1.0  # otherwise heads are not in the background
+        for name, rise in rises.items() if alone else ():
+            total = total + self._fluxes_per_metre(name) * rise
         if self._rig.density_difference == 0.0 and self._rig.viscosity_ratio == 1.0:
             for name, rate in rates.items():
                 total = total + self._unit_fluxes(name) * rate.rate
         else:
-            total = total + self._coupled_fluxes(rates, tracer)
+            total = total + self._coupled_fluxes(rates, tracer, rises)
         return total + self._sway(time)
 
-    def _below_table(self, rates: WellRates, tracer: FloatArray) -> Fluxes:
-        """Return the fluxes below the steady table of `rates`; the latest table is kept.
+    def _fluxes_per_metre(self, name: str) -> Fluxes:
+        """Return the additional fluxes [m^2/s] for each metre by which the water `name` rises."""
+        if name not in self._per_metre:
+            raised = self._potential({name: 1.0})
+            described = np.zeros_like(raised) if self._heads is None else self._heads
+            self._per_metre[name] = self._flow.combined([], held_potential=raised - described)
+        return self._per_metre[name]
+
+    def _potential(self, rises: Mapping[str, float]) -> FloatArray:
+        """Return the potential of the held vertices [m of water] after the water rose [m]."""
+        places = self._rig.at_levels(rises).water_places
+        found = places.potential(self._rig.mesh.z[:, None], self._excess)
+        return np.zeros(self._rig.mesh.shape) if found is None else found
+
+    def _below_table(
+        self, rates: WellRates, tracer: FloatArray, rises: Mapping[str, float]
+    ) -> Fluxes:
+        """Return the fluxes below the steady table of `rates` and levels; the latest is kept.
 
         Density and viscosity of the tracer act on the flow, not on the table.
         """
         rig = self._rig
         assert rig.fringe is not None
-        if self._table is None or self._table[0] != rates:
+        if self._table is None or self._table[:2] != (rates, rises):
             table = WetSand(
                 rig.mesh,
                 (self._along_x, self._along_z),
-                rig.water_places_on,
+                rig.at_levels(rises).water_places_on,
                 fringe=rig.fringe,
                 wells=self._wells_at(rates),
-                excess=rig.density_difference / rig.rig.density_kg_m3,
+                excess=self._excess,
             )
-            self._table = dict(rates), table
-        table = self._table[1]
+            self._table = dict(rates), rises, table
+        table = self._table[2]
         return self._flowing(table.flow, table.potential, self._rain, rates, tracer)
 
     def _wells_at(self, rates: WellRates) -> list[tuple[float, float, float]]:
@@ -114,10 +138,13 @@ class WaterFlow:
             self._unit[name] = self._flow.well(x, z)
         return self._unit[name]
 
-    def _coupled_fluxes(self, rates: WellRates, c: FloatArray) -> Fluxes:
+    def _coupled_fluxes(
+        self, rates: WellRates, c: FloatArray, rises: Mapping[str, float]
+    ) -> Fluxes:
         """Return the fluxes where density or viscosity depends on the concentration `c`."""
         alone = self._rig.viscosity_ratio == 1.0  # heads and rain are in the background
-        heads, rain = (None, None) if alone else (self._heads, self._rain)
+        own = self._potential(rises) if rises else self._heads
+        heads, rain = (None, None) if alone else (own, self._rain)
         return self._flowing(self._flow, heads, rain, rates, c)
 
     def _flowing(

@@ -1,6 +1,7 @@
 """The water of the virtual rig between open sides with different heads."""
 
 import numpy as np
+import pytest
 from rig_examples import make_rig, rates
 
 from porotwin_core.basis.units import GRAVITY
@@ -20,8 +21,8 @@ DARCY = 6.57e-10 * 998.0 * GRAVITY / 1e-3 * 0.010 * 0.562 * 0.02 / 0.934
 """The rate between these heads by Darcy's law [m^3/s]."""
 
 
-def water_flow(effects: str = '') -> WaterFlow:
-    rig = make_rig(boundaries=BETWEEN, control=None)
+def water_flow(effects: str = '', **keys: object) -> WaterFlow:
+    rig = make_rig(boundaries=BETWEEN, control=None, **keys)
     mesh = Mesh(31, 21, rig.width_m, rig.height_m)
     nominal = TrueRig.nominal(rig, mesh)
     return WaterFlow(EffectSet.checked(parse_effects(effects), rig).applied(nominal))
@@ -44,6 +45,15 @@ def test_a_wrong_water_level_drives_the_rate_of_darcys_law() -> None:
     flow = water_flow('water_level:left=0.01,right=-0.01')
     fluxes = flow.fluxes({}, np.zeros((22, 32)), 0.0)
     np.testing.assert_allclose(fluxes.x.sum(axis=0), 2.0 * DARCY, rtol=1e-9)
+
+
+@pytest.mark.parametrize('effects', ['', 'viscosity:viscosity_ratio=2'])
+def test_a_level_that_changes_drives_the_rate_of_darcys_law_at_each_time(effects: str) -> None:
+    flow = water_flow(effects, levels={'left': {'points': [[10, 0.64]]}})
+    for time in (0.0, 300.0, 600.0, 900.0):
+        fluxes = flow.fluxes({}, np.zeros((22, 32)), time)
+        expected = (1.0 + min(time / 600.0, 1.0)) * DARCY
+        np.testing.assert_allclose(fluxes.x.sum(axis=0), expected, rtol=1e-6)
 
 
 def test_water_levels_that_rise_alike_drive_nothing() -> None:

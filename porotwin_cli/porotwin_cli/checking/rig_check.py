@@ -21,10 +21,12 @@ from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
-from porotwin_core.rates.wells import Schedule
+from porotwin_core.rates.water_levels import WaterLevels
+from porotwin_core.rates.wells import Schedule, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
@@ -294,6 +296,7 @@ def in_words(checked: CheckedRig) -> list[str]:
     lines += control_words(checked.rig)
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
+        lines += levels_in_words(checked.rig, checked.grid)
     if (balance := balance_of(checked)) is not None:
         when = ' while the wells pump most' * bool(balance.wells)
         lines.append(f'water{when}, {balance}')
@@ -368,10 +371,35 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     if rate <= 0.0:
         return 'heads: no water flows through the rig; compare them with the levels of water bodies'
     seconds = float(physics.mobile_water.sum()) / rate
+    start = ' at the start' if rig.levels else ''
     return (
-        f'heads: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, the water of its '
-        f'pores in {seconds / 60.0:.3g} min'
+        f'heads{start}: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, '
+        f'the water of its pores in {seconds / 60.0:.3g} min'
     )
+
+
+def levels_in_words(rig: Rig, grid: Grid) -> list[str]:
+    """Return one line for each level that changes: its range, and the flow at its extremes.
+
+    The other levels are those of the same moment.
+    """
+    levels, lines = WaterLevels.of(rig), []
+    for name, course in levels.courses.items():
+        head = rig.water_bodies[name].head_m
+        assert head is not None
+        times = [time + late for time in course.times for late in (-SAME_STAMP_S, SAME_STAMP_S)]
+        rises = {course.at(time): time for time in times}
+        told = []
+        for rise in (min(rises), max(rises)):
+            balance = water_balance(rig, grid, with_rises({}, levels.at(rises[rise])))
+            assert balance is not None
+            into = balance.in_ml_h['places'].get(name, 0.0)
+            told.append(f'{head + rise:g} m ({into:+z.1f} ml/h into the sand)')
+        again = (
+            f', anew every {course.period / MINUTE_S:g} min' if np.isfinite(course.period) else ''
+        )
+        lines.append(f'level of {name}: from {" to ".join(told)}{again}, without the wells')
+    return lines
 
 
 def effects_in_words(effects: Sequence[EffectDescription]) -> list[str]:

@@ -143,7 +143,7 @@ def command(
         only_writer(folder),
         pool,
         progress() as bar,
-        _answer_so_far(_shown_on(bar), quick=quick) as show,
+        _answer_so_far(_shown_on(bar, quick=quick), quick=quick) as show,
     ):
         simulations = KeptSimulations(pool, folder)
         if simulations.found:
@@ -207,12 +207,12 @@ def _answer_so_far(show: 'Progress', *, quick: bool) -> 'Iterator[Progress]':
         signal.signal(signal.SIGINT, before)
 
 
-def _shown_on(bar: 'Bar') -> 'Progress':
+def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
     """Return a function that shows the stages of a diagnosis on `bar`, with the time left."""
     from porotwin_cli.terminal import LatestEnd
     from porotwin_diagnosis.progress import WorkClock
 
-    number, clock, end = bar.add_task('diagnosis', total=100), WorkClock(), LatestEnd()
+    number, clock, end = bar.add_task('diagnosis', total=100), WorkClock(quick=quick), LatestEnd()
     task = bar.tasks[-1]
 
     def show(stage: str, position: float) -> None:
@@ -326,7 +326,7 @@ def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     from porotwin_diagnosis.report.named_rows import verdict_words
 
     with progress() as bar:
-        result = diagnose_run_so_far(output, _shown_on(bar), namespace=namespace)
+        result = diagnose_run_so_far(output, _shown_on(bar, quick=False), namespace=namespace)
     summary = json_value((output / 'diagnosis.json').read_text())
     if as_json:
         print_json({'output': output, **summary})

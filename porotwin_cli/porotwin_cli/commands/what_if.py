@@ -127,7 +127,7 @@ def _show(found: 'WhatIfStudy') -> None:
     unit = found.time_unit
     print('rates in ml/h; @ gives the injected concentration, 1 is tracer stock')
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
-        for step in outlook.plan:
+        for step in found.pumped_plan(outlook):
             moment = unit.precise(found.start + step.start)
             print(f'{name}, from {moment}: {_in_words(step.rates)}')
         if balance := found.balance(outlook.plan[-1].rates):
@@ -204,7 +204,7 @@ def _outlook_json(found: 'WhatIfStudy', outlook: 'Outlook') -> dict[str, Any]:
                 'start_s': start + step.start,
                 'rates_ml_h': {name: to_ml_h(well.rate) for name, well in step.rates.items()},
             }
-            for step in outlook.plan
+            for step in found.pumped_plan(outlook)
         ],
         'water_at_the_end_ml_h': None if balance is None else balance.in_ml_h,
         'stock_left_ml': None if bottle is None else ML * bottle.left,

@@ -7,6 +7,8 @@ from porotwin_cli.running.drawn_effects import LIBRARY, OUTSIDE, drawn
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.blind_draw import DrawContext
+from porotwin_core.rates.water_levels import WaterLevels
+from porotwin_core.rates.wells import with_rises
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
@@ -114,7 +116,8 @@ def surprise(
 
 def _map(rig: Rig, effects: tuple[EffectDescription, ...]) -> np.ndarray:
     model = Model(rig, rig.grid(*TRIAL_GRID), preset='fast', effects=effects)
-    return model.predict(model.initial_condition(), Limits.of(rig).safe(), SHOWN_AFTER_S)
+    rates = with_rises(Limits.of(rig).safe(), WaterLevels.of(rig).at(SHOWN_AFTER_S))
+    return model.predict(model.initial_condition(), rates, SHOWN_AFTER_S)
 
 
 def as_text(effect: EffectDescription) -> str:

@@ -115,10 +115,19 @@ class WhatIfStudy:
         """Return the water balance at `rates` [m^3/s] on the grid of the siblings."""
         return water_balance(self.rig, self.grid, rates)
 
+    def pumped_plan(self, outlook: Outlook) -> list[RateStep]:
+        """Return the plan of `outlook` without steps at which only levels of water change."""
+        steps: list[RateStep] = []
+        for step in outlook.plan:
+            pumped = {name: one for name, one in step.rates.items() if name in self.rig.wells}
+            if not steps or steps[-1].rates != pumped:
+                steps.append(RateStep(step.start, pumped))
+        return steps
+
     def bottle(self, outlook: Outlook) -> Bottle | None:
         """Return the tracer stock in its bottle at the end of `outlook`."""
         rows = [row for row in self.pumped.rows if row.time < self.start]
-        for step in outlook.plan:
+        for step in self.pumped_plan(outlook):
             begin = self.start + step.start
             rows += [ScheduleRow(begin, well, rate) for well, rate in step.rates.items()]
         return bottle_at(self.rig, Schedule(tuple(rows)), self.start + float(outlook.times[-1]))

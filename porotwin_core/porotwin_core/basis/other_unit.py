@@ -30,6 +30,9 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
 _RATE = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE)
 """A rate with its unit."""
 
+_LENGTH = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([mcd]?m)\s*')
+"""A length with its unit."""
+
 PERCENT = 100.0
 """Largest share that was probably written in percent."""
 
@@ -45,10 +48,20 @@ def rate_in_ml_h(text: str) -> float | None:
     found = _RATE.fullmatch(text)
     if found is None:
         return None
+    unit = f'{found[2].lower()}/{found[3].lower()}'.replace('μ', 'u').replace('µ', 'u')
+    return _converted(found[1], unit, 'ml/h')
+
+
+def length_in_m(text: str) -> float | None:
+    """Return the length [m] in a `text` with a unit, such as 48 cm; None for any other text."""
+    found = _LENGTH.fullmatch(text)
+    return None if found is None else _converted(found[1], found[2], 'm')
+
+
+def _converted(number: str, unit: str, wanted: str) -> float:
     import pint  # half a second
 
-    unit = f'{found[2].lower()}/{found[3].lower()}'.replace('μ', 'u').replace('µ', 'u')
-    return float(pint.UnitRegistry().Quantity(float(found[1]), unit).to('ml/h').magnitude)
+    return float(pint.UnitRegistry().Quantity(float(number), unit).to(wanted).magnitude)
 
 
 def in_other_unit(key: str, known: Container[str]) -> str:

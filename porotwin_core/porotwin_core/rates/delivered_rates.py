@@ -5,6 +5,7 @@ A laboratory knows this share by some percent only. Hub, siblings and state filt
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate
 
@@ -34,15 +35,14 @@ def delivered(
         closed: whether all sides of the rig are closed.
     """
     result = {
-        name: WellRate(well.rate * factors.get(name, 1.0), well.concentration)
-        for name, well in rates.items()
+        name: replace(well, rate=well.rate * factors.get(name, 1.0)) for name, well in rates.items()
     }
     excess = net_rate(result)
     if not closed or excess == 0.0:
         return result
     produced = math.fsum(well.rate for well in result.values() if well.rate < 0.0)
     if produced == 0.0:
-        return {name: WellRate(0.0, well.concentration) for name, well in result.items()}
+        return {name: replace(well, rate=0.0) for name, well in result.items()}
     share = 1.0 - excess / produced
     return {
         name: WellRate(well.rate * share) if well.rate < 0.0 else well

@@ -1,4 +1,4 @@
-"""The announced pauses of wells that the twin does not change, and the rates that follow from them.
+"""What is announced of a run: pauses of wells that the twin does not change, levels of water.
 
 State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
 """
@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
+from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
@@ -15,6 +16,7 @@ from porotwin_core.rates.wells import (
     WellRate,
     WellRates,
     planned_rates,
+    with_rises,
 )
 from porotwin_core.rig import Rig
 
@@ -24,18 +26,20 @@ Pause = tuple[float, float]
 
 @dataclass(frozen=True)
 class FixedPauses:
-    """The announced pauses of each fixed well.
+    """The announced pauses of each fixed well, and the announced levels of water.
 
     Attributes:
         of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
             of `since`.
         running: the rate of each of these wells outside its pauses [m^3/s].
         producer: the well that takes out the water of all others; None: there is none.
+        levels: the levels that change, on the same clock.
     """
 
     of_wells: Mapping[str, tuple[Pause, ...]] = field(default_factory=dict)
     running: Mapping[str, WellRate] = field(default_factory=dict)
     producer: str | None = None
+    levels: WaterLevels = NO_LEVELS
 
     @classmethod
     def of(cls, rig: Rig) -> 'FixedPauses':
@@ -46,7 +50,7 @@ class FixedPauses:
         fixed = rig.control.fixed if rig.control is not None else {}
         pausing = {name: well for name, well in fixed.items() if well.pauses_min}
         if rig.control is None or not pausing:
-            return cls()
+            return cls(levels=WaterLevels.of(rig))
         last = rig.control.end_min
         return cls(
             {
@@ -61,6 +65,7 @@ class FixedPauses:
                 for name, well in pausing.items()
             },
             rig.control.producer,
+            WaterLevels.of(rig),
         )
 
     def since(self, began: float) -> 'FixedPauses':
@@ -69,7 +74,7 @@ class FixedPauses:
             name: tuple((began + start, began + end) for start, end in pauses)
             for name, pauses in self.of_wells.items()
         }
-        return replace(self, of_wells=moved)
+        return replace(self, of_wells=moved, levels=self.levels.since(began))
 
     def moments(self, begin: float, end: float) -> set[float]:
         """Return when a pause begins or ends between `begin` and `end` [s], both left out."""
@@ -129,7 +134,7 @@ class FixedPauses:
     def in_schedule(self, schedule: Schedule) -> Schedule:
         """Return the rates of a `schedule` that will be run: with the pauses, see `rested`."""
         if not self.of_wells:
-            return schedule
+            return replace(schedule, levels=self.levels)
         own: dict[float, dict[str, WellRate]] = {}
         for row in schedule.rows:
             own.setdefault(row.time, {})[row.well] = row.rate
@@ -145,16 +150,22 @@ class FixedPauses:
                 if name in own.get(time, {}) or rate != before.get(name, WellRate())
             ]
             before = rates
-        return Schedule(tuple(rows))
+        return Schedule(tuple(rows), self.levels)
 
     def in_plan(
         self, plan: Sequence[RateStep], begin: float, horizon: float
     ) -> tuple[RateStep, ...]:
-        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], with the pauses."""
+        """Return a `plan` of the rates from `begin` [s] over `horizon` [s], as announced."""
         edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
         starts = sorted({*edges, *(step.start for step in plan)})
-        return tuple(
+        rested = [
             RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
+        ]
+        ends = [*starts[1:], horizon]
+        return tuple(
+            RateStep(step.start + (low - (begin + step.start)), with_rises(step.rates, rises))
+            for step, end in zip(rested, ends, strict=True)
+            for low, _, rises in self.levels.parts(begin + step.start, begin + end)
         )
 
 

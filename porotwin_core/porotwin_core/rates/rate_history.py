@@ -41,7 +41,7 @@ from porotwin_core.rates.rates_in_force import (
     same_rates,
 )
 from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import RateStep, WellRates, mean_rates
+from porotwin_core.rates.wells import RateStep, WellRates, mean_rates, with_rises
 from porotwin_core.rig import Rig
 
 MOST_EVENTS = 4096
@@ -228,7 +228,7 @@ class RateHistory:
         self._first = _Course(safe, tuple(control_wells), [start], safe)
         """The course before all events that are kept."""
         self.pauses: FixedPauses = NO_PAUSES
-        """Announced pauses of the fixed wells."""
+        """Announced pauses of the fixed wells, and levels of water."""
 
     @classmethod
     def of(cls, rig: Rig) -> 'RateHistory':
@@ -341,8 +341,16 @@ class RateHistory:
         return (*past, *self._traced_later(later, end))
 
     def periods(self, start: float, end: float) -> tuple[RatePeriod, ...]:
-        """Return the rates in force from `start` to `end` [s], neighbours of equal rates joined."""
-        return tuple(joined(RatePeriod(*period[:3]) for period in self.traced(start, end)))
+        """Return the rates in force from `start` to `end` [s], and the levels that change.
+
+        Neighbours of equal rates are joined.
+        """
+        pumped = joined(RatePeriod(*period[:3]) for period in self.traced(start, end))
+        return tuple(
+            RatePeriod(low, high, with_rises(period.rates, rises))
+            for period in pumped
+            for low, high, rises in self.pauses.levels.parts(period.start, period.end)
+        )
 
     def at(self, time: float) -> WellRates:
         """Return the rates in force from `time` [s] on, as far as they are known."""

@@ -115,8 +115,11 @@ def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tupl
 
 
 def same_rates(first: WellRates, second: WellRates) -> bool:
-    """Return whether both are the same rates with the same fluids."""
-    return not different_wells(first, second)
+    """Return whether both are the same rates with the same fluids, and levels of water."""
+    rises = [
+        {name: well.rise for name, well in rates.items() if well.rise} for rates in (first, second)
+    ]
+    return rises[0] == rises[1] and not different_wells(first, second)
 
 
 def different_wells(first: WellRates, second: WellRates, *, accuracy: float = 0.0) -> list[str]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,16 +19,22 @@ class WellRate:
     `concentration` is the concentration of the injected fluid relative to the tracer stock
     (0 water, 1 stock). It has no meaning for a producing well.
 
+    Beside the wells, rates name the water whose level changes (`levels`): it has no rate, but
+    `rise`, its level above the described one [m].
+
     Raises:
         InputError: the rate is not finite, or the concentration lies outside 0..1.
     """
 
     rate: float = 0.0
     concentration: float = 0.0
+    rise: float = 0.0
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.rate):
             raise InputError(f'well rate {self.rate} m^3/s: give a finite number')
+        if not math.isfinite(self.rise):
+            raise InputError(f'rise {self.rise} m of a level: give a finite number')
         if not 0.0 <= self.concentration <= 1.0:
             raise InputError(
                 f'injected concentration {self.concentration}: must lie between 0 (water) and 1'
@@ -36,6 +43,11 @@ class WellRate:
 
 WellRates = Mapping[str, WellRate]
 """Rates by well name; a well without an entry pumps nothing."""
+
+
+def with_rises(rates: WellRates, rises: Mapping[str, float]) -> dict[str, WellRate]:
+    """Return `rates` with the `rises` [m] of water, by name."""
+    return {**rates, **{name: WellRate(rise=rise) for name, rise in rises.items()}}
 
 
 def net_rate(rates: WellRates) -> float:
@@ -105,9 +117,13 @@ class ScheduleRow:
 
 @dataclass(frozen=True)
 class Schedule:
-    """The rates of all wells over time, as rows in the order of their times."""
+    """The rates of all wells over time, as rows in the order of their times.
+
+    The `levels` of water that change are in its `intervals`.
+    """
 
     rows: tuple[ScheduleRow, ...] = ()
+    levels: WaterLevels = NO_LEVELS
     _times: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -148,7 +164,8 @@ class Schedule:
         edges = [start, *changes, end]
         for low, high in itertools.pairwise(edges):
             if high > low:
-                yield low, high, self.at(low)
+                for first, last, rises in self.levels.parts(low, high):
+                    yield first, last, with_rises(self.at(low), rises)
 
     def injected_stock(self, start: float, end: float) -> float:
         """Return the volume of tracer stock [m^3] that all wells inject from `start` to `end` [s].
@@ -178,13 +195,13 @@ class Schedule:
 
     @property
     def busiest(self) -> dict[str, WellRate]:
-        """The rates at the moment at which the wells pump most water together."""
-        moments = [self.at(time) for time in dict.fromkeys(self._times)]
-        return max(
-            moments,
-            key=lambda rates: math.fsum(abs(well.rate) for well in rates.values()),
-            default={},
+        """The rates at the moment at which the wells pump most water together, with its levels."""
+        moment = max(
+            dict.fromkeys(self._times),
+            key=lambda time: math.fsum(abs(well.rate) for well in self.at(time).values()),
+            default=0.0,
         )
+        return with_rises(self.at(moment), self.levels.at(moment))
 
 
 def quoted(wells: Iterable[str]) -> str:
@@ -207,8 +224,8 @@ def later_commands(commanded: Schedule | None, measured: Schedule) -> list[Sched
 def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, WellRate]:
     """Return the constant rates that pump as much water and tracer as periods of other rates.
 
-    The mean rate of a well is sum(duration * rate) / sum(duration). Its concentration is the mean
-    over its injected water; production does not count.
+    The mean rate of a well is sum(duration * rate) / sum(duration), and so is the mean rise. Its
+    concentration is the mean over its injected water; production does not count.
 
     Args:
         periods: (start [s], end [s], rates), each longer than zero.
@@ -218,14 +235,20 @@ def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, W
     water: dict[str, float] = {}
     injected: dict[str, float] = {}
     tracer: dict[str, float] = {}
+    rise: dict[str, float] = {}
     for start, end, rates in spans:
         share = (end - start) / duration
         for name, well in rates.items():
             injection = max(well.rate, 0.0)
             water[name] = water.get(name, 0.0) + share * well.rate
+            rise[name] = rise.get(name, 0.0) + share * well.rise
             injected[name] = injected.get(name, 0.0) + share * injection
             tracer[name] = tracer.get(name, 0.0) + share * injection * well.concentration
     return {
-        name: WellRate(rate, min(tracer[name] / injected[name], 1.0) if injected[name] > 0 else 0.0)
+        name: WellRate(
+            rate,
+            min(tracer[name] / injected[name], 1.0) if injected[name] > 0 else 0.0,
+            rise[name],
+        )
         for name, rate in water.items()
     }

@@ -10,6 +10,7 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import permeability_of
@@ -30,6 +31,7 @@ from porotwin_core.rig.sections import (
     Boundaries,
     Camera,
     EffectDescription,
+    LevelCourse,
     MapReference,
     Section,
     WaterBody,
@@ -42,9 +44,6 @@ DEFAULT_CELL_M = 0.005
 
 MOST_DEFAULT_CELLS = 250_000
 """Most cells of a grid that nobody asked for: one prediction takes a second or two."""
-
-SLIP = 1e-9
-"""Excess of a length over the rig [-] that is round-off."""
 
 FINGERPRINT_LENGTH = 12
 """Hexadecimal digits of a fingerprint: 48 bits, enough to tell the rigs of a laboratory apart."""
@@ -133,6 +132,10 @@ class Rig(Section):
         default_factory=dict,
         description='water at the sand by name, beside the open sides: heads on parts of sides, '
         'open water in the picture, rain',
+    )
+    levels: dict[str, LevelCourse] = Field(
+        default_factory=dict,
+        description='how levels change, by the name of an open side or of `water`',
     )
     water_table: WaterTable | None = Field(
         None, description='a water table inside the sand; without it the sand is full of water'
@@ -237,7 +240,7 @@ class Rig(Section):
                 continue
             length = self.height_m if body.side in ('left', 'right') else self.width_m
             end = body.to_m or length
-            if not body.from_m < end <= length * (1.0 + SLIP):
+            if not body.from_m < end <= length * (1.0 + ROUND_OFF):
                 raise ValueError(
                     f"water '{name}' reaches from {body.from_m:g} to {end:g} m, but the "
                     f'{body.side} side is {length:g} m long; correct from_m and to_m'
@@ -252,13 +255,24 @@ class Rig(Section):
                     raise ValueError(f"water '{name}' overlaps '{other}'; correct from_m and to_m")
             taken[body.side].append((body.from_m, end, name))
         has_heads = any(body.head_m is not None for body in self.water.values())
-        if (has_heads or self.water_table) and sides.open_sides and not sides.heads_m:
+        if (
+            (has_heads or self.levels or self.water_table)
+            and sides.open_sides
+            and not sides.heads_m
+        ):
             raise ValueError(
                 f'the {" and ".join(sides.open_sides)} side is open without a head; give '
                 'boundaries.heads_m, or close it (the top is open unless you write top: closed)'
             )
         if self.closed and (self.water or self.water_table):
             raise ValueError('water cannot leave: give some water a head_m')
+        heads = [name for name, body in self.water_bodies.items() if body.head_m is not None]
+        for name in self.levels:
+            if name not in heads:
+                known = ', '.join(heads) or 'none'
+                raise ValueError(f"levels: no water '{name}' has a head; known: {known}")
+            if name in self.wells:
+                raise ValueError(f"levels: '{name}' is water and a well; rename one of them")
 
     @property
     def water_bodies(self) -> dict[str, WaterBody]:
@@ -278,6 +292,7 @@ class Rig(Section):
             if body.corners_m is not None:
                 wet &= ~inside(places, np.array(body.corners_m)).reshape(grid.shape)
         heads = [b.head_m for b in self.water_bodies.values() if b.head_m is not None]
+        heads += [level for course in self.levels.values() for _, level in course.points]
         rains = any(body.rate_ml_h for body in self.water.values())
         if self.water_table is not None and not rains:
             wet &= z < max(heads) + self.water_table.fringe_m
@@ -285,10 +300,10 @@ class Rig(Section):
 
     @property
     def is_driven(self) -> bool:
-        """Whether water flows without wells: heads differ, rain falls, or dense water stands."""
+        """Whether water flows without wells: by heads that differ or change, rain, dense water."""
         rains = any(body.rate_ml_h or body.concentration for body in self.water.values())
         heads = {body.head_m for body in self.water_bodies.values()} - {None}
-        return rains or len(heads) > 1
+        return rains or bool(self.levels) or len(heads) > 1
 
     @property
     def placed_sands(self) -> tuple[str, ...]:
@@ -377,7 +392,7 @@ class Rig(Section):
             data['boundaries']['raised_heads_m'] = raised
         if self.water:  # beside other water the level counts
             data['boundaries']['heads_m'] = self.boundaries.heads_m
-        for key in ('water', 'water_table'):
+        for key in ('water', 'levels', 'water_table'):
             data = {name: value for name, value in data.items() if name != key or value}
         for name in PROPERTIES:
             values = self.nominal_map(name)

@@ -1,13 +1,13 @@
 """Numbers of `rig.yaml`: texts, decimal commas and yes/no are refused by name.
 
-A rate may be a text with its unit.
+A rate or a level may be a text with its unit.
 """
 
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from porotwin_core.basis.other_unit import rate_in_ml_h
+from porotwin_core.basis.other_unit import length_in_m, rate_in_ml_h
 
 
 def _as_number(value: Any) -> Any:
@@ -39,6 +39,12 @@ def _as_rate(value: Any) -> Any:
     return value if rate is None else rate
 
 
+def _as_length(value: Any) -> Any:
+    """Return the length [m] of a text with a unit, such as 48 cm; other values stay."""
+    length = length_in_m(value) if isinstance(value, str) else None
+    return value if length is None else length
+
+
 Number = Annotated[float, BeforeValidator(_as_number), Field(allow_inf_nan=False)]
 """A finite number."""
 
@@ -55,7 +61,10 @@ PositiveShare = Annotated[Number, Field(gt=0, le=1)]
 """A number above 0, at most 1."""
 
 _NUMBER_OR_TEXT = {'type': ['number', 'string']}
-"""A rate for editors."""
+"""A number with a unit, for editors."""
+
+Level = Annotated[Number, BeforeValidator(_as_length), WithJsonSchema(_NUMBER_OR_TEXT)]
+"""A finite height [m], or a text with its unit."""
 
 Rate = Annotated[Number, BeforeValidator(_as_rate), WithJsonSchema(_NUMBER_OR_TEXT)]
 """A finite rate [ml/h], or a text with its unit."""

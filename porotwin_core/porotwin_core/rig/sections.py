@@ -3,6 +3,7 @@
 import math
 import operator
 from collections.abc import Mapping
+from itertools import pairwise
 from statistics import NormalDist
 from typing import Annotated, Any, Literal, Self, get_args
 
@@ -17,6 +18,7 @@ from pydantic import (
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig.numbers import (
+    Level,
     NotNegative,
     NotNegativeRate,
     Number,
@@ -151,6 +153,41 @@ class WaterBody(Section):
         head = None if self.head_m is None else self.head_m + rise
         rate = None if self.rate_ml_h is None else self.rate_ml_h * factor
         return self.model_copy(update={'head_m': head, 'rate_ml_h': rate})
+
+
+class LevelCourse(Section):
+    """How the level of an open side or of other water changes after the start.
+
+    It follows straight lines from its head at the start through the points; the last one stays.
+    """
+
+    points: tuple[tuple[NotNegative, Level], ...] = Field(
+        description='time after the start [min] and level [m] of each point, in their order; two '
+        'points of one time are a step',
+    )
+    every_min: Positive | None = Field(
+        None, description='length of a cycle, after which it begins anew [min]; default: never'
+    )
+
+    @model_validator(mode='after')
+    def _is_in_order(self) -> Self:
+        if not self.points:
+            raise ValueError('points: give at least one, such as [10, 0.48]')
+        minutes = [minute for minute, _ in self.points]
+        for before, minute in pairwise(minutes):
+            if minute < before:
+                raise ValueError(f'points: {minute:g} min follows {before:g} min; sort them')
+        if self.every_min is not None and self.every_min < 1:
+            raise ValueError(
+                f'every_min {self.every_min:g}: models know the mean of each minute only; give its '
+                'mean level, or a cycle of a minute or more'
+            )
+        if self.every_min is not None and minutes[-1] > self.every_min:
+            raise ValueError(
+                f'points: {minutes[-1]:g} min lies beyond the cycle of {self.every_min:g} min; '
+                'correct one of them'
+            )
+        return self
 
 
 class WaterTable(Section):

@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import from_ml_h, from_ml_min
+from porotwin_core.basis.units import MINUTE_S, from_ml_h, from_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
@@ -52,6 +52,7 @@ from porotwin_msgs.msg import (
     SideHead,
     SourceField,
     TracerField,
+    WaterLevels,
 )
 from porotwin_msgs.msg import CostTerm as CostTermMessage
 from porotwin_msgs.msg import RateStep as RateStepMessage
@@ -128,7 +129,12 @@ def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField
 def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
     """Return one message for each rate, in the order of `rates`."""
     return [
-        WellRateMessage(well=name, rate=float(well.rate), concentration=float(well.concentration))
+        WellRateMessage(
+            well=name,
+            rate=float(well.rate),
+            concentration=float(well.concentration),
+            rise=float(well.rise),
+        )
         for name, well in rates.items()
     ]
 
@@ -269,6 +275,15 @@ def rig_to_msg(rig: Rig) -> RigDescription:
             SideHead(side=side, head=head) for side, head in (rig.boundaries.heads_m or {}).items()
         ],
         water=[_water_to_msg(name, body) for name, body in rig.water.items()],
+        levels=[
+            WaterLevels(
+                name=name,
+                times=[MINUTE_S * minute for minute, _ in course.points],
+                heads=[head for _, head in course.points],
+                period=MINUTE_S * (course.every_min or 0.0),
+            )
+            for name, course in rig.levels.items()
+        ],
         fringe=[rig.water_table.fringe_m] if rig.water_table else [],
         wells=[
             WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)

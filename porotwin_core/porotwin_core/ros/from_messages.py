@@ -18,7 +18,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.remark import QUOTED
-from porotwin_core.basis.units import to_ml_h, to_ml_min
+from porotwin_core.basis.units import MINUTE_S, to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
@@ -149,7 +149,9 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
             raise InputError(f"well '{message.well}' is named twice; name each once")
         try:
             # a node keeps the rates of a whole day: all of them share the names
-            rates[sys.intern(message.well)] = WellRate(message.rate, message.concentration)
+            rates[sys.intern(message.well)] = WellRate(
+                message.rate, message.concentration, getattr(message, 'rise', 0.0)
+            )
         except InputError as error:
             raise InputError(f"well '{message.well}': {error}") from None
     return rates
@@ -327,6 +329,13 @@ def _water_from_msg(message: Any) -> dict[str, Any]:
     }
 
 
+def _levels_from_msg(message: Any) -> dict[str, Any]:
+    """Return the section of the changing levels of one water."""
+    minutes = [_rounded(time / MINUTE_S) for time in message.times]
+    points = list(zip(minutes, message.heads, strict=False))
+    return {'points': points, 'every_min': _rounded(message.period / MINUTE_S) or None}
+
+
 def rig_from_msg(message: Any) -> Rig:
     """Return the rig of a message.
 
@@ -348,6 +357,7 @@ def rig_from_msg(message: Any) -> Rig:
             'density_kg_m3': message.density,
             'boundaries': sides,
             'water': {body.name: _water_from_msg(body) for body in getattr(message, 'water', ())},
+            'levels': {one.name: _levels_from_msg(one) for one in getattr(message, 'levels', ())},
             'water_table': {'fringe_m': fringe[0]} if fringe else None,
             'wells': {
                 well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}

@@ -196,7 +196,7 @@ def _with_rate(schedule: Schedule, well: str, window: Window) -> Schedule:
         rows.append(changed(ScheduleRow(begin, well, _rate_at(schedule, well, begin))))
     if end not in known:
         rows.append(ScheduleRow(end, well, _rate_at(schedule, well, end)))
-    return Schedule(tuple(rows))
+    return replace(schedule, rows=tuple(rows))
 
 
 def _rate_at(schedule: Schedule, well: str, time: float) -> WellRate:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
+from porotwin_core.rates.wells import ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import Sample
 
 REST_FROM = 0.4
@@ -30,7 +30,7 @@ class ScheduleChange:
 
 
 def _with(sample: Sample, rows: list[ScheduleRow]) -> Sample:
-    return replace(sample, schedule=Schedule(tuple(rows)))
+    return replace(sample, schedule=replace(sample.schedule, rows=tuple(rows)))
 
 
 def _at_rates(factor: float) -> Callable[[Sample], Sample]:

@@ -161,6 +161,8 @@ class LiveRun:
                 'confirm the rates (service operator/confirm), or name a recording'
             )
         begin, end = min(self.times[0], begins), max(self.times[-1], begins)
+        if self._rig.levels:  # they count from the start
+            begin = self.rates.pauses.levels.began
         periods = self.rates.traced(begins, math.nextafter(end, math.inf))
         schedule = Schedule.from_rates((one.start - begin, one.rates) for one in periods)
         maps = self._series(np.array(self.times) - begin)

@@ -24,7 +24,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate, with_rises
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_hub.control.control_plan import ControlPlan, growing_blocks, same
@@ -407,12 +407,13 @@ class _Task:
         starts = np.array([*(step.start for step in ahead), *(self._lead + plan.starts)])
         rates = [*(self._limits.control_rates(step.rates) for step in ahead), *plan.rates]
         moments, stages = self._with_pauses(starts)
+        steps = [
+            RateStep(float(low), self._delivered(rates[stage], float(low), float(high)))
+            for low, high, stage in zip(moments, [*moments[1:], self._whole], stages, strict=True)
+        ]
         cost, by_rate = self._model.plan_cost(
             self._state,
-            [
-                RateStep(float(moment), self._delivered(rates[stage], float(moment)))
-                for moment, stage in zip(moments, stages, strict=True)
-            ],
+            steps,
             horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
@@ -434,16 +435,23 @@ class _Task:
     def _with_pauses(self, starts: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return when any rate changes, and the stage that holds from then on.
 
-        Announced pauses divide the stages that begin at `starts` after the state [s], (stages,).
+        Announced pauses and levels divide the stages that begin at `starts` [s] after the state,
+        (stages,).
         """
-        edges = self._pauses.moments(self._now, self._now + self._whole)
+        end = self._now + self._whole
+        edges = self._pauses.moments(self._now, end).union(
+            self._pauses.levels.moments(self._now, end)
+        )
         moments = np.union1d(starts, [edge - self._now for edge in edges])
         return moments, np.searchsorted(starts, moments, side='right') - 1
 
-    def _delivered(self, control_rates: FloatArray, moment: float) -> dict[str, WellRate]:
+    def _delivered(
+        self, control_rates: FloatArray, moment: float, end: float
+    ) -> dict[str, WellRate]:
         """Return the delivered rates for `control_rates` (wells,), balanced by the producer.
 
-        The fixed wells rest that pause at that `moment` after the state [s].
+        The fixed wells rest that pause at that `moment` after the state [s], and the levels of
+        water are those until the `end`.
         """
         limits, resting = self._limits, self._pauses.resting(self._now + moment)
         commanded = {
@@ -461,4 +469,5 @@ class _Task:
         }
         if limits.producer is not None:
             delivered[limits.producer] = WellRate(-net_rate(delivered))
-        return delivered
+        rises = self._pauses.levels.mean(self._now + moment, self._now + end)
+        return with_rises(delivered, rises)

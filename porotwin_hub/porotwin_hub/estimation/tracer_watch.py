@@ -16,7 +16,7 @@ from porotwin_checks.checks.tracer_at_wells import pale_well
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rates_in_force import RatePeriod, different_wells
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
 
@@ -63,7 +63,7 @@ class TracerWatch:
             periods: the rates since the photograph before.
         """
         for period in periods:
-            if not self._changes or self._changes[-1][1] != period.rates:
+            if not self._changes or different_wells(self._changes[-1][1], period.rates):
                 self._changes.append((period.start, period.rates))
         schedule = Schedule.from_rates(self._changes)
         told = pale_well(Known(rig=self._rig, rates=schedule, times=[time], maps=[observed]), [0])

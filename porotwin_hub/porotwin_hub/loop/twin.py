@@ -23,9 +23,9 @@ from porotwin_core.rates.rates_in_force import (
     KnownRates,
     RatePeriod,
     describe_difference,
+    different_wells,
     injected_tracer,
     plan_periods,
-    same_rates,
     to_predict,
 )
 from porotwin_core.rates.wells import RateStep, WellRates
@@ -252,7 +252,7 @@ class Twin:
         planned = self._forecast
         if planned is None:
             return
-        as_planned = all(same_rates(period.rates, planned.rates) for period in cycle.periods)
+        as_planned = not any(different_wells(one.rates, planned.rates) for one in cycle.periods)
         if as_planned and abs(planned.time - cycle.observation.time) <= SAME_PHOTOGRAPH_S:
             cycle.elapsed = planned
             return

@@ -6,7 +6,7 @@ The rates to set are those of a valid setpoint, and the safe rates after its exp
 import math
 from collections.abc import Mapping
 
-from porotwin_core.basis.units import ML, to_ml_h
+from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -70,15 +70,17 @@ def next_change(snapshot: GraphSnapshot, graph: float | None) -> Json | None:
 def bottle_view(snapshot: GraphSnapshot, graph: float | None) -> Json | None:
     """Return the tracer stock in its bottle by the announced rates, and when it is empty.
 
-    None if `rig.yaml` tells no volume, and before the start of the experiment is known.
+    It counts only until the end of the experiment. None if `rig.yaml` tells no volume, and before
+    the start of the experiment is known.
     """
     rig, began = snapshot.rig, snapshot.began
     if rig is None or rig.control is None or began is None or graph is None:
         return None
     bottle = bottle_at(rig, uncontrolled_rates(rig), graph - began)
+    end = MINUTE_S * (rig.control.end_min or math.inf)
     return bottle and {
         'left_ml': finite(ML * bottle.left),
-        'empty_in_s': finite(bottle.empty_at - (graph - began)),
+        'empty_in_s': finite(bottle.empty_at - (graph - began)) if bottle.empty_at < end else None,
     }
 
 

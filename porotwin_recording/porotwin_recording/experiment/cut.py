@@ -55,7 +55,7 @@ def _until(schedule: Schedule | None, end: float) -> Schedule | None:
     """Return the rows of a schedule that act before `end` [s]."""
     if schedule is None:
         return None
-    return Schedule(tuple(row for row in schedule.rows if row.time <= end))
+    return replace(schedule, rows=tuple(row for row in schedule.rows if row.time <= end))
 
 
 def _measured_until(measured: Schedule | None, end: float) -> Schedule | None:

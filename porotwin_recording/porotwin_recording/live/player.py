@@ -1,6 +1,7 @@
 """Selects the messages of a bag for a replay."""
 
 from collections.abc import Collection, Iterator
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
@@ -76,22 +77,27 @@ def as_measured(
 ) -> bytes:
     """Return a recorded setpoint as measured rates (CDR), as if the pumps had followed it exactly.
 
-    The rates begin `at` [ns], or at the time of the setpoint.
+    The rates begin `at` [ns], or at the time of the setpoint. Measured rates keep their times; they
+    get the installed version of their message.
 
     Raises:
-        InputError: the message is no setpoint, or its rates are not valid.
+        InputError: the message has no rates, or they are not valid.
     """
-    setpoint = bag.decode(message)
-    stamp = Time(sec=int(setpoint.header.stamp.sec), nanosec=int(setpoint.header.stamp.nanosec))
+    told = bag.decode(message)
+    stamp = _time(told.header.stamp)
     if at is not None:
         stamp.sec, stamp.nanosec = divmod(at, SECOND)
     return serializer.to_cdr(
         WellRates(
-            header=Header(stamp=stamp, frame_id=setpoint.header.frame_id),
-            start=stamp,
-            wells=rates_to_msg(rates_from_msg(setpoint.wells)),
+            header=Header(stamp=stamp, frame_id=told.header.frame_id),
+            start=_time(getattr(told, 'start', stamp)),
+            wells=rates_to_msg(rates_from_msg(told.wells)),
         )
     )
+
+
+def _time(stamp: Any) -> Time:
+    return Time(sec=int(stamp.sec), nanosec=int(stamp.nanosec))
 
 
 def latched_before(bag: BagReader, names: Collection[str], start: int) -> Iterator[BagMessage]:

@@ -1,11 +1,12 @@
 """The data of one experiment, as a folder or a bag holds them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from porotwin_checks.known import Known
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import balanced
+from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, later_commands
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import ConcentrationMaps
@@ -69,7 +70,8 @@ class RecordedData:
             for row in (() if commanded is None else commanded.rows)
             if row.time < begin.get(row.well, rows[-1].time)
         ]
-        return self._balanced(Schedule((*rows, *earlier, *later)))
+        known = self._balanced(Schedule((*rows, *earlier, *later)))
+        return replace(known, levels=WaterLevels.of(self.rig))
 
     def _balanced(self, schedule: Schedule) -> Schedule:
         """Return `schedule`, balanced by the producer of the control section in a closed rig."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,6 +49,7 @@ class Physics:
     density: of water [kg/m^3].
     boundaries: which sides are open (constant potential) or closed, and heads of open ones.
     water: other water at the sand, by name.
+    levels: names of the water whose level changes; rates must name it.
     fringe: height of the capillary fringe [m] above a table in the sand; None: the sand is full.
     surface: the contact with water at a known table; None: it follows from the bodies.
     blocks: cells along each side of the blocks of which the contact with water consists.
@@ -77,6 +78,7 @@ class Physics:
     boundaries: Boundaries
     wells: Mapping[str, SourceSink]
     water: Mapping[str, WaterBody] = field(default_factory=dict)
+    levels: frozenset[str] = frozenset()
     blocks: int = 1
     fringe: float | None = None
     surface: WaterContact | None = None
@@ -165,9 +167,11 @@ class Physics:
         Raises:
             InputError: a rate for a well that the rig does not have.
         """
+        water = (*self.boundaries.open_sides, *self.water)
         found = {
             name: well.rate * self.rate_factors.get(self.well(name), 1.0)
             for name, well in rates.items()
+            if name in self.wells or name not in water
         }
         if not self.rate_factors or not self.contact.closed:
             return found
@@ -177,6 +181,28 @@ class Physics:
             return found
         follow = put_in * asked_out / (taken * asked_in)
         return {name: rate if rate > 0.0 else follow * rate for name, rate in found.items()}
+
+    def at_levels(self, rates: WellRates) -> 'Physics':
+        """Return these coefficients with the levels of water that `rates` name.
+
+        Raises:
+            InputError: they do not name all water whose level changes.
+        """
+        if not self.levels:
+            return self
+        if missing := self.levels - rates.keys():
+            raise InputError(
+                f'levels: the level of {", ".join(sorted(missing))} changes, which these rates do '
+                'not tell; COSTA cannot follow it, and a program names the levels by '
+                'FixedPauses.of(rig).in_schedule(rates)'
+            )
+        rises = {name: rates[name].rise for name in self.levels}
+        water = {
+            name: body.with_change(rises.get(name, 0.0), 1.0) for name, body in self.water.items()
+        }
+        sides = {side: rises.get(side, 0.0) for side in self.boundaries.open_sides}
+        raised = self.boundaries.with_water_raised(sides, others=True)
+        return replace(self, boundaries=raised, water=water)
 
     def well(self, name: str) -> str:
         """Return `name` if it is a well.

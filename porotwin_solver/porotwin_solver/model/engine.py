@@ -10,10 +10,11 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
-from porotwin_core.rates.wells import RateStep, WellRates
+from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
 from porotwin_solver.coefficients.face_field import FaceField, weighted_sum
 from porotwin_solver.coefficients.physics import Physics
@@ -42,9 +43,6 @@ of the flow where the tracer changes it. The splitting error is second order in 
 
 PROCESSOR = 'cpu'
 """The device on which compiled kernels move the tracer, in threads."""
-
-STEP_ROUND_OFF = 1e-9
-"""Excess over a whole number of LONGEST_STEP that adds no step: round-off of the times."""
 
 FLOW_UPDATES = 100
 """Updates of a cell that take as long as its share of a solution of the flow, roughly."""
@@ -160,8 +158,10 @@ class Engine:
         self.sources_and_sinks = SourcesAndSinks(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
         self.background = None if physics.fringe is not None else background_flux(physics)
+        self._per_metre: dict[str, FaceField] = {}
         coupled = coupled_physics if coupled_physics and physics.fringe is None else physics
         self.coupling = Coupling(coupled) if physics.is_coupled else None
+        self._coupled, self._coupled_rises = coupled, [0.0] * len(physics.levels)
         self._coupling_refinement = self.grid.nx // coupled.grid.nx
         self._on_device = None
         if device != PROCESSOR:
@@ -232,7 +232,19 @@ class Engine:
             for source_sink, rate in zip(self.sources_and_sinks.all, pumped, strict=True):
                 if rate != 0.0:
                     flux = flux + self.flow.unit_flux(source_sink) * rate
+        for name in self.physics.at_levels(rates).levels:
+            if rates[name].rise != 0.0:
+                flux = flux + self._flux_per_metre(name) * rates[name].rise
         return flux if self.background is None else flux + self.background
+
+    def _flux_per_metre(self, name: str) -> FaceField:
+        """Return the additional flux [m^2/s] per metre of rise of the water `name`."""
+        if name not in self._per_metre:
+            one = {level: WellRate(rise=float(level == name)) for level in self.physics.levels}
+            raised = background_flux(self.physics.at_levels(one)) or FaceField.zeros(self.grid)
+            described = self.background or FaceField.zeros(self.grid)
+            self._per_metre[name] = raised + described * -1.0
+        return self._per_metre[name]
 
     def table(self, rates: WellRates) -> TableFlow:
         """Return the steady water table at `rates`; the latest one is kept.
@@ -241,7 +253,9 @@ class Engine:
             InputError: it does not settle.
         """
         if self._kept_table is None or self._kept_table[0] != rates:
-            found = TableFlow(self.physics, self.sources_and_sinks.sources(rates).net)
+            found = TableFlow(
+                self.physics.at_levels(rates), self.sources_and_sinks.sources(rates).net
+            )
             self._kept_table = dict(rates), found
         return self._kept_table[1]
 
@@ -259,11 +273,18 @@ class Engine:
         return FaceField(np.array([one.x for one in found]), np.array([one.z for one in found]))
 
     def _prepare_coupling(self, rates: WellRates) -> None:
-        """Let the tracer-driven flow take the water table of `rates`, which it does not move."""
-        if self.physics.fringe is not None and self.coupling is not None:
+        """Let the tracer-driven flow take water table and levels of `rates`; it moves none."""
+        if self.coupling is None:
+            return
+        if self.physics.fringe is not None:
             table = self.table(rates)
             if self.coupling.physics is not table.physics:
                 self.coupling = Coupling(table.physics)
+            return
+        rises = [rates[name].rise for name in sorted(self.physics.at_levels(rates).levels)]
+        if rises != self._coupled_rises:
+            self.coupling = Coupling(self._coupled.at_levels(rates))
+            self._coupled_rises = rises
 
     def coupled_flux(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:
         """Return the flux [m^3/s] with the tracer `mobile` (nz, nx), from the flux of pure `water`.
@@ -300,7 +321,7 @@ class Engine:
         Without `longest_step` [s], the engine's own longest step holds.
         """
         longest = self.longest_step if longest_step is None else longest_step
-        count = max(1, math.ceil(duration / longest - STEP_ROUND_OFF))
+        count = max(1, math.ceil(duration / longest - ROUND_OFF))
         return count, duration / count
 
     def coefficients(self, state: State, rates: WellRates, length: float) -> StepCoefficients:

@@ -38,7 +38,7 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
     which either little is exchanged or little water moves.
     """
     moving = physics.moving_volume
-    flow = _pumped(physics, rates) + _driven(physics)
+    flow = _pumped(physics, rates) + _driven(physics.at_levels(rates))
     exchange = physics.exchange_rate / max(1.0 - physics.immobile_fraction, 0.1)
     slow = EXCHANGED_SHARE * _over(moving, flow)
     reacted = REACTED_SHARE * _over(1.0, exchange)

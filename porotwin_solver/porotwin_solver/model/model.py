@@ -117,7 +117,8 @@ class Model:
             InputError: the iterative solver for large grids does not converge.
         """
         self.engine.prepare()
-        self.predict(self.initial_condition(), {}, 1.0)
+        levels = dict.fromkeys(self.physics.levels, WellRate())
+        self.predict(self.initial_condition(), levels, 1.0)
 
     def initial_condition(self) -> FloatArray:
         """Return the map before any tracer is injected: zeros, (nz, nx)."""

@@ -30,12 +30,11 @@ def plume_model(
     grid = rig.grid(round(rig.width_m / size), round(rig.height_m / size))
 
     def plumes(factor: float, dispersivity_m: float) -> list[FloatArray]:
-        scaled = Schedule(
-            tuple(
-                replace(row, rate=replace(row.rate, rate=factor * row.rate.rate))
-                for row in schedule.rows
-            )
+        rows = tuple(
+            replace(row, rate=replace(row.rate, rate=factor * row.rate.rate))
+            for row in schedule.rows
         )
+        scaled = replace(schedule, rows=rows)
         effects = [_dispersion(dispersivity_m)] if dispersivity_m > 0 else []
         maps = simulate(rig, scaled, np.array(times), grid=grid, preset='fast', effects=effects)
         return list(maps)

@@ -65,7 +65,7 @@ def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None
 
     None where it has none: wells that do not balance in a closed rig.
     """
-    physics = described_physics(rig, grid)
+    physics = described_physics(rig, grid).at_levels(rates)
     delivered = {name: rate for name, rate in physics.delivered(rates).items() if rate}
     wells = {**delivered, **({'leaks': leaks} if (leaks := _leaks(physics)) else {})}
     if rig.closed and abs(math.fsum(wells.values())) > SAME_RATE:

@@ -39,6 +39,20 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
             why = f'the water falls by {apart:g} m over the {size:g} m between the two sides'
             far = apart > MOST_GRADIENT * size
             yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)
+    yield from _courses(rig)
+
+
+def _courses(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about every course of a level that goes too far from its head."""
+    size = max(rig.width_m, rig.height_m)
+    for name, course in rig.levels.items():
+        head = rig.water_bodies[name].head_m or 0.0
+        level = max((level for _, level in course.points), key=lambda level: abs(level - head))
+        if (apart := abs(level - head)) > STEEP * size:
+            why = f'the level changes by {apart:g} m from its head of {head:g} m'
+            remedy = 'is it in cm? write m, or the unit behind it, such as 48 cm'
+            far = apart > MOST_GRADIENT * size
+            yield Remark(f'levels.{name}', f'{level:g} m', why, remedy, refused=far)
 
 
 CHECK = Check(find=remarks_about_heads)

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from porotwin_core.basis.discovery import discovered
 from porotwin_core.basis.errors import InputError
@@ -53,7 +54,8 @@ def described_physics(rig: Rig, grid: Grid, effects: Iterable[EffectDescription]
     Raises:
         InputError: as `nominal_physics` or `changed_physics`.
     """
-    return changed_physics(nominal_physics(rig, grid), (*rig.effects, *effects))
+    physics = replace(nominal_physics(rig, grid), levels=frozenset(rig.levels))
+    return changed_physics(physics, (*rig.effects, *effects))
 
 
 def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription]) -> Physics:
