@@ -83,7 +83,9 @@ class Beside:
         self.setpoints.publish(message)
 
     def ask(self, plan: list[RateStep], horizon: float) -> WhatIf.Response:
-        request = WhatIf.Request(proposed=conversions.plan_to_msg(plan), horizon=horizon)
+        request = WhatIf.Request(
+            proposed=conversions.plan_to_msg(plan), horizon=conversions.duration_to_msg(horizon)
+        )
         future = self.client.call_async(request)
         self.wait(future.done)
         return future.result()
@@ -96,7 +98,7 @@ class Beside:
         request = CostGradient.Request(
             initial=conversions.tracer_to_msg(concentration, grid, 0.0),
             schedule=conversions.plan_to_msg(plan),
-            horizon=600.0,
+            horizon=conversions.duration_to_msg(600.0),
             terms=[conversions.cost_term_to_msg(CostTerm(0.0, 600.0, linear=weights))],
             with_gradient=True,
         )
