@@ -135,7 +135,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert len(forecast.times) == len(forecast.zone_area) == len(forecast.zone_reached)
     low, middle, high = forecast.zone_area_low, forecast.zone_area, forecast.zone_area_high
     assert all(a <= b <= c for a, b, c in zip(low, middle, high, strict=True))
-    assert [step.start for step in forecast.schedule] == [0.0]
+    assert [step.start for step in conversions.plan_from_msg(forecast.schedule)] == [0.0]
     assert all(well.well in forecast.water for well in forecast.schedule[0].wells if well.rate)
     assert len(forecast.mean) == len(forecast.deviation) == len(forecast.map_times)
 

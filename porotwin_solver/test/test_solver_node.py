@@ -319,7 +319,7 @@ def test_the_cost_of_a_plan_and_its_gradient_equal_those_of_the_model(
         'initial': tracer_to_msg(model.initial_condition(), model.grid, 100.0),
         'schedule': plan_to_msg(plan),
         'terms': [cost_term_to_msg(term) for term in terms],
-        'horizon': 120.0,
+        'horizon': duration_to_msg(120.0),
     }
     answer = client.call(CostGradient, 'cost_gradient', with_gradient=True, **fields)
     assert answer.outcome.code == Outcome.OK, answer.outcome.message
