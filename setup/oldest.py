@@ -2,7 +2,7 @@
 
 `python setup/oldest.py` takes the lower bounds in setup/requirements, without ROS, installs exactly
 these into .venv-oldest, imports every module and runs quick tests. CI does the same on each push.
- tests/test_oldest_versions.py imports the modules again once the environment is there.
+tests/test_oldest_versions.py imports the modules again once the environment is there.
 """
 
 import subprocess

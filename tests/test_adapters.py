@@ -1,6 +1,5 @@
-"""Adapters of the examples: a ROS camera fills a folder; EPICS and ophyd-async read the twin."""
+"""Adapters of the examples: a ROS camera fills a folder; EPICS clients read the twin."""
 
-import asyncio
 import math
 import os
 import runpy
@@ -105,20 +104,3 @@ def test_epics_clients_read_the_setpoint(domain: int, monkeypatch: pytest.Monkey
             server.terminate()
             assert server.wait(PATIENCE_S) == -signal.SIGTERM
             thread.end()
-
-
-def test_ophyd_async_reads_the_numbers() -> None:
-    pytest.importorskip('ophyd_async', reason='needs other versions of our libraries')
-    newest = {'control1_ml_h': 100.0, 'prediction_error': math.nan}
-    units = {'control1_ml_h': 'ml/h', 'prediction_error': ''}
-    twin = runpy.run_path(str(ADAPTERS / 'ophyd_device.py'))['Twin'](newest, units)
-
-    async def read() -> tuple[dict, dict]:
-        await twin.connect()
-        twin.set_name('twin')
-        return await twin.read(), await twin.describe()
-
-    newest['control1_ml_h'] = 200.0
-    values, described = asyncio.run(read())
-    assert values['twin-control1_ml_h']['value'] == 200.0
-    assert described['twin-control1_ml_h']['units'] == 'ml/h'

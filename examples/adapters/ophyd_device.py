@@ -13,7 +13,11 @@ In the session of Bluesky, with the nodes of the twin on the same machine or dom
 from collections.abc import Mapping
 from functools import partial
 
-from ophyd_async.core import StandardReadable, soft_signal_r_and_setter
+from ophyd_async.core import (
+    StandardReadable,
+    StandardReadableFormat,
+    soft_signal_r_and_setter,
+)
 
 
 class Twin(StandardReadable):
@@ -23,7 +27,8 @@ class Twin(StandardReadable):
         self, newest: Mapping[str, float], units: Mapping[str, str], name: str = ''
     ) -> None:
         """Read from `newest`, which another thread keeps new."""
-        with self.add_children_as_readables():
+        # a cached signal would tell its first value for ever
+        with self.add_children_as_readables(StandardReadableFormat.HINTED_UNCACHED_SIGNAL):
             for number, unit in units.items():
                 take = partial(newest.__getitem__, number)
                 signal, _ = soft_signal_r_and_setter(float, units=unit, getter=take)
