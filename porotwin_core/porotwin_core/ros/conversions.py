@@ -62,9 +62,6 @@ from porotwin_msgs.msg import WaterBody as WaterMessage
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
-LONGEST_DURATION_S = 2.0**31 - 1.0
-"""The longest span of builtin_interfaces/Duration [s]."""
-
 CAMERA_FRAME = 'camera_optical'
 """Frame of photographs (REP-103): z forward, x right, y down."""
 
@@ -81,7 +78,7 @@ def duration_to_msg(seconds: float) -> Duration:
     Raises:
         InputError: a message holds no such span.
     """
-    if not abs(seconds) <= LONGEST_DURATION_S:
+    if not abs(seconds) <= np.iinfo(np.int32).max:
         raise InputError(f'a time of {seconds:g} s fits no message; give at most a few years')
     stamp = time_to_msg(seconds)
     return Duration(sec=stamp.sec, nanosec=stamp.nanosec)
