@@ -19,7 +19,7 @@ pytest.importorskip('launch.actions', reason='ros2/launch is not installed, and 
 pytestmark = pytest.mark.graph
 
 ROOT = Path(__file__).resolve().parents[1]
-SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+SMALL_RIG = ROOT / 'rigs' / 'small' / 'rig.yaml'  # it has a camera
 
 RUN = """
 import sys
