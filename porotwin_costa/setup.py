@@ -1,10 +1,16 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 PACKAGE = 'porotwin_costa'
+ABOUT = ElementTree.parse('package.xml').getroot()
 
 setup(
     name=PACKAGE,
-    version='0.2.0',
+    version=ABOUT.findtext('version'),
+    description=ABOUT.findtext('description'),
+    maintainer=ABOUT.findtext('maintainer'),
+    maintainer_email=ABOUT.find('maintainer').get('email'),
     packages=find_packages(exclude=['test']),
     package_data={PACKAGE: ['py.typed']},
     data_files=[
@@ -14,7 +20,7 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=True,
-    license='Apache-2.0',
+    license=ABOUT.findtext('license'),
     entry_points={
         'console_scripts': [
             'costa_node = porotwin_costa.costa_node:main',

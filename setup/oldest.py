@@ -1,9 +1,8 @@
 """Make an environment of the oldest libraries that we support, and test in it.
 
 `python setup/oldest.py` takes the lower bounds in setup/requirements, without ROS, installs exactly
-these into .venv-oldest, imports every module and runs the quick tests of core and solver. CI does
-the same on each push. tests/test_oldest_versions.py imports the modules again once the environment
-is there.
+these into .venv-oldest, imports every module and runs quick tests. CI does the same on each push.
+tests/test_oldest_versions.py imports the modules again once the environment is there.
 """
 
 import subprocess
@@ -18,6 +17,13 @@ INPUTS = ('setup/requirements/*.txt',)
 
 BESIDE_TESTS = ('pytest', 'pytest-timeout', 'pytest-xdist', 'pytest-rerunfailures', 'hypothesis')
 """Tools of the quick tests, of any version."""
+
+OF_LIBRARIES = (
+    'porotwin_pumps/test/test_other_protocols.py',
+    'porotwin_recording/test/test_dataset_variables.py',
+    'porotwin_recording/test/test_vtk_export.py',
+)
+"""Tests beside those of core and solver: of pymodbus, xarray and pyevtk."""
 
 # an old library warns of the new ones that it meets
 QUIET = ('-W', 'ignore::DeprecationWarning', '-W', 'ignore::RuntimeWarning')
@@ -52,7 +58,7 @@ def main() -> int:
     """Return the exit status of the tests."""
     make()
     quick = ('-q', '-n', '2', '-m', 'not graph and not slow', '-p', 'no:cacheprovider')
-    tests = ('tests/test_without_ros.py', 'porotwin_core', 'porotwin_solver')
+    tests = ('tests/test_without_ros.py', 'porotwin_core', 'porotwin_solver', *OF_LIBRARIES)
     return subprocess.run(
         [PYTHON, '-m', 'pytest', *QUIET, *quick, *tests], cwd=ROOT, check=False
     ).returncode

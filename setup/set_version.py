@@ -10,7 +10,7 @@ PLACES = (
     ('pyproject.toml', r'^version = "(.+)"$'),
     ('CITATION.cff', r'^version: (.+)$'),
     ('porotwin_*/package.xml', r'^  <version>(.+)</version>$'),
-    ('porotwin_*/setup.py', r"^    version='(.+)',$"),
+    ('setup/metapackage/package.xml', r'^  <version>(.+)</version>$'),
     ('porotwin_core/porotwin_core/__init__.py', r"^__version__ = '(.+)'$"),
 )
 """Glob patterns of files, and the line of each that states the version."""

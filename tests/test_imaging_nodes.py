@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from graph import running_graph
 
 from porotwin_core.rig import Rig, write_rig
+from porotwin_core.ros.from_messages import seconds_from_msg
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_imaging.photograph.sent_photos import SentPhotos
 from porotwin_msgs.msg import CleanState
@@ -106,7 +107,9 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.wait_for_messages('asset/new_state', 4, timeout=60)
 
         assert [state.sequence for state in states] == [0, 1, 2, 3]
-        np.testing.assert_allclose([s.time_step for s in states], [0, 30, 30, 0], atol=1e-3)
+        np.testing.assert_allclose(
+            [seconds_from_msg(s.time_step) for s in states], [0, 30, 30, 0], atol=1e-3
+        )
         assert [clean.cause for clean in graph.messages['asset/clean_state']] == [
             CleanState.START,
             CleanState.INTERRUPTED,
@@ -164,7 +167,9 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
         put(photos, '01.jpg', camera.photograph(plume(0.05), time=30.0))
         put(photos, '00.jpg', camera.baseline())
         states = graph.wait_for_messages('asset/new_state', 3, timeout=60)
-        np.testing.assert_allclose([s.time_step for s in states], [0, 10, 10], atol=1e-3)
+        np.testing.assert_allclose(
+            [seconds_from_msg(s.time_step) for s in states], [0, 10, 10], atol=1e-3
+        )
         assert len(graph.messages['asset/clean_state']) == 1
         # a restarted camera declares a photograph with tracer a baseline
         protocol.write_text(protocol.read_text() + '40,02.jpg,baseline\n60,03.jpg,state\n')
@@ -216,5 +221,7 @@ def test_a_restarted_camera_goes_on_after_the_last_photograph(tmp_path: Path, do
         put(photos, 'latest.jpg', camera.photograph(plume(0.07), time=90.0))
         graph.wait_for_messages('asset/new_state', 3, timeout=60)
         assert [state.sequence for state in states] == [0, 1, 2]
-        np.testing.assert_allclose([s.time_step for s in states], [0, 30, 30], atol=1e-3)
+        np.testing.assert_allclose(
+            [seconds_from_msg(s.time_step) for s in states], [0, 30, 30], atol=1e-3
+        )
         assert 'duplicate' not in graph.log('camera') + graph.log('imaging')

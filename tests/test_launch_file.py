@@ -19,7 +19,7 @@ pytest.importorskip('launch.actions', reason='ros2/launch is not installed, and 
 pytestmark = pytest.mark.graph
 
 ROOT = Path(__file__).resolve().parents[1]
-SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+SMALL_RIG = ROOT / 'rigs' / 'small' / 'rig.yaml'  # it has a camera
 
 RUN = """
 import sys
@@ -74,7 +74,7 @@ def launched(installed: Path, seconds: float, **arguments: object) -> str:
     script = RUN.replace('SECONDS', str(seconds))
     words = [f'{name}:={value}' for name, value in arguments.items()]
     paths = os.pathsep.join([str(installed), os.environ.get('AMENT_PREFIX_PATH', '')])
-    file = ROOT / 'porotwin_hub' / 'launch' / 'twin.launch.py'
+    file = ROOT / 'porotwin_bringup' / 'launch' / 'twin.launch.py'
     ran = subprocess.run(
         [sys.executable, '-c', script, str(file), *words],
         env={**os.environ, 'AMENT_PREFIX_PATH': paths, 'ROS_LOG_DIR': str(installed / 'log')},

@@ -12,7 +12,7 @@ import yaml
 from test_without_ros import ALGORITHMS, dotted
 
 ROOT = Path(__file__).resolve().parents[1]
-CONFIG = ROOT / 'porotwin_hub' / 'config'
+CONFIG = ROOT / 'porotwin_bringup' / 'config'
 
 STUB = """
 import importlib, importlib.abc, json, os, sys

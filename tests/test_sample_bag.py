@@ -67,7 +67,7 @@ def test_fields_that_are_newer_than_the_sample_have_default_values() -> None:
     assert 'objective_parameters' not in bag.topics[name].definition
     (message,) = bag.messages([name])
     (control,) = bag.decode(message).control
-    assert (control.objective, control.objective_parameters) == ('', '')
+    assert (control.objective, control.objective_parameters) == ('', [])
     assert control.producer == 'producer'
 
 

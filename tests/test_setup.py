@@ -92,6 +92,21 @@ def test_all_files_state_one_version() -> None:
     assert len(set(script['stated']().values())) == 1
 
 
+@pytest.mark.filterwarnings('ignore::DeprecationWarning')  # of catkin_pkg with docutils
+def test_a_release_has_the_changes_of_each_package() -> None:
+    changelog = pytest.importorskip('catkin_pkg.changelog', reason='colcon brings it')
+    script = runpy.run_path(str(ROOT / 'setup' / 'make_changelogs.py'))
+    text = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
+    text = text.replace(
+        'Unreleased', '9.9.9 (2036-01-01)'
+    )  # the parser passes changes to come over
+    found = changelog.Changelog('porotwin_hub')
+    changelog.populate_changelog_from_rst(found, script['page']('porotwin_hub', text))
+    assert {'9.9.9', '0.2.0', '0.1.0'} <= {version for version, _, _ in found.foreach_version()}
+    items = [item for *_, lists in found.foreach_version() for one in lists for item in one.bullets]
+    assert len(items) >= text.count('\n- ')
+
+
 def test_a_folder_that_is_gone_is_named_as_such(tmp_path: Path) -> None:
     gone = tmp_path / 'gone'
     gone.mkdir()

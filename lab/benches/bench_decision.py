@@ -20,7 +20,7 @@ from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_core.ros.conversions import time_from_msg
+from porotwin_core.ros.conversions import seconds_from_msg, time_from_msg
 from porotwin_core.ros.ros_environment import claim_domain, prepare_environment
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.launching.graph import GraphSettings, live_graph
@@ -203,7 +203,7 @@ def _row(arrivals: Arrivals, photographs: list[Put]) -> dict[str, Any]:
     found = [(put, arrivals.of(put)) for put in photographs]
     pairs = [(put, stamp) for put, stamp in found if stamp is not None]
     seconds = np.array([arrivals.setpoints[stamp] - put.moment for put, stamp in pairs])
-    hub = np.array([arrivals.reports[stamp].cycle_duration for _, stamp in pairs])
+    hub = np.array([seconds_from_msg(arrivals.reports[stamp].cycle_duration) for _, stamp in pairs])
     return {
         'megapixels': round(WIDTH_PX * round(WIDTH_PX * ASPECT) / 1e6, 1),
         'photographs': len(pairs),

@@ -96,7 +96,9 @@ def __getattr__(name: str) -> object:
     try:
         value = getattr(importlib.import_module(module), own_name or name)
     except ModuleNotFoundError as error:
-        raise InputError(f'porotwin.{name}: {error}; pip install "porotwin[all]"') from error
+        raise InputError(
+            f'porotwin.{name}: {error}; pip install ".[all]" in the checkout'
+        ) from error
     globals()[name] = value
     return value
 

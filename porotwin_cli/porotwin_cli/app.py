@@ -118,7 +118,7 @@ def refuse_unreadable_names(arguments: Sequence[str]) -> None:
             raise InputError(f'{shown}: this name is not UTF-8; rename the file or folder')
 
 
-INSTALL_ALL = 'install what is missing: pip install "porotwin[all]"'
+INSTALL_ALL = 'install what is missing: pip install ".[all]" in the checkout'
 
 
 def _divided(word: str) -> list[str]:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
+from rcl_interfaces.msg import Parameter, ParameterValue
 from rclpy.serialization import deserialize_message, serialize_message
 
 from porotwin_core.basis.errors import InputError
@@ -21,7 +22,7 @@ from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
 from porotwin_core.ros import conversions
-from porotwin_msgs.msg import NewState, Outcome
+from porotwin_msgs.msg import NewState, Outcome, Pause
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
 GRID = Grid(7, 4, 0.934, 0.562)
@@ -49,6 +50,36 @@ def test_stamps_keep_microseconds_over_centuries(seconds: float) -> None:
     assert conversions.time_from_msg(conversions.time_to_msg(seconds)) == pytest.approx(
         seconds, abs=1e-6
     )
+
+
+@given(seconds=st.floats(-2e9, 2e9))
+def test_a_span_keeps_nanoseconds(seconds: float) -> None:
+    again = conversions.seconds_from_msg(over_the_wire(conversions.duration_to_msg(seconds)))
+    assert again == pytest.approx(seconds, abs=1e-6)
+
+
+@pytest.mark.parametrize('seconds', [math.nan, math.inf, 1e12])
+def test_a_span_that_no_message_holds_is_refused(seconds: float) -> None:
+    with pytest.raises(InputError, match='fits no message'):
+        conversions.duration_to_msg(seconds)
+
+
+def test_a_bag_of_version_0_2_has_seconds_and_an_objective_as_texts() -> None:
+    assert conversions.seconds_from_msg(30.0) == 30.0
+    rig = parse_rig(
+        {**PLAIN, 'control': {**CONTROL, 'objective': {'name': 'keep_in', 'fuzziness_m': 0.2}}},
+        Path('rig.yaml'),
+    )
+    limits = (message := conversions.rig_to_msg(rig)).control[0]
+    old = {name: getattr(limits, name) for name in limits.get_fields_and_field_types()}
+    for name in ('pauses', 'max_producer_rate', 'stock'):
+        del old[name]
+    fields = {name: getattr(message, name) for name in message.get_fields_and_field_types()}
+    texts = SimpleNamespace(**{**old, 'objective_parameters': '{"fuzziness_m": 0.2}', 'end': 0.0})
+    assert conversions.rig_from_msg(SimpleNamespace(**{**fields, 'control': [texts]})) == rig
+    texts.objective_parameters = '[1, 2'
+    with pytest.raises(InputError, match=r"rig description: objective_parameters '\[1, 2'"):
+        conversions.rig_from_msg(SimpleNamespace(**{**fields, 'control': [texts]}))
 
 
 def test_a_map_survives_the_wire() -> None:
@@ -138,7 +169,11 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
             'right': 'open',
             'heads_m': {'left': 0.5, 'right': 0.48},
         },
-        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}, 'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01}},
+        'wells': {
+            'a': {'x_m': 0.2, 'z_m': 0.2},
+            'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01},
+            'c': {'x_m': 0.4, 'z_m': 0.3, 'rate_prior_ml_h': [50, 200]},
+        },
         'camera': {
             'corners_px': [[11, 8], [16, 1755], [3165, 1748], [3165, 5]],
             'curvature': {'vertical_bulge': -2.73e-8},
@@ -151,6 +186,9 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
             'max_change_ml_h': 100.0,
             'change_cost_ml_min': 0.25,
             'end_min': 80.0,
+            'fixed': {'c': {'rate_ml_h': 120.0, 'pauses_min': [[10, 15], [40.5, 50]]}},
+            'max_producer_rate_ml_h': 900.0,
+            'stock_ml': 250.0,
             'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
         },
         'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],
@@ -169,7 +207,18 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    'objective', ['keep_out', 'keep_in', {'name': 'keep_in', 'zone_m': [[0, 0.1], [1, 2], [3, 0]]}]
+    'objective',
+    [
+        'keep_out',
+        {'name': 'keep_in', 'zone_m': [[0, 0.1], [1, 2], [3, 0]]},
+        {
+            'name': 'sum',
+            'parts': [
+                {'name': 'keep_in', 'zone_m': [[0, 0.1], [1, 2], [3, 0]], 'weight': 2},
+                {'name': 'of_a_lab', 'wells': ['a'], 'whole': True, 'steps': []},
+            ],
+        },
+    ],
 )
 def test_an_objective_survives_the_wire(objective: Any) -> None:
     rig = parse_rig({**PLAIN, 'control': {**CONTROL, 'objective': objective}}, Path('rig.yaml'))
@@ -211,7 +260,18 @@ def spoil_limit(message: Any) -> None:
 
 
 def spoil_objective(message: Any) -> None:
-    message.control[0].objective_parameters = '[1, 2'
+    message.control[0].objective_parameters = [Parameter(name='zone_m')]
+
+
+def spoil_nesting(message: Any) -> None:
+    text = ParameterValue(type=4, string_value='keep_in')
+    message.control[0].objective_parameters = [
+        Parameter(name=name, value=text) for name in ('parts', 'parts.0')
+    ]
+
+
+def spoil_pause(message: Any) -> None:
+    message.control[0].pauses = [Pause(well='a')]
 
 
 def spoil_effect(message: Any) -> None:
@@ -226,7 +286,9 @@ def spoil_effect(message: Any) -> None:
         (spoil_curvature, 'curvature has not one value for each name'),
         (spoil_zone, 'disallowed_zone has 7 numbers; send pairs'),
         (spoil_limit, 'control.max_rate_ml_h = 0.0'),
-        (spoil_objective, "objective_parameters '[1, 2': send a JSON object"),
+        (spoil_objective, "objective parameter 'zone_m' has no value"),
+        (spoil_nesting, "parameter 'parts.0': 'parts' has a value too"),
+        (spoil_pause, "a pause of 'a', which is not fixed"),
         (spoil_effect, "effect 'rate' has not one value for each name"),
     ],
 )

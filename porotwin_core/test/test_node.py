@@ -303,8 +303,10 @@ def test_every_node_tells_its_health_without_code_of_its_own() -> None:
         return nodes[0]
 
     run(make, threads=1)
-    names = {(status.name, status.level, status.message) for status in nodes[0].heard}
-    assert names == {('watched', DiagnosticStatus.OK, 'running')}
+    names = {
+        (status.name, status.hardware_id, status.level, status.message) for status in nodes[0].heard
+    }
+    assert names == {('watched', 'porotwin', DiagnosticStatus.OK, 'running')}  # as in REP-107
 
 
 class Stuck(Watched):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 
+from porotwin_core.basis import parallel
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import (
     Crew,
@@ -57,6 +58,15 @@ def test_processes_and_threads_give_the_same_bits_in_order(processes: Crew) -> N
     np.testing.assert_array_equal(found[0], [walk(number) for number in NUMBERS])
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])
+
+
+def test_without_dask_one_task_runs_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(parallel, 'find_spec', lambda _: None)
+    with crew(workers=3, tell=told.append) as pool:
+        assert (pool.workers, list(pool.map(abs, [-1, -2]))) == (1, [1, 2])
+    assert 'extra cluster' in told[0]
+    assert workers_that_fit(None, 1.0) == os.cpu_count()
 
 
 def test_a_worker_that_dies_loses_nothing(processes: Crew, tmp_path: Path) -> None:

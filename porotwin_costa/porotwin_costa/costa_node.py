@@ -249,7 +249,7 @@ class CostaNode(TwinNode):
         if model is not None:
             response.path = in_use.path
             response.architecture = model.architecture.name
-            response.time_step = model.time_step
+            response.time_step = conversions.duration_to_msg(model.time_step)
             response.provenance = model.summary
         return response
 
@@ -259,8 +259,9 @@ class CostaNode(TwinNode):
         try:
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
-            self._refuse_impossible(rates, request.time_step)
-            answer = self._answer(predicted, rates, request.time_step, _known_map(request.previous))
+            time_step = conversions.seconds_from_msg(request.time_step)
+            self._refuse_impossible(rates, time_step)
+            answer = self._answer(predicted, rates, time_step, _known_map(request.previous))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -402,7 +403,7 @@ class CostaNode(TwinNode):
                 epochs=progress.epochs,
                 training_loss=progress.training_loss,
                 validation_loss=progress.validation_loss,
-                remaining=progress.remaining_seconds,
+                remaining=conversions.duration_to_msg(progress.remaining_seconds),
             )
             self._feedback = handle, message
             handle.publish_feedback(message)

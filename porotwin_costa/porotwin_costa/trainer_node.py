@@ -223,7 +223,7 @@ class TrainerNode(TwinNode):
         request = Predict.Request(
             previous=self._start_message(pair),
             wells=conversions.rates_to_msg(pair.rates),
-            time_step=self._time_step,
+            time_step=conversions.duration_to_msg(self._time_step),
         )
         self._send(self._predict, request, lambda answer: self._on_predicted(pair, answer))
 
@@ -292,7 +292,7 @@ class TrainerNode(TwinNode):
             previous=self._start_message(pair),
             next=conversions.tracer_to_msg(following, self._grid, pair.end),
             wells=conversions.rates_to_msg(pair.rates),
-            time_step=self._time_step,
+            time_step=conversions.duration_to_msg(self._time_step),
         )
         self._send(
             self._residual, request, lambda answer: self._on_residual(pair, predicted, answer)

@@ -152,11 +152,13 @@ def offer_solver(client: Client, model: Any) -> list[Any]:
         return callback
 
     def predict(request: Any, previous: np.ndarray, rates: dict) -> np.ndarray:
-        return model.predict(previous, rates, request.time_step)
+        return model.predict(previous, rates, conversions.seconds_from_msg(request.time_step))
 
     def residual(request: Any, previous: np.ndarray, rates: dict) -> np.ndarray:
         following = conversions.tracer_from_msg(request.next)[0]
-        return model.residual(previous, following, rates, request.time_step)
+        return model.residual(
+            previous, following, rates, conversions.seconds_from_msg(request.time_step)
+        )
 
     make = client.solver.create_service
     return [

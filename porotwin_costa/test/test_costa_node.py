@@ -68,7 +68,9 @@ def _question(model, frames, n=12) -> tuple[CorrectiveSource.Request, np.ndarray
     predicted = model.predict(frames.concentration[n], rates, 30.0)
     as_sent = conversions.tracer_to_msg(predicted, model.grid, 390.0)
     request = CorrectiveSource.Request(
-        predicted=as_sent, wells=conversions.rates_to_msg(rates), time_step=30.0
+        predicted=as_sent,
+        wells=conversions.rates_to_msg(rates),
+        time_step=conversions.duration_to_msg(30.0),
     )
     return request, conversions.tracer_from_msg(as_sent)[0], rates
 
@@ -117,7 +119,7 @@ def test_costa_answers_like_the_model_that_it_loaded(
     solver.destroy_node()
 
     info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
-    assert (info.loaded, info.architecture, info.time_step) == (True, 'local', 30.0)
+    assert (info.loaded, info.architecture, info.time_step.sec) == (True, 'local', 30)
     assert info.path == str(path)
     copy = tmp_path / 'copy.safetensors'
     client.call(SaveModel, 'costa/save', SaveModel.Request(path=str(copy)))
@@ -191,7 +193,7 @@ def test_training_runs_beside_the_services_and_can_be_cancelled(
     first = next(one for one in feedback if one.epoch)  # those before tell that it prepares
     assert first.epoch == 1
     assert first.epochs == 100_000
-    assert first.remaining > 0
+    assert conversions.seconds_from_msg(first.remaining) > 0
     second, _ = client.action(dataset=str(pairs), epochs=1, seed=5)
     assert not second.accepted
     request, *_ = _question(model, unseen_frames)

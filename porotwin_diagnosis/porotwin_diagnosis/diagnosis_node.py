@@ -267,12 +267,16 @@ class _Feedback:
         if self._goal.is_cancel_requested and fraction < 1.0:  # a finished diagnosis is delivered
             raise CanceledError
         elapsed = time.monotonic() - self._begin
-        remaining = float('nan')
+        remaining = 0.0
         self._clock.reach(fraction)
         if self._clock.share > FIRST_ESTIMATE:
             remaining = elapsed * (1.0 - self._clock.share) / self._clock.share
         self._goal.publish_feedback(
-            Diagnose.Feedback(stage=stage, fraction=float(fraction), remaining=float(remaining))
+            Diagnose.Feedback(
+                stage=stage,
+                fraction=float(fraction),
+                remaining=conversions.duration_to_msg(remaining),
+            )
         )
 
 

@@ -16,7 +16,13 @@ from std_msgs.msg import Header
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import time_in_words
-from porotwin_core.ros.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
+from porotwin_core.ros.conversions import (
+    duration_to_msg,
+    header_at,
+    map_to_msg,
+    time_from_msg,
+    tracer_to_msg,
+)
 from porotwin_core.ros.following import Writers
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, declare_grid, declare_rig, run
 from porotwin_core.ros.qos import BASELINE, CONFIG, FIELD, PHOTO
@@ -147,7 +153,7 @@ class ImagingNode(TwinNode):
             NewState(
                 header=header,
                 sequence=state.number,
-                time_step=state.placement.time_step,
+                time_step=duration_to_msg(state.placement.time_step),
                 tracer=tracer_to_msg(state.map.values, self._session.grid, state.time),
                 noise=state.map.typical_noise,
                 deviation=map_to_msg(state.map.deviation),

@@ -235,7 +235,7 @@ class PageNode(TwinNode):
             sequence=message.sequence,
             map=self._map(message.tracer),
             arrival=time.monotonic(),
-            time_step=message.time_step,
+            time_step=conversions.seconds_from_msg(message.time_step),
             noise=message.noise,
             calibrated=message.calibrated,
             remarks=tuple(message.remarks),
@@ -296,7 +296,7 @@ class PageNode(TwinNode):
             corrected_error=message.corrected_error,
             expected_error=message.expected_error,
             disallowed_tracer=message.disallowed_tracer,
-            cycle_duration=message.cycle_duration,
+            cycle_duration=conversions.seconds_from_msg(message.cycle_duration),
             objective=message.objective,
             objective_unchanged=message.objective_unchanged,
             corrected=message.corrected,
@@ -338,7 +338,7 @@ class PageNode(TwinNode):
         return Expectation(
             time=time_s,
             rates=plan[0].rates,
-            times=np.array(message.times),
+            times=np.array([conversions.seconds_from_msg(time) for time in message.times]),
             zone_tracer=np.array(
                 [message.zone_tracer_low, message.zone_tracer, message.zone_tracer_high]
             ),

@@ -193,7 +193,11 @@ class Hub(Node):
         self.send(
             'asset/new_state',
             NewState(
-                header=header, sequence=7, time_step=30.0, tracer=tracer(0.25), calibrated=True
+                header=header,
+                sequence=7,
+                time_step=conversions.duration_to_msg(30.0),
+                tracer=tracer(0.25),
+                calibrated=True,
             ),
         )
         self.send(
@@ -215,7 +219,7 @@ class Hub(Node):
                 prediction_error=0.2,
                 corrected_error=float('nan'),
                 disallowed_tracer=1e-6,
-                cycle_duration=1.25,
+                cycle_duration=conversions.duration_to_msg(1.25),
                 correction_status='no model loaded',
             ),
         )

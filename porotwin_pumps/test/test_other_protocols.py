@@ -157,17 +157,20 @@ def test_faults_of_single_makes_are_told() -> None:
 
 
 def test_the_server_of_pymodbus_understands_us() -> None:
-    from pymodbus import FramerType
+    from pymodbus import FramerType, simulator
     from pymodbus.server import ModbusSerialServer
-    from pymodbus.simulator import DataType, SimData, SimDevice
 
+    if not hasattr(simulator, 'DataType'):
+        pytest.skip('the server of this test came with a later pymodbus')
     at_server = PtyLine(lambda said: at_client.say(said))
     at_client = PtyLine(lambda asked: at_server.say(asked))
     ready, loop = threading.Event(), asyncio.new_event_loop()
     stop: list[Callable[[], Any]] = []
 
     async def serve() -> None:
-        device = SimDevice(3, simdata=[SimData(0, count=40, datatype=DataType.REGISTERS)])
+        device = simulator.SimDevice(
+            3, simdata=[simulator.SimData(0, count=40, datatype=simulator.DataType.REGISTERS)]
+        )
         server = ModbusSerialServer(
             device, framer=FramerType.RTU, port=at_server.path, baudrate=9600
         )

@@ -1,5 +1,6 @@
 """Tests of announced pauses on their way through a bag."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from porotwin_core.rig import Control, FixedWell, Rig
 from porotwin_recording.experiment.bag_conversion import export_bag, import_experiment
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_recording.experiment.rig_pauses import pauses_text, with_pauses
+from porotwin_recording.experiment.rig_pauses import with_pauses
 from porotwin_recording.tables.recorded_data import RecordedData
 
 PAUSES = ((15.0, 20.0), (35.0, 40.5))
@@ -46,10 +47,11 @@ def test_pauses_survive_the_way_through_a_bag(tmp_path: Path, bag: str) -> None:
     assert control_of(open_recording(tmp_path / 'back').rig).fixed[name].pauses_min == PAUSES
 
 
-def test_a_rig_without_pauses_has_no_text() -> None:
-    rig, _ = rig_with(())
-    assert pauses_text(rig) == ''
+def test_a_bag_of_version_0_2_has_its_pauses_in_a_text() -> None:
+    rig, name = rig_with(())
     assert with_pauses(rig, '') is rig
+    told = with_pauses(rig, json.dumps({name: PAUSES}))
+    assert control_of(told).fixed[name].pauses_min == PAUSES
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def forecast_to_msg(outlook: Outlook, grid: Grid, water: str) -> Forecast:
     return Forecast(
         header=conversions.header_at(start),
         schedule=conversions.plan_to_msg(outlook.plan),
-        times=outlook.times.tolist(),
+        times=[conversions.duration_to_msg(time) for time in outlook.times],
         zone_tracer=outlook.zone_tracer[median].tolist(),
         zone_tracer_low=outlook.zone_tracer[low].tolist(),
         zone_tracer_high=outlook.zone_tracer[high].tolist(),
@@ -63,7 +63,7 @@ def forecast_to_msg(outlook: Outlook, grid: Grid, water: str) -> Forecast:
         zone_area_low=outlook.zone_area[low].tolist(),
         zone_area_high=outlook.zone_area[high].tolist(),
         zone_reached=outlook.zone_reached.tolist(),
-        map_times=outlook.map_times.tolist(),
+        map_times=[conversions.duration_to_msg(time) for time in outlook.map_times],
         water=water,
         mean=maps(outlook.mean),
         deviation=maps(outlook.deviation),

@@ -370,7 +370,7 @@ class SiblingsNode(TwinNode):
         """
         if not self.siblings.started:
             raise InputError('no photograph has come yet; ask again after the first one')
-        horizon = request.horizon or self._ahead()
+        horizon = conversions.seconds_from_msg(request.horizon) or self._ahead()
         steps = conversions.plan_from_msg(request.proposed)
         check_steps(steps)
         check_roles(steps, self._rig)
@@ -419,14 +419,15 @@ class SiblingsNode(TwinNode):
             raise InputError('no forecast has been made yet; ask again after the first photograph')
         initial, grid = conversions.tracer_from_msg(request.initial)
         plan = conversions.plan_from_msg(request.schedule)
-        reached = [step for step in plan if step.start < request.horizon]
-        check_proposal(reached, request.horizon, self._rig)
+        horizon = conversions.seconds_from_msg(request.horizon)
+        reached = [step for step in plan if step.start < horizon]
+        check_proposal(reached, horizon, self._rig)
         chosen = chosen_judges(self._forecast.ranked, self._judges)
         orders = self.siblings.cost_orders(
             chosen,
             initial,
             plan,
-            horizon=request.horizon,
+            horizon=horizon,
             terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
         )

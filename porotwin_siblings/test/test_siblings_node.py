@@ -83,7 +83,9 @@ class Beside:
         self.setpoints.publish(message)
 
     def ask(self, plan: list[RateStep], horizon: float) -> WhatIf.Response:
-        request = WhatIf.Request(proposed=conversions.plan_to_msg(plan), horizon=horizon)
+        request = WhatIf.Request(
+            proposed=conversions.plan_to_msg(plan), horizon=conversions.duration_to_msg(horizon)
+        )
         future = self.client.call_async(request)
         self.wait(future.done)
         return future.result()
@@ -96,7 +98,7 @@ class Beside:
         request = CostGradient.Request(
             initial=conversions.tracer_to_msg(concentration, grid, 0.0),
             schedule=conversions.plan_to_msg(plan),
-            horizon=600.0,
+            horizon=conversions.duration_to_msg(600.0),
             terms=[conversions.cost_term_to_msg(CostTerm(0.0, 600.0, linear=weights))],
             with_gradient=True,
         )
@@ -133,7 +135,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert len(forecast.times) == len(forecast.zone_area) == len(forecast.zone_reached)
     low, middle, high = forecast.zone_area_low, forecast.zone_area, forecast.zone_area_high
     assert all(a <= b <= c for a, b, c in zip(low, middle, high, strict=True))
-    assert [step.start for step in forecast.schedule] == [0.0]
+    assert [step.start for step in conversions.plan_from_msg(forecast.schedule)] == [0.0]
     assert all(well.well in forecast.water for well in forecast.schedule[0].wells if well.rate)
     assert len(forecast.mean) == len(forecast.deviation) == len(forecast.map_times)
 

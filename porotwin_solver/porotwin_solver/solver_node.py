@@ -26,6 +26,7 @@ from porotwin_core.ros.conversions import (
     plan_from_msg,
     rates_from_msg,
     refusal,
+    seconds_from_msg,
     source_from_msg,
     source_to_msg,
     time_from_msg,
@@ -333,7 +334,9 @@ class SolverNode(TwinNode):
 
     def _predict(self, request: Any, response: Any) -> None:
         predicted = self.model.predict(
-            self._map(request.previous), rates_from_msg(request.wells), request.time_step
+            self._map(request.previous),
+            rates_from_msg(request.wells),
+            seconds_from_msg(request.time_step),
         )
         response.predicted = tracer_to_msg(predicted, self.model.grid, _end_time(request))
 
@@ -342,7 +345,7 @@ class SolverNode(TwinNode):
             self._map(request.previous),
             self._map(request.next),
             rates_from_msg(request.wells),
-            request.time_step,
+            seconds_from_msg(request.time_step),
         )
         response.residual = source_to_msg(residual, self.model.grid, _end_time(request))
 
@@ -351,7 +354,7 @@ class SolverNode(TwinNode):
             self._map(request.previous),
             self._source(request.source),
             rates_from_msg(request.wells),
-            request.time_step,
+            seconds_from_msg(request.time_step),
         )
         response.corrected = tracer_to_msg(corrected, self.model.grid, _end_time(request))
 
@@ -361,7 +364,7 @@ class SolverNode(TwinNode):
         response.cost, by_rate = self._models.plan_cost(
             initial,
             plan_from_msg(request.schedule),
-            horizon=request.horizon,
+            horizon=seconds_from_msg(request.horizon),
             terms=[cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
             learnt=LearntPhysics(effects_from_msg(request.learnt)),
@@ -373,10 +376,11 @@ class SolverNode(TwinNode):
         initial, grid = tracer_from_msg(request.initial)
         model = self._models.on(grid)
         begin = time_from_msg(request.initial.header.stamp)
-        maps = rollout(model, initial, plan_from_msg(request.schedule), request.times)
+        times = [seconds_from_msg(time) for time in request.times]
+        maps = rollout(model, initial, plan_from_msg(request.schedule), times)
         response.states = [
             tracer_to_msg(values, model.grid, begin + time)
-            for time, values in zip(request.times, maps, strict=True)
+            for time, values in zip(times, maps, strict=True)
         ]
 
     def _quantity(self, request: Any, response: Any) -> None:
@@ -403,7 +407,7 @@ class SolverNode(TwinNode):
 
 
 def _end_time(request: Any) -> float:
-    return time_from_msg(request.previous.header.stamp) + request.time_step
+    return time_from_msg(request.previous.header.stamp) + seconds_from_msg(request.time_step)
 
 
 def main() -> None:

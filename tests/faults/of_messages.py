@@ -52,7 +52,14 @@ def foreign_state(
             'asset/state_refreshed', StateRefreshed, qos.FIELD, name=name
         ) as send_refreshed,
     ):
-        send_state(NewState(header=header, sequence=number, time_step=1.0, tracer=tracer))
+        send_state(
+            NewState(
+                header=header,
+                sequence=number,
+                time_step=conversions.duration_to_msg(1.0),
+                tracer=tracer,
+            )
+        )
         send_refreshed(StateRefreshed(header=header, sequence=number))
         yield
 

@@ -18,6 +18,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
+from porotwin_core.ros.from_messages import seconds_from_msg
 from porotwin_hub.control.setpoint_limits import RATE_TOLERANCE
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.objectives.objective_registry import make_objective
@@ -40,7 +41,6 @@ class RunAccount:
     corrected_error: list[float] = field(default_factory=list)
     expected_error: list[float] = field(default_factory=list)
     corrected: list[bool] = field(default_factory=list)
-    optimise_s: list[float] = field(default_factory=list)
     cycle_s: list[float] = field(default_factory=list)
     rates_ml_h: dict[str, list[float]] = field(default_factory=dict)
     setpoint_times: list[float] = field(default_factory=list)
@@ -54,8 +54,7 @@ class RunAccount:
         self.corrected_error.append(message.corrected_error)
         self.expected_error.append(getattr(message, 'expected_error', math.nan))
         self.corrected.append(message.corrected)
-        self.optimise_s.append(message.optimise_duration)
-        self.cycle_s.append(message.cycle_duration)
+        self.cycle_s.append(seconds_from_msg(message.cycle_duration))
         self.remarks += list(message.remarks)
 
     def add_setpoint(self, time: float, message: Any) -> None:

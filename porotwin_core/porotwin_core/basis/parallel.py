@@ -274,6 +274,9 @@ def crew(
                 'cluster; leave one of them out'
             )
         return _cluster_at(scheduler, tell)
+    if not (threads or find_spec('distributed')):
+        tell('one task at a time: Dask, of the extra cluster, is not installed')
+        return ThreadCrew(1)
     count = workers_that_fit(workers, task_bytes, tell)
     return ThreadCrew(count) if threads else _own_processes(count, tell)
 
@@ -338,6 +341,8 @@ def free_memory(files: tuple[str, str] = MEMORY_FILES) -> float:
 
 def _cores() -> int:
     """Return the cores that this process may use, as its container allows."""
+    if not find_spec('dask'):
+        return os.cpu_count() or 1
     from dask.system import CPU_COUNT
 
     return int(CPU_COUNT)

@@ -34,9 +34,12 @@ def _as_number(value: Any) -> Any:
 
 
 def _as_rate(value: Any) -> Any:
-    """Return the rate [ml/h] of a text with a unit, such as 2 l/d; other values stay."""
+    """Return the rate [ml/h] of a text with a unit, such as 2 l/d, or of a number.
+
+    pydantic 2.5 runs one function before a field, this one, and drops `_as_number`.
+    """
     rate = rate_in_ml_h(value) if isinstance(value, str) else None
-    return value if rate is None else rate
+    return _as_number(value) if rate is None else rate
 
 
 def _as_length(value: Any) -> Any:

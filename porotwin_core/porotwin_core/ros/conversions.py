@@ -5,19 +5,19 @@ field is made a float here: a message would send an int as another number.
 """
 
 import array
-import json
 import math
-from collections.abc import Iterable, MutableSequence
+from collections.abc import Callable, Iterable, MutableSequence
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from numpy.typing import NDArray
+from rcl_interfaces.msg import Parameter, ParameterValue
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import MINUTE_S, from_ml_h, from_ml_min
+from porotwin_core.basis.units import MINUTE_S, ML, from_ml_h, from_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
@@ -38,15 +38,18 @@ from porotwin_core.ros.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.ros.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.ros.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.ros.from_messages import rig_from_msg as rig_from_msg
+from porotwin_core.ros.from_messages import seconds_from_msg as seconds_from_msg
 from porotwin_core.ros.from_messages import source_from_msg as source_from_msg
 from porotwin_core.ros.from_messages import time_from_msg as time_from_msg
 from porotwin_core.ros.from_messages import tracer_from_msg as tracer_from_msg
+from porotwin_core.ros.nested_parameters import VALUE_FIELDS, flattened
 from porotwin_msgs.msg import (
     CameraGeometry,
     ControlLimits,
     Effect,
     GridInfo,
     Outcome,
+    Pause,
     Quantity,
     RigDescription,
     SideHead,
@@ -68,6 +71,18 @@ def time_to_msg(seconds: float) -> Time:
     """Return the stamp of a time [s], rounded to nanoseconds."""
     nanoseconds = round(seconds * 1e9)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def duration_to_msg(seconds: float) -> Duration:
+    """Return the message of a span of time [s], rounded to nanoseconds.
+
+    Raises:
+        InputError: a message holds no such span.
+    """
+    if not abs(seconds) <= np.iinfo(np.int32).max:
+        raise InputError(f'a time of {seconds:g} s fits no message; give at most a few years')
+    stamp = time_to_msg(seconds)
+    return Duration(sec=stamp.sec, nanosec=stamp.nanosec)
 
 
 def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
@@ -142,7 +157,8 @@ def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
 def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:
     """Return one message for each step of a plan."""
     return [
-        RateStepMessage(start=float(step.start), wells=rates_to_msg(step.rates)) for step in plan
+        RateStepMessage(start=duration_to_msg(step.start), wells=rates_to_msg(step.rates))
+        for step in plan
     ]
 
 
@@ -155,8 +171,8 @@ def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
         return array.array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
     return CostTermMessage(
-        start=float(term.start),
-        end=float(term.end),
+        start=duration_to_msg(term.start),
+        end=duration_to_msg(term.end),
         linear=flat(term.linear),
         quadratic=flat(term.quadratic),
         target=flat(term.target),
@@ -224,23 +240,39 @@ def _control_to_msg(control: Control, zone: PictureZone | None) -> ControlLimits
         producer=control.producer or '',
         fixed=rates_to_msg(fixed),
         max_rate=from_ml_h(control.max_rate_ml_h),
+        pauses=[
+            Pause(
+                well=name,
+                start=duration_to_msg(MINUTE_S * start),
+                end=duration_to_msg(MINUTE_S * end),
+            )
+            for name, well in control.fixed.items()
+            for start, end in well.pauses_min
+        ],
         max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+        max_producer_rate=_optional(control.max_producer_rate_ml_h, from_ml_h),
+        stock=[] if control.stock_ml is None else [control.stock_ml / ML],
         rate_step=from_ml_h(control.rate_step_ml_h),
         min_rate=from_ml_h(control.min_rate_ml_h),
         max_change=from_ml_h(control.max_change_ml_h or 0.0),
         change_cost=from_ml_min(control.change_cost_ml_min),
-        end=60.0 * (control.end_min or 0.0),
+        end=duration_to_msg(MINUTE_S * (control.end_min or 0.0)),
         disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
         fuzziness=control.fuzziness_m,
         objective=control.objective.name,
-        objective_parameters=(
-            json.dumps(control.objective.parameters) if control.objective.parameters else ''
-        ),
+        objective_parameters=[
+            Parameter(name=name, value=ParameterValue(type=kind, **{VALUE_FIELDS[kind]: value}))
+            for name, kind, value in flattened(control.objective.parameters)
+        ],
     )
     if zone is not None:
         message.zone_grid = grid_to_msg(zone.raster)
         message.zone = array.array('f', np.ascontiguousarray(zone.shares, np.float32).tobytes())
     return message
+
+
+def _optional(value: float | None, to_si: Callable[[float], float]) -> list[float]:
+    return [] if value is None else [to_si(value)]
 
 
 def _water_to_msg(name: str, body: WaterBody) -> WaterMessage:
@@ -251,7 +283,7 @@ def _water_to_msg(name: str, body: WaterBody) -> WaterMessage:
         ends=ends if body.side else [],
         corners=[value for corner in body.corners_m or () for value in corner],
         head=[] if body.head_m is None else [body.head_m],
-        rate=[] if body.rate_ml_h is None else [from_ml_h(body.rate_ml_h)],
+        rate=_optional(body.rate_ml_h, from_ml_h),
         concentration=body.concentration,
     )
 
@@ -286,7 +318,13 @@ def rig_to_msg(rig: Rig) -> RigDescription:
         ],
         fringe=[rig.water_table.fringe_m] if rig.water_table else [],
         wells=[
-            WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)
+            WellMessage(
+                name=name,
+                x=well.x_m,
+                z=well.z_m,
+                radius=well.radius_m,
+                rate_prior=[from_ml_h(rate) for rate in well.rate_prior_ml_h or ()],
+            )
             for name, well in rig.wells.items()
         ],
         camera=[_camera_to_msg(rig.camera)] if rig.camera else [],

@@ -7,7 +7,7 @@ names, finite numbers.
 
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.json_text import json_value
-from porotwin_core.basis.remark import QUOTED
-from porotwin_core.basis.units import MINUTE_S, to_ml_h, to_ml_min
+from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import SIDES, EffectDescription, ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.ros.nested_parameters import VALUE_FIELDS, json_object, nested
 
 RIG_FRAME = 'rig'
 """Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
@@ -43,6 +42,11 @@ concentrations."""
 def time_from_msg(stamp: Any) -> float:
     """Return the time of a stamp [s], since the epoch of the clock that made it."""
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def seconds_from_msg(duration: Any) -> float:
+    """Return a span of time [s]; a number of a bag that was recorded before version 0.3 stays."""
+    return float(duration) if isinstance(duration, float) else time_from_msg(duration)
 
 
 def path_from_msg(text: str) -> Path:
@@ -163,7 +167,9 @@ def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
     Raises:
         InputError: as `rates_from_msg`.
     """
-    return tuple(RateStep(step.start, rates_from_msg(step.wells)) for step in messages)
+    return tuple(
+        RateStep(seconds_from_msg(step.start), rates_from_msg(step.wells)) for step in messages
+    )
 
 
 def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
@@ -178,7 +184,7 @@ def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
         return _values(f'cost term, {name}:', values, grid, np.float64) if len(values) else None
 
     maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
-    return CostTerm(message.start, message.end, **maps)
+    return CostTerm(seconds_from_msg(message.start), seconds_from_msg(message.end), **maps)
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:
@@ -247,17 +253,24 @@ def _places(message: Any) -> list[tuple[tuple[float, float], ...]]:
 def _objective_from_msg(message: Any) -> dict[str, Any]:
     # bags recorded before objectives could be chosen lack both fields
     name = getattr(message, 'objective', '') or ObjectiveDescription().name
-    text = getattr(message, 'objective_parameters', '') or '{}'
-    try:
-        parameters = json_value(text)
-    except ValueError:
-        parameters = None
-    if not isinstance(parameters, dict):
-        raise InputError(
-            f"rig description: objective_parameters '{text[:QUOTED]}': send a JSON object, or "
-            'nothing'
-        )
-    return {**parameters, 'name': name}
+    told = getattr(message, 'objective_parameters', '')
+    if isinstance(told, str):
+        return {**json_object(told), 'name': name}
+    values = {}
+    for one in told:
+        if one.value.type not in VALUE_FIELDS:
+            raise InputError(f"rig description: objective parameter '{one.name}' has no value")
+        values[one.name] = getattr(one.value, VALUE_FIELDS[one.value.type])
+    return {**nested(values), 'name': name}
+
+
+def _optional(message: Any, field: str, to_lab: Callable[[float], float]) -> float | None:
+    """Return a field of at most one number in the unit of rig.yaml; older bags have none."""
+    return next((_rounded(to_lab(value)) for value in getattr(message, field, ())), None)
+
+
+def _rate_prior(message: Any) -> tuple[float, ...] | None:
+    return tuple(_rounded(to_ml_h(rate)) for rate in getattr(message, 'rate_prior', ())) or None
 
 
 def _rounded(value: float) -> float:
@@ -266,16 +279,23 @@ def _rounded(value: float) -> float:
 
 
 def _control_from_msg(message: Any) -> dict[str, Any]:
-    fixed = {
+    fixed: dict[str, dict[str, Any]] = {
         name: {'rate_ml_h': _rounded(to_ml_h(well.rate)), 'concentration': well.concentration}
         for name, well in rates_from_msg(message.fixed).items()
     }
+    for pause in getattr(message, 'pauses', ()):
+        if pause.well not in fixed:
+            raise InputError(f"rig description: a pause of '{pause.well}', which is not fixed")
+        ends = (seconds_from_msg(end) / MINUTE_S for end in (pause.start, pause.end))
+        fixed[pause.well].setdefault('pauses_min', []).append(tuple(map(_rounded, ends)))
     return {
         'wells': tuple(message.wells),
         'producer': message.producer or None,
         'fixed': fixed,
         'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
         'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
+        'max_producer_rate_ml_h': _optional(message, 'max_producer_rate', to_ml_h),
+        'stock_ml': _optional(message, 'stock', lambda volume: volume * ML),
         **_orders_from_msg(message),
         'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
         'zone': ZONE_FILE if _has_zone(message) else None,
@@ -309,7 +329,7 @@ def _orders_from_msg(message: Any) -> dict[str, Any]:
         'min_rate_ml_h': _rounded(to_ml_h(message.min_rate)),
         'max_change_ml_h': max_change or None,
         'change_cost_ml_min': _rounded(to_ml_min(message.change_cost)),
-        'end_min': _rounded(message.end / 60.0) or None,
+        'end_min': _rounded(seconds_from_msg(message.end) / MINUTE_S) or None,
     }
 
 
@@ -324,7 +344,7 @@ def _water_from_msg(message: Any) -> dict[str, Any]:
     return {
         **place,
         'head_m': next(iter(message.head), None),
-        'rate_ml_h': next((_rounded(to_ml_h(rate)) for rate in message.rate), None),
+        'rate_ml_h': _optional(message, 'rate', to_ml_h),
         'concentration': message.concentration,
     }
 
@@ -360,7 +380,12 @@ def rig_from_msg(message: Any) -> Rig:
             'levels': {one.name: _levels_from_msg(one) for one in getattr(message, 'levels', ())},
             'water_table': {'fringe_m': fringe[0]} if fringe else None,
             'wells': {
-                well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
+                well.name: {
+                    'x_m': well.x,
+                    'z_m': well.z,
+                    'radius_m': well.radius,
+                    'rate_prior_ml_h': _rate_prior(well),
+                }
                 for well in message.wells
             },
             'camera': _camera_from_msg(message.camera[0]) if message.camera else None,

@@ -2,6 +2,7 @@
 
 import math
 
+from porotwin_core.ros.conversions import duration_to_msg
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_msgs.msg import CycleReport, NewState, RateFactor
 
@@ -9,6 +10,10 @@ from porotwin_msgs.msg import CycleReport, NewState, RateFactor
 def report_of(cycle: Cycle, state: NewState) -> CycleReport:
     """Return the report of a cycle that began with the message `state`."""
     decision, forecast = cycle.decision, cycle.forecast
+    durations = {
+        f'{part}_duration': duration_to_msg(cycle.durations.get(part, 0.0))
+        for part in ('predict', 'correct', 'optimise', 'cycle')
+    }
     return CycleReport(
         header=state.header,
         sequence=state.sequence,
@@ -21,10 +26,7 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         objective_evaluations=decision.evaluations if decision else 0,
         corrected=forecast is not None and forecast.is_corrected,
         correction_status=forecast.correction_status if forecast else 'no forecast',
-        predict_duration=cycle.durations.get('predict', math.nan),
-        correct_duration=cycle.durations.get('correct', math.nan),
-        optimise_duration=cycle.durations.get('optimise', math.nan),
-        cycle_duration=cycle.durations['cycle'],
+        **durations,
         rate_factors=[
             RateFactor(well=well, factor=found.factor, deviation=found.deviation)
             for well, found in cycle.rate_factors.items()

@@ -124,7 +124,7 @@ class PhysicsModelClient:
         request = Predict.Request(
             previous=conversions.tracer_to_msg(concentration, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
-            time_step=float(time_step),
+            time_step=conversions.duration_to_msg(time_step),
         )
         response = self._call(Predict, 'solver/predict', request, cancel=CANCEL)
         return _map_of('solver/predict', response.predicted)
@@ -141,7 +141,7 @@ class PhysicsModelClient:
             previous=conversions.tracer_to_msg(previous, self._grid, 0.0),
             source=conversions.source_to_msg(sigma, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
-            time_step=float(time_step),
+            time_step=conversions.duration_to_msg(time_step),
         )
         response = self._call(Correct, 'solver/correct', request, cancel=CANCEL)
         return _map_of('solver/correct', response.corrected)
@@ -180,7 +180,7 @@ class PlanModelClient:
         request = CostGradient.Request(
             initial=conversions.tracer_to_msg(initial, self._rig.grid(nx, nz), 0.0),
             schedule=conversions.plan_to_msg(plan),
-            horizon=float(horizon),
+            horizon=conversions.duration_to_msg(horizon),
             terms=[conversions.cost_term_to_msg(term) for term in terms],
             with_gradient=with_gradient,
             learnt=conversions.learnt_to_msg(learnt),
@@ -221,7 +221,7 @@ class DataDrivenModelClient:
             predicted=conversions.tracer_to_msg(predicted, self._grid, 0.0),
             previous=conversions.tracer_to_msg(previous, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
-            time_step=float(time_step),
+            time_step=conversions.duration_to_msg(time_step),
         )
         try:
             response = self._call(CorrectiveSource, 'costa/corrective_source', request)

@@ -26,6 +26,7 @@ from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.ros.conversions import (
     CAMERA_FRAME,
     RIG_FRAME,
+    duration_to_msg,
     grid_to_msg,
     map_to_msg,
     rates_to_msg,
@@ -43,7 +44,6 @@ from porotwin_recording.experiment.cut import cut
 from porotwin_recording.experiment.experiment_folder import Progress, write_folder
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import open_recording
-from porotwin_recording.experiment.rig_pauses import pauses_text
 from porotwin_recording.experiment.segments import SINCE_1970_NS
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -122,13 +122,11 @@ def import_experiment(
             program = PROGRAM
             if topic == topic_names.NEW_STATE and recording.maps is not None:
                 program = recording.maps.origin.program
-            pauses = pauses_text(recording.rig) if topic == topic_names.RIG else ''
             writer.add_topic(
                 name,
                 message_type(message),
                 qos=_QOS.get(topic),
                 program=program,
-                pauses=pauses,
             )
             counts[name] = counts.get(name, 0) + 1
             writer.write(name, serializer.to_cdr(message), log_time=stamp, sequence=counts[name])
@@ -307,7 +305,7 @@ def _states(data: RecordedData) -> Iterator[_StampedMessage]:
         state = NewState(
             header=header,
             sequence=sequence,
-            time_step=float(time - previous),
+            time_step=duration_to_msg(time - previous),
             tracer=TracerField(header=header, grid=grid, concentration=map_to_msg(frame)),
             noise=math.nan,
             deviation=map_to_msg(deviation),

@@ -1,6 +1,6 @@
-"""The announced pauses of a rig as text: its message has no field for them.
+"""The announced pauses of a rig in bags of version 0.2, whose message of the rig had no field.
 
-A bag keeps the text in the metadata of the channel of `rig/description`. Other tools pass it over.
+They are a text in the metadata of the channel of `rig/description`.
 """
 
 import json
@@ -13,15 +13,8 @@ from porotwin_core.rig import Rig
 from porotwin_core.rig.control_section import FixedWell
 
 
-def pauses_text(rig: Rig) -> str:
-    """Return the pauses of the fixed wells of `rig` [min] as JSON; empty: there are none."""
-    fixed = rig.control.fixed if rig.control is not None else {}
-    pauses = {name: well.pauses_min for name, well in fixed.items() if well.pauses_min}
-    return json.dumps(pauses) if pauses else ''
-
-
 def with_pauses(rig: Rig, text: str) -> Rig:
-    """Return `rig` with the pauses in a `text` of `pauses_text`.
+    """Return `rig` with the pauses [min] in a JSON `text`; empty: there are none.
 
     Raises:
         InputError: the text does not fit the rig; one line.

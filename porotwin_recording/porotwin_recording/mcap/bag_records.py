@@ -48,7 +48,7 @@ class Topic:
         message_count: number of messages in the bag.
         program: name and version of the program that made the messages; empty: not known; None:
             the bag does not say.
-        pauses: announced pauses of fixed wells as text of `rig_pauses`, beside a rig's description.
+        pauses: of fixed wells as text (`rig_pauses`), beside a rig's description of version 0.2.
     """
 
     name: str

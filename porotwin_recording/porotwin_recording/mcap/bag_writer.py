@@ -133,7 +133,6 @@ class BagWriter:
         qos: TopicQos | None = None,
         definition: str | None = None,
         program: str = PROGRAM,
-        pauses: str = '',
     ) -> None:
         """Add the topic `name` (absolute); must precede its messages.
 
@@ -143,7 +142,6 @@ class BagWriter:
             qos: quality of service of its publisher.
             definition: definition of the type (ros2msg); the installed one by default.
             program: name and version of the program that makes its messages; empty: not known.
-            pauses: announced pauses of a rig's fixed wells, as text.
 
         Raises:
             InputError: the bag holds this topic with another type, or the type is not installed.
@@ -157,7 +155,7 @@ class BagWriter:
             return
         qos = qos or TopicQos()
         definition = message_definition(type_name) if definition is None else definition
-        topic = Topic(name, type_name, qos, definition, program=program, pauses=pauses)
+        topic = Topic(name, type_name, qos, definition, program=program)
         self._topics[name] = (self._add_channel(topic), topic)
 
     def _add_channel(self, topic: Topic) -> int:
@@ -167,8 +165,6 @@ class BagWriter:
             self._schemas[kind] = self._mcap.add_schema(kind, topic.definition)
         profiles = yaml.safe_dump(qos_profiles(topic.qos), sort_keys=False)
         metadata = {'offered_qos_profiles': profiles, 'program': topic.program or ''}
-        if topic.pauses:
-            metadata['pauses_min'] = topic.pauses
         return self._mcap.add_channel(topic.name, self._schemas[kind], metadata)
 
     def write(

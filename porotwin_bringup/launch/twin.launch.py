@@ -1,4 +1,4 @@
-"""The twin beside a real rig: ros2 launch porotwin_hub twin.launch.py rig:=... photos:=..."""
+"""The twin beside a real rig: ros2 launch porotwin_bringup twin.launch.py rig:=... photos:=..."""
 
 import dataclasses
 import os
