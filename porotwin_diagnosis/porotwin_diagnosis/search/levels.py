@@ -189,7 +189,10 @@ class Levels:
         Raises:
             InputError: the model cannot run with this fit.
         """
-        forwards = [_with_own_point_spread(forward, fit) for forward in self.judging.forwards]
+        forwards = [
+            replace(forward, point_spread_width=own_point_spread_width(forward, fit))
+            for forward in self.judging.forwards
+        ]
         return replace(self, judging=replace(self.judging, forwards=forwards))
 
     def refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
@@ -353,8 +356,8 @@ def make_levels(
     )
 
 
-def _with_own_point_spread(forward: Forward, fit: Fit) -> Forward:
-    """Return `forward` with the point spread width that suits `fit` best.
+def own_point_spread_width(forward: Forward, fit: Fit) -> float:
+    """Return the point spread width [cells] of `forward` that suits `fit` best.
 
     Raises:
         InputError: the model cannot run with this fit.
@@ -370,7 +373,7 @@ def _with_own_point_spread(forward: Forward, fit: Fit) -> Forward:
         method='bounded',
         options={'xatol': POINT_SPREAD_TOLERANCE},
     )
-    return replace(forward, point_spread_width=float(found.x))
+    return float(found.x)
 
 
 def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:
