@@ -26,6 +26,7 @@ from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs, stored_verdict
 from porotwin_cli.terminal import print_table
 from porotwin_core.basis.whole_file import write_whole
+from porotwin_diagnosis.examine import Judged
 from porotwin_recording.experiment.recording import open_recording
 
 BASELINE = 'baseline'
@@ -51,19 +52,30 @@ class ChangedDiagnosis:
 
     def verdict(self, case: BlindCase, folder: Path, memory: Memory) -> StoredVerdict:
         """Return the verdict on the stored recording of `case`, with the `memory` of its fits."""
+        store = SimulationStore(folder / 'simulations')
+        begin = time.process_time()
+        judged = self.judged(case, folder, memory, store)
+        seconds = time.process_time() - begin
+        return stored_verdict(case, judged.verdict, store.made, seconds)
+
+    def judged(
+        self, case: BlindCase, folder: Path, memory: Memory, store: SimulationStore
+    ) -> Judged:
+        """Return the verdict with all that it was made from; the package stays loaded."""
         self._memory = memory
         for name in [one for one in sys.modules if one.split('.')[0] == PACKAGE]:
             del sys.modules[name]
         sys.modules.update(self._modules)
-        begin = time.process_time()
-        store = SimulationStore(folder / 'simulations')
-        examine, false_cells = (self._module(name) for name in ('examine', 'data.false_cells'))
-        recording = false_cells.without_false_cells(open_recording(folder / 'recording'))
-        judged = examine.judge([recording], excluded=case.withheld, crew=store)
-        seconds = time.process_time() - begin
-        return stored_verdict(case, judged.verdict, store.made, seconds)
+        recording = self.module('data.false_cells').without_false_cells(
+            open_recording(folder / 'recording')
+        )
+        found: Judged = self.module('examine').judge(
+            [recording], excluded=case.withheld, crew=store
+        )
+        return found
 
-    def _module(self, name: str) -> ModuleType:
+    def module(self, name: str) -> ModuleType:
+        """Return the module `name` of the package, with the changes."""
         return self._modules[f'{PACKAGE}.{name}']
 
 
