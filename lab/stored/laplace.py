@@ -99,10 +99,11 @@ def posterior(
     """Return the probability of every set by the names of its effects, the largest first."""
     scale = np.ones(len(recording.other.mean))
     scale[: recording.fields] = field
-    logs = {(UNEXPLAINED,): log_evidence(recording.other, noise, scale)}
+    logs: dict[tuple[str, ...], float] = {}
+    logs[(UNEXPLAINED,)] = log_evidence(recording.other, noise, scale)
     counts = {0: 1.0, 1: recording.singles, 2: recording.singles**2, 3: recording.singles**3}
     for one in recording.sets:
-        names = tuple(sorted(one.names)) or (NONE,)
+        names: tuple[str, ...] = tuple(sorted(one.names)) or (NONE,)
         value = log_evidence(one, noise) - np.log(counts[len(one.names)])
         logs[names] = max(value, logs.get(names, -np.inf))
     top = max(logs.values())
@@ -147,7 +148,7 @@ def features_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> L
         residual = near.residuals(fit.effects, 1.5)[0]
         refining = levels.refining
         own = refining.residuals(fit.effects, 1.5)
-        slopes: Sequence[FloatArray] = ()
+        slopes = np.zeros((0, *residual.shape))
         if fit.members:
             slopes = refining.slopes(fit.members, fit.scaled_parameters, own, fitted_only=False)[0]
         rows.append((fit, residual, slopes, near.forwards[0].correction))

@@ -9,6 +9,7 @@ from lab.blind.blind_cases import SMALL, BlindCase, names_of_kind, right_names, 
 from lab.blind.blind_effects import drawn_alike
 from porotwin_cli.running.drawn_effects import drawn
 from porotwin_core.basis.units import to_ml_h
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig, Well, rig_from_maps
@@ -62,7 +63,11 @@ def two_sands() -> Rig:
             for name, well in SMALL.wells.items()
         },
     }
-    maps = {'depth_m': 0.01, 'porosity': 0.36, 'permeability_m2': sand}
+    maps: dict[str, float | FloatArray] = {
+        'depth_m': 0.01,
+        'porosity': 0.36,
+        'permeability_m2': sand,
+    }
     return rig_from_maps(data, maps)
 
 

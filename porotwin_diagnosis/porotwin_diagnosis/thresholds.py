@@ -22,19 +22,6 @@ PENALTY_PER_PARAMETER = 1.08
 """Factor on the misfit of a judged fit for every parameter. A wrong effect with many parameters
 takes up some of the errors of the schemes, so that each must lower the misfit by this factor."""
 
-EXPLAINED_MISFIT = 0.5
-"""Normalised misfit below which a fit leaves nothing for a second effect. It lies slightly below
-the limit for a sufficient single effect, so that pairs are searched whenever a verdict may need
-one."""
-
-SMALL_GAP_MISFIT = 0.8
-"""Normalised misfit of the model without effects below which it counts as the best model: point
-spread and correction are then measured without any effect, which could adapt to the noise."""
-
-SURELY_NO_GAP_MISFIT = 0.2
-"""Normalised misfit of the model without effects below which the search ends early. It lies far
-below `NO_GAP_MISFIT`, so that no effect could change the verdict."""
-
 NEARLY_CLOSED_MISFIT = 1.5
 """Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
 enough to the observed ones for a multifidelity correction and an estimate of the point spread, and
@@ -145,17 +132,14 @@ of unexplained gaps 0.98."""
 # Decision ---------------------------------------------------------------------------------------
 
 NO_GAP_MISFIT = 0.45
-"""Normalised misfit of the model without effects below which there is no gap. Most recordings
-without an effect stay below it: noise and the errors of the scheme leave that much. With sharp
-fronts between three sands one left 0.61."""
+"""Normalised misfit of the model without effects below which there is no gap. The search then ends
+early, and point spread and correction are measured without any effect, which could adapt to the
+noise. Most recordings without an effect stay below it: noise and the errors of the scheme leave
+that much. With sharp fronts between three sands one left 0.61."""
 
 SUFFICIENT_MISFIT = 0.53
-"""Normalised misfit above which a single effect does not explain the gap. True effects stay below
-it, effects that imitate a missing one seldom do."""
-
-SUFFICIENT_PAIR_MISFIT = 0.6
-"""The same threshold for a pair and a triple. It is higher because the scheme makes errors in all
-of their effects."""
+"""Normalised misfit above which effects do not explain the gap, and further ones are looked for.
+True effects stay below it, effects that imitate a missing one seldom do."""
 
 UNRESOLVED_SHARE = 0.04
 """Share of the normalised misfit of a large gap that even the true effect leaves: no scheme follows
@@ -192,7 +176,9 @@ scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance.
 
 RIVAL_LOG_ODDS = math.log(20.0)
 """Log-odds against a single effect below which it is compared on equal terms with the best one. The
-correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1."""
+correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1. An effect
+that was dropped before the final judgement has at least as much against it: the misfit on coarse
+cells alone does not prove more."""
 
 NEAR_EQUAL_LOG_ODDS = math.log(3.0)
 """Log-odds against a single effect below which the verdict lists it beside the named one. Nobody
@@ -225,11 +211,6 @@ MISSING_SLOPE = 4.0
 """Increase, per unit of log(lack of fit), of the log-odds that a model misses something. They are 0
 at a lack of fit of 1."""
 
-ORDER_LOG_ODDS, ORDER_SLOPE = 2.4, 8.0
-"""Log-odds that the first of two equally strong effects is the stronger one or as strong within
-10 %, and their increase per unit of log(ratio of strengths). Of 17 pairs with a ratio below 1.04
-none was named in a wrong order."""
-
 CALIBRATION_LOG_ODDS, CALIBRATION_SLOPE = 0.4, 8.0
 """Log-odds that effects make a gap of which the calibration explains as much, and their increase
 per unit of log(misfit that the effects explain / misfit that the calibration explains)."""
@@ -244,10 +225,6 @@ wrong."""
 RIVAL_SLOPE = 1.6
 """Factor on the log-odds against a rival, on maps without shared errors. Of 20 blinded cases that
 stated 0.75 to 0.95 without it all were right."""
-
-SCREENED_LOG_ODDS = 3.0
-"""Least log-odds against an effect that was dropped before the final judgement. Its misfit on
-coarse cells alone does not prove more than 1 : 20."""
 
 SINGLE_SHARE_RANGE = (1e-3, 1 - 1e-3)
 """Range of the probability of the best single effect, so that its log-odds stay within 7."""

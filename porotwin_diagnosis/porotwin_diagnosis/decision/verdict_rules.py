@@ -5,7 +5,6 @@ from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
-    order_log_odds,
     pair_distance,
     pair_log_odds,
     rival_log_odds,
@@ -119,8 +118,7 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     - One effect: that it is the right one, and that it is enough. The first one is left out if no
       other explanation is left: the library holds nothing to doubt it by.
     - A pair or a triple: that it is the right one, that fewer effects are not enough (a further one
-      may stand for something that the library lacks), which one is the strongest, and that it is
-      enough.
+      may stand for something that the library lacks), and that it is enough.
     """
     findings, kept = evidence.findings, evidence.explanation
     null = findings.null
@@ -149,7 +147,6 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     return [
         (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
         (needed, Doubt.FEWER),
-        (order_log_odds(kept.members, findings), Doubt.ORDER),
         *enough,
     ]
 

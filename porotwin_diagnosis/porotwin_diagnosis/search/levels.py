@@ -44,7 +44,7 @@ from porotwin_diagnosis.thresholds import (
     CORRECTED_MISFIT,
     JUDGED_FITS,
     NEARLY_CLOSED_MISFIT,
-    SMALL_GAP_MISFIT,
+    NO_GAP_MISFIT,
     WELL_DISTANCE,
 )
 
@@ -236,7 +236,7 @@ class Levels:
 
         Every fit that leaves little of the gap is judged on levels corrected at itself, the others
         on levels corrected at the best model. The best model is the first fit, or `null` if that
-        leaves a small gap. The returned levels are corrected at it. `begin` is the progress at the
+        leaves no gap. The returned levels are corrected at it. `begin` is the progress at the
         beginning.
 
         Raises:
@@ -244,7 +244,7 @@ class Levels:
         """
         if not fits:
             return Judgement(self, [])
-        best = null if normalised_misfit(null) < SMALL_GAP_MISFIT else fits[0]
+        best = null if normalised_misfit(null) < NO_GAP_MISFIT else fits[0]
         levels = self.with_point_spread_of(best)
         closing = [fit for fit in fits if normalised_misfit(fit) <= CORRECTED_MISFIT]
         others = [fit for fit in fits if normalised_misfit(fit) > CORRECTED_MISFIT]
