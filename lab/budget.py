@@ -115,18 +115,25 @@ def _is_number(node: ast.expr) -> bool:
 
 def _numbers(module: ast.Module) -> int:
     """Return the number of constants and defaults of class attributes in a module."""
-    count = 0
+    count = len(constants(module))
+    for node in module.body:
+        if isinstance(node, ast.ClassDef):
+            values = [item.value for item in node.body if isinstance(item, ast.AnnAssign)]
+            count += sum(value is not None and _is_number(value) for value in values)
+    return count
+
+
+def constants(module: ast.Module, *, numeric: bool = True) -> list[str]:
+    """Return the names of the constants of a module; with `numeric` those that are numbers."""
+    found: list[str] = []
     for node in module.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             named = [part for target in targets for part in _parts(target)]
             names = [part.id for part in named if isinstance(part, ast.Name)]
-            if _is_number(node.value) and all(map(CONSTANT.match, names)):
-                count += len(names)
-        elif isinstance(node, ast.ClassDef):
-            values = [item.value for item in node.body if isinstance(item, ast.AnnAssign)]
-            count += sum(value is not None and _is_number(value) for value in values)
-    return count
+            if (_is_number(node.value) or not numeric) and all(map(CONSTANT.match, names)):
+                found += names
+    return found
 
 
 def _parts(target: ast.expr) -> list[ast.expr]:

@@ -144,7 +144,7 @@ def draw_case(
     kind = kinds[turn]
     # the number of this case among all of its kind; another seed starts at another effect
     index = number // len(kinds) * kinds.count(kind) + kinds[:turn].count(kind) + 5 * seed
-    names = _names(kind, index, generator)
+    names = names_of_kind(kind, index, generator)
     effects: tuple[EffectDescription, ...]
     if kind == 'alike':
         rates = {well: _largest_rate(schedule, well) for well in wells}
@@ -155,7 +155,7 @@ def draw_case(
         name=f'case_{number:03d}',
         kind=kind,
         effects=effects,
-        right=_right(kind, effects),
+        right=right_names(kind, effects),
         rig=rig,
         schedule=schedule,
         duration=duration,
@@ -177,7 +177,7 @@ def _element(coarse_cell: float | None, longer_side: float | None) -> float | No
     return coarse_cell * COARSE_ELEMENT if coarse_cell is not None else None
 
 
-def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
+def names_of_kind(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
     """Return the names of the effects of case `index` of its `kind`."""
     if kind == 'none':
         return ()
@@ -196,7 +196,7 @@ def _largest_rate(schedule: Schedule, well: str) -> float:
     return max(abs(row.rate.rate) for row in schedule.rows if row.well == well)
 
 
-def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
+def right_names(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
     """Return the names of the verdicts that are right for a case with `effects`."""
     if kind == 'none':
         return ('none',)

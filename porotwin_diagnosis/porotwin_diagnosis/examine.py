@@ -9,6 +9,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
 from porotwin_core.basis.errors import InputError
@@ -22,7 +23,7 @@ from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_diagnosis.data.odd_heads import odd_heads
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.decision.evidence import gather
+from porotwin_diagnosis.decision.evidence import Evidence, gather
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.held_out import HeldOut, measure_held_out
 from porotwin_diagnosis.decision.intervals import with_intervals
@@ -32,11 +33,11 @@ from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import map_gap
-from porotwin_diagnosis.model.unknown_rates import beside_the_rates, settled
+from porotwin_diagnosis.model.unknown_rates import SourceRate, beside_the_rates, settled
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
+from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_recording.experiment.recording import Recording, odd_lines
 from porotwin_solver.model.model import preset_named
@@ -91,9 +92,100 @@ def examine(
     ]
     for line in averaged:
         tell(line)
-    start = settled(recordings, crew=crew)
-    recordings, samples = start.recordings, start.samples
+    judged = judge(
+        recordings,
+        preset=preset,
+        excluded=excluded,
+        prior=prior,
+        crew=crew,
+        progress=progress,
+        so_far=so_far,
+    )
+    for line in judged.unmeasured:
+        tell(line)
+    recordings, samples, verdict = judged.recordings, judged.samples, judged.verdict
+    findings, levels = judged.evidence.findings, judged.levels
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
+    held_out = _as_judged(judged.held_out, samples, verdict)
+    found = recordings[0].rig.with_effects(verdict.model.effects)
+    unexplained = verdict.name == UNEXPLAINED
+    next_stage = 'describing the gap' if unexplained else 'looking for experiments that show more'
+    progress(next_stage, 0.95)
+    screening = levels.screening
+    remainder, partial = None, None
+    if unexplained:
+        remainder = describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
+        partial = partial_cause(recordings, levels, verdict.model, held_out, excluded=excluded)
+        proposals = tell_kinds_apart(remainder, samples[0])
+    else:
+        proposals = propose(screening, findings, verdict, progress=progress)
+    return Diagnosis(
+        recordings=tuple(recordings),
+        samples=samples,
+        evidence=judged.evidence,
+        verdict=verdict,
+        held_out=held_out,
+        gap=gap.without_places() if verdict.name == NONE else gap,
+        strengths=smallest_strengths(screening),
+        proposals=proposals,
+        excluded=tuple(excluded),
+        remainder=remainder,
+        partial=partial,
+        rates=judged.rates,
+        remarks=(
+            *judged.unmeasured,
+            *untried_lines(findings),
+            *odd_lines(recordings, OF_TABLES),
+            *odd,
+            *averaged,
+            *odd_heads(found),
+        ),
+        seconds=time.perf_counter() - began,
+    )
+
+
+class Judged(NamedTuple):
+    """A verdict with all that it was made from.
+
+    Attributes:
+        recordings: the recordings, at the rates that nobody measured.
+        samples: the frames of each recording that were compared.
+        levels: the levels of the search, with the corrections that were last in use.
+        evidence: all fits and measures that the verdict was made from.
+        held_out: the held-out part of each recording.
+        verdict: the verdict.
+        rates: the rates of sources that nobody measured.
+        unmeasured: a line on each of them.
+    """
+
+    recordings: tuple[Recording, ...]
+    samples: tuple[Sample, ...]
+    levels: Levels
+    evidence: Evidence
+    held_out: tuple[HeldOut, ...]
+    verdict: Verdict
+    rates: tuple[SourceRate, ...]
+    unmeasured: tuple[str, ...]
+
+
+def judge(
+    recordings: Sequence[Recording],
+    *,
+    preset: str = ACCURATE,
+    excluded: Sequence[str] = (),
+    prior: Prior = NO_PRIOR,
+    crew: Crew | None = None,
+    progress: Progress = no_progress,
+    so_far: Callable[[str], None] = lambda _line: None,
+) -> Judged:
+    """Search for effects, and make the verdict; the arguments are as in `examine`.
+
+    Raises:
+        InputError: a recording is too short to judge.
+        SearchEnded: `progress` ended the search before there was an answer.
+    """
+    start = settled(recordings, crew=crew)
+    recordings, samples = tuple(start.recordings), start.samples
     findings, levels = search_effects(
         samples,
         excluded=excluded,
@@ -107,50 +199,20 @@ def examine(
     numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)
     joint, rates = start.sources.beside(explanation.model)
     explanation = replace(explanation, model=beside_the_rates(explanation.model, joint))
-    unmeasured = start.told(rates)
-    for line in unmeasured:
-        tell(line)
     held_out = tuple(
-        measure_held_out(recording, sample, joint, numerics)
+        measure_held_out(recording, sample, joint, numerics, crew)
         for recording, sample in zip(recordings, samples, strict=True)
     )
     evidence = gather(samples, findings, explanation, numerics, held_out)
-    verdict = decide(evidence)
-    judged = _as_judged(held_out, samples, verdict)
-    found = recordings[0].rig.with_effects(verdict.model.effects)
-    unexplained = verdict.name == UNEXPLAINED
-    next_stage = 'describing the gap' if unexplained else 'looking for experiments that show more'
-    progress(next_stage, 0.95)
-    screening = levels.screening
-    remainder, partial = None, None
-    if unexplained:
-        remainder = describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
-        partial = partial_cause(recordings, levels, verdict.model, judged, excluded=excluded)
-        proposals = tell_kinds_apart(remainder, samples[0])
-    else:
-        proposals = propose(screening, findings, verdict, progress=progress)
-    return Diagnosis(
-        recordings=tuple(recordings),
-        samples=samples,
-        evidence=evidence,
-        verdict=verdict,
-        held_out=judged,
-        gap=gap.without_places() if verdict.name == NONE else gap,
-        strengths=smallest_strengths(screening),
-        proposals=proposals,
-        excluded=tuple(excluded),
-        remainder=remainder,
-        partial=partial,
-        rates=tuple(rates),
-        remarks=(
-            *unmeasured,
-            *untried_lines(findings),
-            *odd_lines(recordings, OF_TABLES),
-            *odd,
-            *averaged,
-            *odd_heads(found),
-        ),
-        seconds=time.perf_counter() - began,
+    return Judged(
+        recordings,
+        samples,
+        levels,
+        evidence,
+        held_out,
+        decide(evidence),
+        tuple(rates),
+        tuple(start.told(rates)),
     )
 
 

@@ -22,19 +22,6 @@ PENALTY_PER_PARAMETER = 1.08
 """Factor on the misfit of a judged fit for every parameter. A wrong effect with many parameters
 takes up some of the errors of the schemes, so that each must lower the misfit by this factor."""
 
-EXPLAINED_MISFIT = 0.5
-"""Normalised misfit below which a fit leaves nothing for a second effect. It lies slightly below
-the limit for a sufficient single effect, so that pairs are searched whenever a verdict may need
-one."""
-
-SMALL_GAP_MISFIT = 0.8
-"""Normalised misfit of the model without effects below which it counts as the best model: point
-spread and correction are then measured without any effect, which could adapt to the noise."""
-
-SURELY_NO_GAP_MISFIT = 0.2
-"""Normalised misfit of the model without effects below which the search ends early. It lies far
-below `NO_GAP_MISFIT`, so that no effect could change the verdict."""
-
 NEARLY_CLOSED_MISFIT = 1.5
 """Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
 enough to the observed ones for a multifidelity correction and an estimate of the point spread, and
@@ -50,6 +37,11 @@ cells. Above it fronts lie more than about half a cell apart, and the correction
 place, would miss them."""
 
 # Selection of the fits that go on
+
+BEAM = 3
+"""Number of the best that go on wherever the search branches: places where the fits of a leak or a
+zone start, bases of pairs and of triples, triples that are moved or taken apart, and refits. The
+linear response and coarse cells rank only roughly, so that the first need not be the right one."""
 
 CLOSE_TO_BEST = 1.5
 """Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
@@ -77,16 +69,7 @@ WELL_DISTANCE = 5.0
 """Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a
 wrong rate of that well."""
 
-# Places of a leak or a zone
-
-STARTING_PLACES = 3
-"""Number of places where fits of an effect start. The linear response on a coarse grid ranks places
-only roughly, so that the first one need not be the right one."""
-
 # Pairs
-
-PAIR_BASES = 3
-"""Largest number of single effects that get partners, in addition to the best judged one."""
 
 PAIR_PARTNERS = 4
 """Number of partners that are fitted together with each base, chosen by their linear response; it
@@ -120,34 +103,23 @@ no longer decreases."""
 RELOCATED_PAIRS = 2
 """Number of pairs with a leak or a zone that are tried at other places, and number of places."""
 
-RELOCATED_TRIPLES = 3
-"""Largest number of triples with a leak or a zone that are tried at other places. A place that was
-found without the third effect is wrong, and the true triple may then rank behind imitations. Each
-takes some 150 simulations."""
-
 PART_OF_A_TRIPLE = 0.2
 """Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
 looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
 3."""
 
-TRIPLE_BASES, GROUPS_AT_ONCE = 3, 10
-"""Number of single effects that get two more effects at once, and of groups of effects that are
-fitted together from the start; they bound the time. Linear responses rank groups only roughly."""
-
-TRIPLE_PAIRS = 3
-"""Number of pairs that get a third effect. The best one may be an imitation."""
+GROUPS_AT_ONCE = 10
+"""Number of groups of effects that are fitted together from the start; it bounds the time. Linear
+responses rank groups only roughly."""
 
 TIED_TRIPLE = 1.05
 """Ratio of the misfits of a triple and of the best one, on screening cells, below which both are
 judged although they share two effects: such cells cannot tell a porosity from a depth."""
 
-MOST_REFITS, LEAST_REFIT_GAIN = 3, 0.95
-"""Largest number of times that a judged triple is fitted again, and the ratio of its misfits above
-which it is fitted no more. Nine parameters need more iterations than two: they took a true triple
-from 1.54 to 1.41 of its limit."""
-
-TRIPLES_TAKEN_APART = 3
-"""Number of kept triples whose pairs are fitted alone, each in a refined and a judged fit."""
+LEAST_REFIT_GAIN = 0.95
+"""Ratio of the misfits of a judged triple that is fitted again above which it is fitted no more.
+Nine parameters need more iterations than two: they took a true triple from 1.54 to 1.41 of its
+limit."""
 
 REFINED_TRIPLES = 4
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
@@ -160,17 +132,14 @@ of unexplained gaps 0.98."""
 # Decision ---------------------------------------------------------------------------------------
 
 NO_GAP_MISFIT = 0.45
-"""Normalised misfit of the model without effects below which there is no gap. Most recordings
-without an effect stay below it: noise and the errors of the scheme leave that much. With sharp
-fronts between three sands one left 0.61."""
+"""Normalised misfit of the model without effects below which there is no gap. The search then ends
+early, and point spread and correction are measured without any effect, which could adapt to the
+noise. Most recordings without an effect stay below it: noise and the errors of the scheme leave
+that much. With sharp fronts between three sands one left 0.61."""
 
 SUFFICIENT_MISFIT = 0.53
-"""Normalised misfit above which a single effect does not explain the gap. True effects stay below
-it, effects that imitate a missing one seldom do."""
-
-SUFFICIENT_PAIR_MISFIT = 0.6
-"""The same threshold for a pair and a triple. It is higher because the scheme makes errors in all
-of their effects."""
+"""Normalised misfit above which effects do not explain the gap, and further ones are looked for.
+True effects stay below it, effects that imitate a missing one seldom do."""
 
 UNRESOLVED_SHARE = 0.04
 """Share of the normalised misfit of a large gap that even the true effect leaves: no scheme follows
@@ -207,7 +176,9 @@ scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance.
 
 RIVAL_LOG_ODDS = math.log(20.0)
 """Log-odds against a single effect below which it is compared on equal terms with the best one. The
-correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1."""
+correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1. An effect
+that was dropped before the final judgement has at least as much against it: the misfit on coarse
+cells alone does not prove more."""
 
 NEAR_EQUAL_LOG_ODDS = math.log(3.0)
 """Log-odds against a single effect below which the verdict lists it beside the named one. Nobody
@@ -240,11 +211,6 @@ MISSING_SLOPE = 4.0
 """Increase, per unit of log(lack of fit), of the log-odds that a model misses something. They are 0
 at a lack of fit of 1."""
 
-ORDER_LOG_ODDS, ORDER_SLOPE = 2.4, 8.0
-"""Log-odds that the first of two equally strong effects is the stronger one or as strong within
-10 %, and their increase per unit of log(ratio of strengths). Of 17 pairs with a ratio below 1.04
-none was named in a wrong order."""
-
 CALIBRATION_LOG_ODDS, CALIBRATION_SLOPE = 0.4, 8.0
 """Log-odds that effects make a gap of which the calibration explains as much, and their increase
 per unit of log(misfit that the effects explain / misfit that the calibration explains)."""
@@ -260,10 +226,6 @@ RIVAL_SLOPE = 1.6
 """Factor on the log-odds against a rival, on maps without shared errors. Of 20 blinded cases that
 stated 0.75 to 0.95 without it all were right."""
 
-SCREENED_LOG_ODDS = 3.0
-"""Least log-odds against an effect that was dropped before the final judgement. Its misfit on
-coarse cells alone does not prove more than 1 : 20."""
-
 SINGLE_SHARE_RANGE = (1e-3, 1 - 1e-3)
 """Range of the probability of the best single effect, so that its log-odds stay within 7."""
 
@@ -273,9 +235,10 @@ LEAST_LOG_ODDS = -60.0
 CONFIDENCE_RANGE = (0.05, 0.99)
 """Least and greatest confidence that is stated: a few hundred cases cannot prove more."""
 
-CONTRADICTED_CONFIDENCE = 0.6
-"""Confidence in `unexplained` where the misfit at the fronts names an effect and the held-out maps
-contradict it."""
+OPEN_CONFIDENCE = 0.6
+"""Largest confidence where the evidence leaves a question open: held-out maps that contradict what
+the fronts name, a leak or a zone without a place, a clock where tracer from before the recording
+makes the same maps, a picture of an odd size."""
 
 LOST_PLACE = 0.25
 """Half width of the 90 % interval of a place, relative to the rig, above which a leak or a zone is
@@ -287,17 +250,10 @@ PLACING_MISFIT = 0.6
 place of a true leak or zone is known. A true leak at the limit of what can be seen had 0.41, the
 two leaks that imitated a flow 0.85."""
 
-LOST_PLACE_CONFIDENCE = 0.6
-"""Confidence in `unexplained` where leaks or zones without a place would close the gap, and the
-largest one in a leak or a zone whose place a weak gap leaves open."""
-
-OPEN_CLOCK_CONFIDENCE = 0.6
-"""Largest confidence in a late clock where tracer from before the recording makes the same maps."""
-
-MOST_SCALE_ERROR, ODD_SIZE_CONFIDENCE = 0.02, 0.6
-"""Deviation of the size of a picture [-] that a person who marks the corners would see, and the
-largest confidence in one that is larger. People read corners to 0.3 % of the width. A shifted
-picture with four free parameters imitated immobile water and a displaced well with 2.5 %."""
+MOST_SCALE_ERROR = 0.02
+"""Deviation of the size of a picture [-] that a person who marks the corners would see. People read
+corners to 0.3 % of the width. A shifted picture with four free parameters imitated immobile water
+and a displaced well with 2.5 %."""
 
 WORSENED = 1.02
 """Ratio of the held-out errors with and without the named effects above which the maps contradict

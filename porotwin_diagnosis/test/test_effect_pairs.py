@@ -17,7 +17,7 @@ from porotwin_diagnosis.search.effect_pairs import (
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import score
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, PAIR_BASES
+from porotwin_diagnosis.thresholds import BEAM, EXCHANGE_MISFIT
 
 SCREENED = [
     fit_of(name, misfit=misfit)
@@ -50,7 +50,7 @@ def test_the_best_judged_effect_is_a_base_whatever_its_rank_on_coarse_cells():
 def test_the_best_judged_effect_is_not_a_base_twice():
     names, with_all_partners = base_names('registration')
     assert names == ['registration', 'background_flow', 'leak']
-    assert (len(names), with_all_partners) == (PAIR_BASES, 1)
+    assert (len(names), with_all_partners) == (BEAM, 1)
 
 
 def test_a_judged_effect_that_was_not_screened_is_no_base():

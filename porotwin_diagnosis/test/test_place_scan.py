@@ -12,7 +12,7 @@ from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
-from porotwin_diagnosis.thresholds import STARTING_PLACES
+from porotwin_diagnosis.thresholds import BEAM
 
 
 def test_a_leak_within_the_plume_is_found_at_its_place(tmp_path):
@@ -20,7 +20,7 @@ def test_a_leak_within_the_plume_is_found_at_its_place(tmp_path):
     leak = EffectDescription(name='leak', parameters={'x': 0.23, 'z': 0.3, 'rate': -22.0})
     sample = sample_of(recorded(tmp_path / 'recording', leak))
     starts = promising_starts([Forward(sample)], 'leak')
-    assert len(starts) == STARTING_PLACES
+    assert len(starts) == BEAM
     start = starts[0].described(starts[0].first).parameters
     assert np.hypot(float(start['x']) - 0.23, float(start['z']) - 0.3) < 0.06
     assert -40.0 < float(start['rate']) < -10.0

@@ -7,7 +7,7 @@ import pytest
 from diagnosis_examples import fit_of
 
 from porotwin_diagnosis.decision.probabilities import effect_probabilities, stated_probabilities
-from porotwin_diagnosis.decision.verdict import Doubt, Verdict
+from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.prior import Prior
@@ -61,8 +61,6 @@ def test_what_looks_the_same_in_the_second_place_shares_its_confidence():
     found = stated_probabilities(verdict, NAMES)
     assert found['leak'] == found['clock'] == pytest.approx(0.4)
     assert found['rate'] > 0.0
-    ordered = stated_probabilities(replace(verdict, doubt=Doubt.ORDER), NAMES)
-    assert ordered == found | {'rate': 0.0, 'depth': 0.0}, 'only the order is in doubt'
 
 
 def test_an_earlier_finding_changes_the_odds_of_effects_that_look_alike():

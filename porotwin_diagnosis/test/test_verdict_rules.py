@@ -339,19 +339,6 @@ def test_a_fingering_model_may_leave_more_by_its_fingering_amplification():
     assert verdict_on(found).name == 'viscosity'
 
 
-def test_a_pair_whose_measures_of_strength_disagree_has_a_lower_confidence():
-    parts = (('dispersion', 0.05), ('registration', 0.08))
-    pair = (('dispersion', 'registration'), 0.45)
-    found = findings(5.0, ('dispersion', 2.5), pairs=[pair], parts=parts)
-    found = replace(found, null=replace(found.null, held_out_error=0.2))
-    found = replace(found, part_changes=[4.0, 2.0])
-    agreed = verdict_on(found)
-    found = replace(found, part_changes=[2.0, 2.4])
-    disputed = verdict_on(found)
-    assert agreed.members == disputed.members == ('dispersion', 'registration')
-    assert disputed.confidence < 0.93 < agreed.confidence
-
-
 def with_third(misfit, **third):
     """Return findings where a pair leaves a gap, and a triple leaves `misfit`."""
     parts = (('leak', 0.05), ('rate', 0.08), ('decay', 0.1))

@@ -6,7 +6,7 @@ log-odds. Their limits were fitted to blinded cases, one kind of statement at a 
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import numpy as np
 
@@ -24,8 +24,6 @@ from porotwin_diagnosis.thresholds import (
     NO_GAP_LOG_ODDS,
     NO_GAP_MISFIT,
     NO_GAP_SLOPE,
-    ORDER_LOG_ODDS,
-    ORDER_SLOPE,
     RIVAL_SLOPE,
     SINGLE_SHARE_RANGE,
     SLOPE_BESIDE_SHARED,
@@ -89,24 +87,6 @@ def sufficient_log_odds(lack_of_fit: float, *, shared_errors: bool = False) -> f
 def missing_log_odds(lack_of_fit: float) -> float:
     """Return the log-odds that a model with this `lack_of_fit` misses something."""
     return MISSING_SLOPE * math.log(lack_of_fit)
-
-
-def order_log_odds(members: Sequence[str], findings: Findings) -> float:
-    """Return the log-odds that the first of the `members` is the strongest effect.
-
-    The smaller ratio of the two measures of strength counts. So the order is uncertain if effects
-    are equally strong or if the measures disagree. The log-odds are infinite if the strengths are
-    unknown, or if all members are the same effect.
-    """
-    strength = {fit.members[0].effect: both for fit, both in reversed(strengths(findings))}
-    others = [name for name in members if name != members[0]]
-    if set(strength) != set(members) or not others:
-        return math.inf
-    first = strength[members[0]]
-    ratio = min(
-        one / other for name in others for one, other in zip(first, strength[name], strict=True)
-    )
-    return ORDER_LOG_ODDS + ORDER_SLOPE * max(0.0, math.log(ratio))
 
 
 def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:

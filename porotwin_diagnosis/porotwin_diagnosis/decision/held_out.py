@@ -5,6 +5,7 @@ relative L2 norms over the last 30 % of a recording, which no fit has seen.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -121,11 +122,16 @@ class HeldOut:
 
 
 def measure_held_out(
-    recording: Recording, sample: Sample, model: Fit, numerics: Numerics
+    recording: Recording,
+    sample: Sample,
+    model: Fit,
+    numerics: Numerics,
+    crew: Executor | None = None,
 ) -> HeldOut:
     """Return the held-out part of `recording` without and with the effects of `model`.
 
     The blur is the one with the smallest difference of the prediction after and the observed maps.
+    `crew` runs the simulations; None: the caller does.
 
     Raises:
         InputError: the model cannot run with the effects of `model`.
@@ -135,12 +141,12 @@ def measure_held_out(
     assert recording.maps is not None
     observed = np.stack([recording.maps[int(index)] for index in chosen]).astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
-    before, after = map(part.at_scale, before_and_after(part, model, numerics))
+    before, after = map(part.at_scale, before_and_after(part, model, numerics, crew))
     width = measure_point_spread_width(observed, after, sample.noise)
     frames = held_out_frames(sample)
     places = [int(np.abs(part.times - time).argmin()) for time in frames.times]
     cells = preset_named(ACCURATE).refinement(sample.grid)
-    coarse = Forward(coarsened(frames, COARSER), preset=ACCURATE, refinement=cells)
+    coarse = Forward(coarsened(frames, COARSER), preset=ACCURATE, refinement=cells, crew=crew)
     return HeldOut(
         recording.times[chosen],
         observed,

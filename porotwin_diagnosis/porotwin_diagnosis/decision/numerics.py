@@ -5,6 +5,7 @@ of the gap, and a fitted diffusion shows its size.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,18 +101,18 @@ def _misfit(samples: Sequence[Sample], effects: Sequence[EffectDescription], pre
 
 
 def before_and_after(
-    sample: Sample, model: Fit, numerics: Numerics
+    sample: Sample, model: Fit, numerics: Numerics, crew: Executor | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the predicted maps of `sample` before and after the gap is closed, (nt, nz, nx) each.
 
     Before: the configured scheme without effects. After: the accurate scheme with the effects of
     `model`. Both are the same if neither effects nor numerical diffusion were found.
     """
-    accurate = Forward(sample, preset=ACCURATE)
+    accurate = Forward(sample, preset=ACCURATE, crew=crew)
     after = np.clip(accurate.maps(model.effects), 0.0, 1.0)
     if numerics.preset == ACCURATE:
         return accurate.maps(()), after
-    before = Forward(sample, preset=numerics.preset).maps(())
+    before = Forward(sample, preset=numerics.preset, crew=crew).maps(())
     return before, after if model.members or numerics.smears else before
 
 

@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
-from porotwin_diagnosis.decision.verdict import NONE, Doubt, Verdict
+from porotwin_diagnosis.decision.verdict import NONE, Verdict
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
-from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
+from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, RIVAL_LOG_ODDS
 
 
 def effect_probabilities(findings: Findings) -> dict[str, float]:
@@ -19,7 +19,7 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
 
     - For a judged effect they follow from its misfit. They are 0 if it looks the same as the best.
     - For an effect that was only screened they follow from its misfit on coarse cells. They are at
-      least `SCREENED_LOG_ODDS`. The best effect may fit on fine cells only, where its place was
+      least `RIVAL_LOG_ODDS`. The best effect may fit on fine cells only, where its place was
       found. So the misfit on fine cells is estimated too. The model without effects has a misfit
       there, and the effect leaves the same share of it as on coarse cells.
 
@@ -41,7 +41,7 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
         against = max(
             log_odds_against(larger_misfit(fit), best_screened),
             log_odds_against(_misfit_on_fine_cells(fit, findings), best),
-            SCREENED_LOG_ODDS,
+            RIVAL_LOG_ODDS,
         )
         log_odds.setdefault(fit.members[0].effect, -against)
         believed.setdefault(fit.members[0].effect, prior.belief(fit))
@@ -74,9 +74,9 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
       probabilities alone, or equally beside other effects, where those say nothing.
     - The second member of a pair has the confidence of the pair. Those that look the same in its
       place share it.
-    - If only the order of the members is in doubt, all other effects have none. Otherwise they
-      share the rest, 1 - confidence, but at most their probability alone. This also holds if the
-      verdict names no effect. The missing part to 1 stands for causes outside the library.
+    - All other effects share the rest, 1 - confidence, but at most their probability alone. This
+      also holds if the verdict names no effect. The missing part to 1 stands for causes outside the
+      library.
     """
     alone = {name: verdict.probabilities.get(name, 0.0) for name in names}
     same = [name for name in (verdict.name, *verdict.inseparable) if name in alone]
@@ -91,6 +91,5 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
         for name in options - {*stated}:
             stated[name] = verdict.confidence / len(options)
     others = [name for name in names if name not in stated]
-    rest = 0.0 if verdict.doubt is Doubt.ORDER else 1.0 - verdict.confidence
-    scale = rest / max(sum(alone[name] for name in others), 1e-12)
+    scale = (1.0 - verdict.confidence) / max(sum(alone[name] for name in others), 1e-12)
     return stated | {name: alone[name] * min(scale, 1.0) for name in others}

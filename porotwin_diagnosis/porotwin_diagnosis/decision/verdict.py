@@ -23,7 +23,6 @@ class Doubt(StrEnum):
     RIVAL = 'rival'
     REMAINDER = 'remainder'
     FEWER = 'fewer'
-    ORDER = 'order'
     CONTRADICTED = 'contradicted'
     PLACE = 'place'
     START = 'start'

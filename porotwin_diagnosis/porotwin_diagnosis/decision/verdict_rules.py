@@ -5,7 +5,6 @@ from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
-    order_log_odds,
     pair_distance,
     pair_log_odds,
     rival_log_odds,
@@ -27,10 +26,7 @@ from porotwin_diagnosis.search.ranking import (
     swallowed_misfit,
 )
 from porotwin_diagnosis.thresholds import (
-    CONTRADICTED_CONFIDENCE,
-    LOST_PLACE_CONFIDENCE,
-    ODD_SIZE_CONFIDENCE,
-    OPEN_CLOCK_CONFIDENCE,
+    OPEN_CONFIDENCE,
     SCANT_CONFIDENCE,
     SINGLE_SHARE_RANGE,
 )
@@ -46,10 +42,10 @@ def decide(evidence: Evidence) -> Verdict:
     3. The held-out maps contradict the best model: `unexplained`.
     4. A leak or a zone of the best model may lie almost anywhere: `unexplained`. It imitates
        something that acts in the whole rig. If the gap in the fitted part is weak, the place of a
-       true one is open too: it is named, with `LOST_PLACE_CONFIDENCE` at most.
+       true one is open too: it is named, with `OPEN_CONFIDENCE` at most.
     5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
-       clock has `OPEN_CLOCK_CONFIDENCE` at most if tracer from before the recording makes the same
-       maps, a shifted picture `ODD_SIZE_CONFIDENCE` if its size is far off.
+       clock has `OPEN_CONFIDENCE` at most if tracer from before the recording makes the same
+       maps, a shifted picture `OPEN_CONFIDENCE` if its size is far off.
 
     On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
     """
@@ -60,9 +56,9 @@ def decide(evidence: Evidence) -> Verdict:
         name, doubt = UNEXPLAINED, Doubt.REMAINDER
         sure = confidence(missing_log_odds(explanation.lack_of_fit))
     elif members and evidence.contradicted:
-        name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, CONTRADICTED_CONFIDENCE
+        name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, OPEN_CONFIDENCE
     elif members and evidence.has_lost_place:
-        name, doubt, sure = UNEXPLAINED, Doubt.PLACE, LOST_PLACE_CONFIDENCE
+        name, doubt, sure = UNEXPLAINED, Doubt.PLACE, OPEN_CONFIDENCE
     else:
         name = members[0] if members else NONE
         log_odds, doubt = min(_statements(evidence, probabilities))
@@ -91,9 +87,9 @@ def decide(evidence: Evidence) -> Verdict:
 def _open_questions(evidence: Evidence) -> list[tuple[bool, Doubt, float]]:
     """Return what may limit the confidence in named effects: whether it applies, and the limit."""
     return [
-        (evidence.leaves_place_open, Doubt.PLACE, LOST_PLACE_CONFIDENCE),
-        (evidence.has_open_clock, Doubt.START, OPEN_CLOCK_CONFIDENCE),
-        (evidence.has_odd_size, Doubt.SIZE, ODD_SIZE_CONFIDENCE),
+        (evidence.leaves_place_open, Doubt.PLACE, OPEN_CONFIDENCE),
+        (evidence.has_open_clock, Doubt.START, OPEN_CONFIDENCE),
+        (evidence.has_odd_size, Doubt.SIZE, OPEN_CONFIDENCE),
     ]
 
 
@@ -122,8 +118,7 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     - One effect: that it is the right one, and that it is enough. The first one is left out if no
       other explanation is left: the library holds nothing to doubt it by.
     - A pair or a triple: that it is the right one, that fewer effects are not enough (a further one
-      may stand for something that the library lacks), which one is the strongest, and that it is
-      enough.
+      may stand for something that the library lacks), and that it is enough.
     """
     findings, kept = evidence.findings, evidence.explanation
     null = findings.null
@@ -152,7 +147,6 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     return [
         (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
         (needed, Doubt.FEWER),
-        (order_log_odds(kept.members, findings), Doubt.ORDER),
         *enough,
     ]
 

@@ -22,8 +22,6 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.RIVAL: _rival(verdict),
         Doubt.REMAINDER: _remainder(verdict.name, lack),
         Doubt.FEWER: 'whether fewer effects are enough',
-        Doubt.ORDER: 'which of the named effects is the strongest: they change the maps about '
-        'equally much. That all of them act is surer',
         Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
         Doubt.PLACE: 'the best model has a leak or a zone that may lie almost anywhere, so that it '
         'imitates something that acts in the whole rig'

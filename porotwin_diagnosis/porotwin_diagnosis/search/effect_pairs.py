@@ -26,12 +26,12 @@ from porotwin_diagnosis.search.ranking import (
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace, place_starts
 from porotwin_diagnosis.thresholds import (
+    BEAM,
     EXCHANGE_MISFIT,
     JUDGED_FITS,
     MOST_EXCHANGES,
     NEARLY_CLOSED_MISFIT,
     PAIR_BASE_MISFIT,
-    PAIR_BASES,
     PAIR_PARTNERS,
     PAIR_PENALTY_PER_PARAMETER,
     PARTNER_GAIN_PER_PARAMETER,
@@ -112,7 +112,7 @@ def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
     """
     singles = first_of_each_effect(screened)
     limit = PAIR_BASE_MISFIT * score(singles[0])
-    close = [fit for fit in singles if score(fit) < limit][:PAIR_BASES]
+    close = [fit for fit in singles if score(fit) < limit][:BEAM]
     judged = [fit for fit in singles if effect_and_well(fit) == effect_and_well(best)]
     others = [fit for fit in close if effect_and_well(fit) != effect_and_well(best)]
     return judged + others, 1 if singles[0] in judged else 2

@@ -8,7 +8,7 @@ cells.
 4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`), and
    if no pair closes it, a third effect is added to the best one (`third_effect`).
 
-If the model without effects surely leaves no gap, the search ends early: effects without a place
+If the model without effects leaves no gap, the search ends early: effects without a place
 are screened, and the best one is judged.
 """
 
@@ -60,8 +60,8 @@ from porotwin_diagnosis.search.third_effect import (
 )
 from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
+    NO_GAP_MISFIT,
     REFINED_FITS,
-    SURELY_NO_GAP_MISFIT,
 )
 
 SoFar = Callable[[Fit, Fit], None]
@@ -114,9 +114,9 @@ def search_effects(
     if score(null) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
     corrected = levels.corrected_at(null)
-    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < SURELY_NO_GAP_MISFIT:
+    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < NO_GAP_MISFIT:
         found = _found_no_gap(corrected, space)
-        if normalised_misfit(found.findings.null) < SURELY_NO_GAP_MISFIT:
+        if normalised_misfit(found.findings.null) < NO_GAP_MISFIT:
             return found
     screened_null = levels.screening.evaluate((), np.zeros(0))
     screened = screened_singles(levels, space, lambda best: so_far(screened_null, best))

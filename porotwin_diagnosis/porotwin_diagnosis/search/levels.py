@@ -44,7 +44,7 @@ from porotwin_diagnosis.thresholds import (
     CORRECTED_MISFIT,
     JUDGED_FITS,
     NEARLY_CLOSED_MISFIT,
-    SMALL_GAP_MISFIT,
+    NO_GAP_MISFIT,
     WELL_DISTANCE,
 )
 
@@ -189,7 +189,10 @@ class Levels:
         Raises:
             InputError: the model cannot run with this fit.
         """
-        forwards = [_with_own_point_spread(forward, fit) for forward in self.judging.forwards]
+        forwards = [
+            replace(forward, point_spread_width=own_point_spread_width(forward, fit))
+            for forward in self.judging.forwards
+        ]
         return replace(self, judging=replace(self.judging, forwards=forwards))
 
     def refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
@@ -233,7 +236,7 @@ class Levels:
 
         Every fit that leaves little of the gap is judged on levels corrected at itself, the others
         on levels corrected at the best model. The best model is the first fit, or `null` if that
-        leaves a small gap. The returned levels are corrected at it. `begin` is the progress at the
+        leaves no gap. The returned levels are corrected at it. `begin` is the progress at the
         beginning.
 
         Raises:
@@ -241,7 +244,7 @@ class Levels:
         """
         if not fits:
             return Judgement(self, [])
-        best = null if normalised_misfit(null) < SMALL_GAP_MISFIT else fits[0]
+        best = null if normalised_misfit(null) < NO_GAP_MISFIT else fits[0]
         levels = self.with_point_spread_of(best)
         closing = [fit for fit in fits if normalised_misfit(fit) <= CORRECTED_MISFIT]
         others = [fit for fit in fits if normalised_misfit(fit) > CORRECTED_MISFIT]
@@ -353,8 +356,8 @@ def make_levels(
     )
 
 
-def _with_own_point_spread(forward: Forward, fit: Fit) -> Forward:
-    """Return `forward` with the point spread width that suits `fit` best.
+def own_point_spread_width(forward: Forward, fit: Fit) -> float:
+    """Return the point spread width [cells] of `forward` that suits `fit` best.
 
     Raises:
         InputError: the model cannot run with this fit.
@@ -370,7 +373,7 @@ def _with_own_point_spread(forward: Forward, fit: Fit) -> Forward:
         method='bounded',
         options={'xatol': POINT_SPREAD_TOLERANCE},
     )
-    return replace(forward, point_spread_width=float(found.x))
+    return float(found.x)
 
 
 def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:

@@ -23,7 +23,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, effects_at
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import search_context
-from porotwin_diagnosis.thresholds import STARTING_PLACES
+from porotwin_diagnosis.thresholds import BEAM
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.candidate import Candidate, PlaceSearch
 from porotwin_solver.model.simulation import simulate
@@ -185,7 +185,7 @@ def _best_apart(
             continue
         if all(_distance(trial, other) > LEAST_DISTANCE * distance for other in best):
             best.append(with_strength(trial, factor))
-        if len(best) == STARTING_PLACES:
+        if len(best) == BEAM:
             break
     return best
 

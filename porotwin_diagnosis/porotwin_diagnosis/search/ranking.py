@@ -25,7 +25,6 @@ from porotwin_diagnosis.thresholds import (
     BARELY_SUFFICIENT,
     CLOSE_TO_BEST,
     COMBINATION_GAIN,
-    EXPLAINED_MISFIT,
     FAR_LESS,
     NO_GAP_MISFIT,
     NOISE_UNCERTAINTY,
@@ -33,7 +32,6 @@ from porotwin_diagnosis.thresholds import (
     PENALTY_PER_PARAMETER,
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
-    SUFFICIENT_PAIR_MISFIT,
     SURELY_SUFFICIENT_PAIR,
     SURELY_UNRESOLVED_SHARE,
     SYSTEMATIC_MISFIT,
@@ -111,12 +109,11 @@ def lack_of_fit(model: Fit, null: Fit, unresolved: float = UNRESOLVED_SHARE) -> 
 
     lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
     and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
-    The limit is `SUFFICIENT_MISFIT` (of several effects `SUFFICIENT_PAIR_MISFIT`), u is
-    `unresolved`, and e is `SCHEME_SHARE`.
+    The limit is `SUFFICIENT_MISFIT`, u is `unresolved`, and e is `SCHEME_SHARE`.
     """
-    limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
     left = unresolved * normalised_misfit(null)
-    return normalised_misfit(model) / math.hypot(limit, left, _unknown_of_the_scheme(model))
+    unknown = _unknown_of_the_scheme(model)
+    return normalised_misfit(model) / math.hypot(SUFFICIENT_MISFIT, left, unknown)
 
 
 def surely_suffices(model: Fit, null: Fit) -> bool:
@@ -133,9 +130,9 @@ def simplicity(fit: Fit) -> float:
 def leaves_a_gap(fit: Fit) -> bool:
     """Return whether the judged `fit` leaves something for a further effect.
 
-    It does above `EXPLAINED_MISFIT` and the unknown share of the errors of the scheme.
+    It does above `SUFFICIENT_MISFIT` and the unknown share of the errors of the scheme.
     """
-    return normalised_misfit(fit) > math.hypot(EXPLAINED_MISFIT, _unknown_of_the_scheme(fit))
+    return normalised_misfit(fit) > math.hypot(SUFFICIENT_MISFIT, _unknown_of_the_scheme(fit))
 
 
 def may_need_a_second_effect(single: Fit, null: Fit) -> bool:

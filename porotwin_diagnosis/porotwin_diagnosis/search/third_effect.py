@@ -42,21 +42,17 @@ from porotwin_diagnosis.search.ranking import (
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
+    BEAM,
     COMBINATION_GAIN,
     CORRECTABLE_MISFIT,
     EXCHANGE_MISFIT,
     FAR_LESS,
     HOPEFUL_TRIPLE,
     LEAST_REFIT_GAIN,
-    MOST_REFITS,
     PAIR_PENALTY_PER_PARAMETER,
     PART_OF_A_TRIPLE,
     REFINED_TRIPLES,
-    RELOCATED_TRIPLES,
     TIED_TRIPLE,
-    TRIPLE_BASES,
-    TRIPLE_PAIRS,
-    TRIPLES_TAKEN_APART,
 )
 
 
@@ -93,7 +89,7 @@ def judged_pairs_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Ju
         InputError: the model cannot run with one of the fits.
     """
     pairs: Combinations = {}
-    for triple in triples[:TRIPLES_TAKEN_APART]:
+    for triple in triples[:BEAM]:
         for _left_out, pair in each_left_out(levels, triple):
             pairs.setdefault(member_labels(pair.members), pair)
     judged = levels.judged(levels.refined(list(pairs.values()), 0.88), 0.88)
@@ -120,7 +116,7 @@ def _converged(levels: Levels, fit: Fit) -> Fit:
     Raises:
         InputError: the model cannot run with `fit`.
     """
-    for _ in range(MOST_REFITS):
+    for _ in range(BEAM):
         near = levels.with_corrected_coarse_cells(fit.effects)
         again = near.judged(near.refined([fit], 0.84), 0.85)
         if not again or score(again[0]) > LEAST_REFIT_GAIN * score(fit):
@@ -139,7 +135,7 @@ def bases_of_triples(pairs: Sequence[Fit]) -> list[Fit]:
         labels = member_labels(pair.members)
         if all(labels.isdisjoint(member_labels(base.members)) for base in bases[1:]):
             bases.append(pair)
-    return bases[:TRIPLE_PAIRS]
+    return bases[:BEAM]
 
 
 def distinct(triples: Sequence[Fit]) -> list[Fit]:
@@ -184,7 +180,7 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
         partners = best_partners(levels, space, base, known, with_places=True)
         triples |= combined_fits(levels, base, partners, triples.keys())
     singles, _ = pair_bases(findings.singles[0], known)
-    for number, single in enumerate(singles[:TRIPLE_BASES]):
+    for number, single in enumerate(singles[:BEAM]):
         levels.progress(f'two more effects beside {single.label}', 0.64 + 0.03 * number)
         couples = groups_beside(levels, space, single, known, 2)
         triples |= extended_fits(levels, single, couples, triples.keys())
@@ -194,6 +190,6 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
         key = member_labels(fit.members)
         triples[key] = min(fit, triples.get(key, fit), key=score)
     local = [fit for fit in triples.values() if any(has_place(m.effect) for m in fit.members)]
-    moved = {member_labels(fit.members): fit for fit in distinct(local)[:RELOCATED_TRIPLES]}
-    triples |= relocated(levels, moved, RELOCATED_TRIPLES, space.local_effects)
+    moved = {member_labels(fit.members): fit for fit in distinct(local)[:BEAM]}
+    triples |= relocated(levels, moved, BEAM, space.local_effects)
     return list(triples.values())

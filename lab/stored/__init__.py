@@ -1,0 +1,1 @@
+"""Recordings whose truth is known, with all simulations of their diagnosis, to judge rules by."""
