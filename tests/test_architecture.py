@@ -46,7 +46,6 @@ ROS_SHELLS = {
     'porotwin_cli/live_confirmation.py': 'answers a running graph',
     'porotwin_cli/live_diagnosis.py': 'asks a running graph',
     'porotwin_cli/live_node.py': 'the node of a command',
-    'porotwin_cli/live_confirmation.py': 'answers a running graph',
     'porotwin_cli/live_mend.py': 'answers a running graph',
 }
 """Modules beside *_node.py that may know ROS, and why."""

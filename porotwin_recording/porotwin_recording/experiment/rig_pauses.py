@@ -3,8 +3,6 @@
 They are a text in the metadata of the channel of `rig/description`.
 """
 
-import json
-
 import pydantic
 
 from porotwin_core.basis.errors import InputError
