@@ -31,7 +31,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from porotwin_core.ros.node import ensure_diagnostics, rules_of
@@ -65,10 +65,11 @@ nodes. `docs/make_nodes.py` writes it from the running nodes. Names are relative
 `/porotwin`. `/clock` and `/diagnostics` are global. Units are SI. Every node also has the parameter
 `use_sim_time`.
 
-The quality of service of a topic names its reliability, the depth of its queue and its durability.
-*Transient local* means that a late subscriber gets the last messages; otherwise it gets none. Where
-two are named, publisher and subscriber differ. `porotwin_core/porotwin_core/ros/qos.py` gives the
-reasons.
+The quality of service of a topic names the depth of its queue. It is reliable unless *best effort*
+is named. *Latched* (transient local) means that a late subscriber gets the last messages; otherwise
+it gets none. Where two are named, publisher and subscriber differ.
+`porotwin_core/porotwin_core/ros/qos.py` gives the reasons. A value in code font is the default of
+its parameter.
 
 `./porotwin up` starts all nodes. To start one node alone:
 
@@ -144,8 +145,9 @@ def short(name: str) -> str:
 def quality(end: Publisher | Subscription) -> str:
     """Return the reliability, depth and durability of a publisher or subscriber, in words."""
     profile = end.qos_profile
-    late = ', transient local' if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else ''
-    return f'{profile.reliability.name.lower().replace("_", " ")}, depth {profile.depth}{late}'
+    late = ', latched' if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else ''
+    best = '' if profile.reliability == ReliabilityPolicy.RELIABLE else 'best effort, '
+    return f'{best}depth {profile.depth}{late}'
 
 
 def interfaces(node: Node) -> Rows:
@@ -186,7 +188,6 @@ def parameters(node: Node) -> Rows:
         if '/' in default and name != 'topics':
             default = 'needed'
         allowed = descriptor.additional_constraints
-        default = default if default in ('', 'needed') else f'default {default}'
         values = ', '.join(filter(None, (kind, default, allowed)))
         rows.append((f'`{name}`', values, descriptor.description))
     return rows
