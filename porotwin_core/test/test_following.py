@@ -157,7 +157,7 @@ def test_no_setpoint_is_believed_of_a_stranger_that_has_left(nodes: Callable[[st
 
 
 class LateListener:
-    """A node that follows the latched topic `asset/experiment` and keeps what it takes."""
+    """Follows the latched topic `asset/experiment`, and keeps the names in its messages."""
 
     def __init__(self, node: Any) -> None:
         self.taken: list[str] = []

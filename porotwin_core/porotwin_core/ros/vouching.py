@@ -69,7 +69,7 @@ class Voucher:
         self._publisher.publish(told)
 
     def ask(self, client: Any, service: str, request: Any, longest_s: float, **options: Any) -> Any:
-        """Vouch for a `request` by `client`, and return what `twin_answer_within` returns."""
+        """Vouch for a `request` by `client`; return the answer as `twin_answer_within` does."""
         self.vouch(service, request)
         return twin_answer_within(self._node, client, request, longest_s, **options)
 
