@@ -120,7 +120,8 @@ def test_a_source_survives_the_wire_in_double_precision() -> None:
 
 
 def test_a_plan_and_a_cost_term_survive_the_wire() -> None:
-    plan = (RateStep(0.0, {'a': WellRate(1e-8)}), RateStep(60.0, {'a': WellRate(2e-8, 1.0)}))
+    later = {'a': WellRate(2e-8, 1.0), 'left': WellRate(rise=0.01)}
+    plan = (RateStep(0.0, {'a': WellRate(1e-8)}), RateStep(60.0, later))
     assert conversions.plan_from_msg(conversions.plan_to_msg(plan)) == plan
     weights = np.random.default_rng(2).random(GRID.shape)
     message = conversions.cost_term_to_msg(CostTerm(5.0, 9.0, quadratic=weights))
@@ -169,11 +170,16 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
             'right': 'open',
             'heads_m': {'left': 0.5, 'right': 0.48},
         },
+<<<<<<< HEAD
         'wells': {
             'a': {'x_m': 0.2, 'z_m': 0.2},
             'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01},
             'c': {'x_m': 0.4, 'z_m': 0.3, 'rate_prior_ml_h': [50, 200]},
         },
+=======
+        'levels': {'left': {'points': [[5, 0.51], [5, '49 cm']], 'every_min': 7.5}},
+        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}, 'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01}},
+>>>>>>> 6ca5e2025afc260bf16e9dfc01a4db24cfc6abe4
         'camera': {
             'corners_px': [[11, 8], [16, 1755], [3165, 1748], [3165, 5]],
             'curvature': {'vertical_bulge': -2.73e-8},

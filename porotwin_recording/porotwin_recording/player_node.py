@@ -109,8 +109,7 @@ OpenBagFn = Callable[[str], BagReader]
 
 
 class PlayerNode(TwinNode):
-    """Publishes the messages of a bag, byte for byte, at their log times. Measured
-    rates of an older version get the installed one.
+    """Publishes the messages of a bag, byte for byte, at their log times.
 
     The process ends with the bag unless the parameter `loop` is set. The parameter `lockstep`
     names a topic whose messages begin with a header, for example hub/cycle. Then the player waits
