@@ -21,13 +21,13 @@ from porotwin_solver.model.model import Model
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
+from builtin_interfaces.msg import Duration  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 
 from porotwin_core.ros import qos  # noqa: E402
 from porotwin_core.ros.conversions import (  # noqa: E402
     cost_term_to_msg,
-    duration_to_msg,
     effect_to_msg,
     header_at,
     plan_to_msg,
@@ -58,6 +58,8 @@ pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
 """Longest wait for an answer [s]; the first start compiles the kernels."""
+
+STEP, LONG = Duration(sec=30), Duration(sec=29_000_000)
 
 SCRIPT = 'from porotwin_solver.solver_node import main; main()'
 
@@ -157,9 +159,7 @@ def model(rig_file: Path) -> Model:
 def test_predictions_equal_those_of_the_model(client: Client, model: Model, rates: Any) -> None:
     state = client.call(InitialCondition, 'initial_condition').state
     commanded = rates_to_msg(rates)
-    answer = client.call(
-        Predict, 'predict', previous=state, wells=commanded, time_step=duration_to_msg(30.0)
-    )
+    answer = client.call(Predict, 'predict', previous=state, wells=commanded, time_step=STEP)
     assert answer.outcome.code == Outcome.OK
     predicted, grid = tracer_from_msg(answer.predicted)
     assert grid == model.grid
@@ -180,16 +180,11 @@ def test_correct_undoes_residual_over_the_wire(client: Client, model: Model, rat
         previous=previous,
         next=tracer_to_msg(observed, model.grid, 130.0),
         wells=commanded,
-        time_step=duration_to_msg(30.0),
+        time_step=STEP,
     ).residual
     assert np.abs(source_from_msg(residual)[0]).max() > 0.0
     corrected = client.call(
-        Correct,
-        'correct',
-        previous=previous,
-        source=residual,
-        wells=commanded,
-        time_step=duration_to_msg(30.0),
+        Correct, 'correct', previous=previous, source=residual, wells=commanded, time_step=STEP
     ).corrected
     np.testing.assert_allclose(tracer_from_msg(corrected)[0], observed, atol=1e-7)
 
@@ -203,7 +198,7 @@ def test_correct_after_predict_equals_the_model_to_the_bit(
     request = {
         'previous': tracer_to_msg(before, model.grid, 100.0),
         'wells': rates_to_msg(rates),
-        'time_step': duration_to_msg(30.0),
+        'time_step': STEP,
     }
     source = source_to_msg(sigma, model.grid, 130.0)
     client.call(Predict, 'predict', **request)
@@ -246,44 +241,23 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
     foreign = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
     foreign.header.frame_id = 'map'
     for fields, text in (
+        ({'previous': holes, 'wells': wells, 'time_step': STEP}, '589 cells are not finite'),
+        ({'previous': small, 'wells': wells, 'time_step': STEP}, 'the solver runs on 31x19'),
         (
-            {'previous': holes, 'wells': wells, 'time_step': duration_to_msg(30.0)},
-            '589 cells are not finite',
-        ),
-        (
-            {'previous': small, 'wells': wells, 'time_step': duration_to_msg(30.0)},
-            'the solver runs on 31x19',
-        ),
-        (
-            {'previous': empty, 'wells': wells, 'time_step': duration_to_msg(0.0)},
+            {'previous': empty, 'wells': wells, 'time_step': Duration()},
             'time step 0.0 s: must be positive',
         ),
+        ({'previous': empty, 'wells': unknown, 'time_step': STEP}, "unknown well 'pump'"),
         (
-            {'previous': empty, 'wells': unknown, 'time_step': duration_to_msg(30.0)},
-            "unknown well 'pump'",
-        ),
-        (
-            {'previous': empty, 'wells': wells, 'time_step': duration_to_msg(1e9)},
+            {'previous': empty, 'wells': wells, 'time_step': Duration(sec=10**9)},
             'the longest one is 3e+07 s',
         ),
+        ({'previous': empty, 'wells': wells, 'time_step': Duration(sec=-30)}, 'must be positive'),
+        ({'previous': foreign, 'wells': wells, 'time_step': STEP}, "in the frame 'map'"),
+        ({'previous': large, 'wells': wells, 'time_step': STEP}, 'with 1e+30 in 589 cells'),
+        ({'previous': empty, 'wells': flood, 'time_step': STEP}, 'cell updates, about '),
         (
-            {'previous': empty, 'wells': wells, 'time_step': duration_to_msg(-30.0)},
-            'must be positive',
-        ),
-        (
-            {'previous': foreign, 'wells': wells, 'time_step': duration_to_msg(30.0)},
-            "in the frame 'map'",
-        ),
-        (
-            {'previous': large, 'wells': wells, 'time_step': duration_to_msg(30.0)},
-            'with 1e+30 in 589 cells',
-        ),
-        (
-            {'previous': empty, 'wells': flood, 'time_step': duration_to_msg(30.0)},
-            'cell updates, about ',
-        ),
-        (
-            {'previous': empty, 'wells': [*wells, wells[0]], 'time_step': duration_to_msg(30.0)},
+            {'previous': empty, 'wells': [*wells, wells[0]], 'time_step': STEP},
             'is named twice',
         ),
     ):
@@ -296,13 +270,11 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
         'correct',
         previous=empty,
         wells=wells,
-        time_step=duration_to_msg(30.0),
+        time_step=STEP,
         source=source_to_msg(np.full((19, 31), np.nan), model.grid, 0.0),
     )
     assert 'source field: 589 cells are not finite' in answer.outcome.message
-    good = client.call(
-        Predict, 'predict', previous=empty, wells=wells, time_step=duration_to_msg(30.0)
-    )
+    good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=STEP)
     assert good.outcome.code == Outcome.OK
 
 
@@ -319,7 +291,7 @@ def test_the_cost_of_a_plan_and_its_gradient_equal_those_of_the_model(
         'initial': tracer_to_msg(model.initial_condition(), model.grid, 100.0),
         'schedule': plan_to_msg(plan),
         'terms': [cost_term_to_msg(term) for term in terms],
-        'horizon': duration_to_msg(120.0),
+        'horizon': Duration(sec=120),
     }
     answer = client.call(CostGradient, 'cost_gradient', with_gradient=True, **fields)
     assert answer.outcome.code == Outcome.OK, answer.outcome.message
@@ -334,19 +306,13 @@ def test_a_rollout_has_a_state_for_each_time(client: Client, model: Model, rates
     initial = tracer_to_msg(model.initial_condition(), model.grid, 100.0)
     plan = plan_to_msg([RateStep(0.0, rates)])
     answer = client.call(
-        Rollout,
-        'rollout',
-        initial=initial,
-        schedule=plan,
-        times=[duration_to_msg(30.0), duration_to_msg(60.0)],
+        Rollout, 'rollout', initial=initial, schedule=plan, times=[STEP, Duration(sec=60)]
     )
     assert [state.header.stamp.sec for state in answer.states] == [130, 160]
     expected = model.predict(model.predict(model.initial_condition(), rates, 30.0), rates, 30.0)
     np.testing.assert_allclose(tracer_from_msg(answer.states[1])[0], expected, atol=1e-7)
     fine = tracer_to_msg(np.zeros((20, 40)), model.rig.grid(40, 20), 0.0)
-    refused = client.call(
-        Rollout, 'rollout', initial=fine, schedule=plan, times=[duration_to_msg(30.0)]
-    )
+    refused = client.call(Rollout, 'rollout', initial=fine, schedule=plan, times=[STEP])
     assert 'grid 40x20: has more cells than the grid 31x19' in refused.outcome.message
 
 
@@ -357,9 +323,7 @@ def test_predictions_are_cancelled_and_the_solver_is_free_again(
     wells = rates_to_msg(rates)
     service = client.node.create_client(Predict, 'solver/predict')
     assert service.wait_for_service(PATIENCE)
-    request = Predict.Request(
-        previous=empty, wells=wells, time_step=duration_to_msg(2.9e7), token='mine'
-    )
+    request = Predict.Request(previous=empty, wells=wells, time_step=LONG, token='mine')
     answers = [service.call_async(request) for _ in range(3)]
     deadline = time.monotonic() + PATIENCE
     for stranger in ('', 'yours'):
@@ -373,9 +337,7 @@ def test_predictions_are_cancelled_and_the_solver_is_free_again(
         assert answer.result().outcome.code == Outcome.FAILED
         assert answer.result().outcome.message == 'cancelled'
     assert client.call(Cancel, 'cancel', token='mine').cancelled == 0
-    good = client.call(
-        Predict, 'predict', previous=empty, wells=wells, time_step=duration_to_msg(30.0)
-    )
+    good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=STEP)
     assert good.outcome.code == Outcome.OK
     client.node.destroy_client(service)
 
@@ -385,7 +347,7 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
     client.node.create_subscription(ModelEffects, 'model/effects', told.append, qos.CONFIG)
     weak = EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.5})
     state = tracer_to_msg(model.initial_condition(), model.grid, 100.0)
-    request = {'previous': state, 'wells': rates_to_msg(rates), 'time_step': duration_to_msg(30.0)}
+    request = {'previous': state, 'wells': rates_to_msg(rates), 'time_step': STEP}
     plain = client.call(Predict, 'predict', **request).predicted
     photograph = StateRefreshed(header=header_at(90.0), sequence=3)
     publisher = client.node.create_publisher(StateRefreshed, 'asset/state_refreshed', qos.FIELD)
@@ -405,9 +367,7 @@ def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, 
     found = client.call(Predict, 'predict', **request).predicted
     np.testing.assert_allclose(tracer_from_msg(found)[0], expected, atol=1e-7)
     plan = plan_to_msg([RateStep(0.0, rates)])
-    rolled = client.call(
-        Rollout, 'rollout', initial=state, schedule=plan, times=[duration_to_msg(30.0)]
-    )
+    rolled = client.call(Rollout, 'rollout', initial=state, schedule=plan, times=[STEP])
     np.testing.assert_allclose(tracer_from_msg(rolled.states[0])[0], expected, atol=1e-7)
 
     lost = Effect(name='leak', parameter_names=['x', 'z', 'rate'])
