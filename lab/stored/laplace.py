@@ -28,7 +28,7 @@ import numpy as np
 
 from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_table import SURE
-from lab.stored.ablation import REMEMBERED, ChangedDiagnosis
+from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
 from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
@@ -243,7 +243,7 @@ def main() -> None:
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
     folder = given.folder.resolve()
-    diagnosis = ChangedDiagnosis('baseline', {})
+    diagnosis = ChangedDiagnosis(PRESENT, {})
     count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
     known: list[tuple[int, StoredVerdict, LinearRecording]] = []
     for number, job in enumerate(stored_jobs(folder, count, given.seed)):
