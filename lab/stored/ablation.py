@@ -81,7 +81,7 @@ class ChangedDiagnosis:
 
 
 @dataclass(frozen=True)
-class Effect:
+class Outcome:
     """What a change does: its name, and the recordings whose verdicts it changes.
 
     Attributes:
@@ -105,9 +105,9 @@ class Effect:
 
 def effect_of(
     name: str, found: Sequence[StoredVerdict], baseline: Mapping[str, StoredVerdict]
-) -> Effect:
+) -> Outcome:
     """Return what the change `name`, with the verdicts `found`, does to those of the `baseline`."""
-    return Effect(
+    return Outcome(
         name,
         len(found),
         sum(one.is_right for one in found),

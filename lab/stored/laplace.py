@@ -112,7 +112,7 @@ def posterior(
     return dict(sorted(((n, w / total) for n, w in weights.items()), key=lambda pair: -pair[1]))
 
 
-class Judged(NamedTuple):
+class EvidenceVerdict(NamedTuple):
     """The verdict of the prototype on a recording: the `names`, their probability, and the rest."""
 
     names: tuple[str, ...]
@@ -125,12 +125,12 @@ class Judged(NamedTuple):
         return not self.right and self.confidence >= SURE and self.names != (UNEXPLAINED,)
 
 
-def judged(truth: StoredVerdict, probabilities: Mapping[tuple[str, ...], float]) -> Judged:
+def judged(truth: StoredVerdict, probabilities: Mapping[tuple[str, ...], float]) -> EvidenceVerdict:
     """Return the most probable set, with those that have a third of its probability beside it."""
     (names, most), *others = probabilities.items()
     near = [names, *(other for other, value in others if value > most / 3.0)]
     right = any(name in truth.right for one in near for name in one)
-    return Judged(names, sum(probabilities[one] for one in near), right)
+    return EvidenceVerdict(names, sum(probabilities[one] for one in near), right)
 
 
 def left_out_of(
