@@ -106,8 +106,8 @@ ROOMS = {
         '__main__',
     ),
     LAB: (
-        'study', 'budget', 'verification', 'photographs', 'blind', 'benches', 'loop', 'faults',
-        'scaling', 'paper_experiments', 'commands',
+        'study', 'budget', 'verification', 'photographs', 'blind', 'stored', 'benches', 'loop',
+        'faults', 'scaling', 'paper_experiments', 'commands',
     ),
 }  # fmt: skip
 """Sub-packages and modules of a package; each may import only those before it and itself."""

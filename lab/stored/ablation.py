@@ -1,10 +1,11 @@
 """Changed numbers of the diagnosis, judged by stored recordings.
 
-    nice -n 15 python -m lab.stored.ablation FOLDER CHANGES.toml OUTPUT.json [--held-out]
+    nice -n 15 python -m lab.stored.ablation FOLDER OUTPUT.json [--changes FILE] [--held-out]
 
-A table `[NAME]` of CHANGES.toml holds constants with their new values as Python, such as
-`SUFFICIENT_MISFIT = "0.265"`. Every change is tried alone on every stored recording. The table
-tells which verdicts it changes. Recordings that are held out count only with `--held-out`.
+The present rules judge every stored recording again. A table `[NAME]` of a TOML file holds
+constants with their new values as Python, such as `SUFFICIENT_MISFIT = "0.265"`. Every change is
+tried alone. The printed table tells which verdicts it changes. Recordings that are held out count
+only with `--held-out`.
 """
 
 import argparse
@@ -29,8 +30,8 @@ from porotwin_core.basis.whole_file import write_whole
 from porotwin_diagnosis.examine import Judged
 from porotwin_recording.experiment.recording import open_recording
 
-BASELINE = 'baseline'
-"""Name of the change that changes nothing."""
+STORED, PRESENT = 'as stored', 'present'
+"""Names of the verdicts that were stored, and of those without a change."""
 
 
 REMEMBERED = 'remembered.pickle'
@@ -80,7 +81,7 @@ class ChangedDiagnosis:
 
 
 @dataclass(frozen=True)
-class Effect:
+class Outcome:
     """What a change does: its name, and the recordings whose verdicts it changes.
 
     Attributes:
@@ -104,9 +105,9 @@ class Effect:
 
 def effect_of(
     name: str, found: Sequence[StoredVerdict], baseline: Mapping[str, StoredVerdict]
-) -> Effect:
+) -> Outcome:
     """Return what the change `name`, with the verdicts `found`, does to those of the `baseline`."""
-    return Effect(
+    return Outcome(
         name,
         len(found),
         sum(one.is_right for one in found),
@@ -146,6 +147,7 @@ def verdicts(
         file = job.file.with_name(REMEMBERED)
         memory: Memory = pickle.loads(file.read_bytes()) if file.exists() else {}
         first, *others = diagnoses
+        yield STORED, job.found()
         first.verdict(job.case, job.file.parent, memory)
         with names_used() as used:
             baseline = first.verdict(job.case, job.file.parent, memory)
@@ -184,13 +186,15 @@ def main() -> None:
     """Try the changes, and print the table."""
     parser = argparse.ArgumentParser(prog='python -m lab.stored.ablation')
     parser.add_argument('folder', type=Path)
-    parser.add_argument('changes', type=Path)
-    parser.add_argument('output', type=Path)
+    parser.add_argument('output', type=Path, help='file for all verdicts')
+    parser.add_argument('--changes', type=Path, help='file with changes of numbers')
     parser.add_argument('--held-out', action='store_true')
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
-    changes: dict[str, Changes] = {BASELINE: {}, **tomllib.loads(given.changes.read_text())}
-    found: dict[str, list[StoredVerdict]] = {name: [] for name in changes}
+    changes: dict[str, Changes] = {PRESENT: {}}
+    if given.changes:
+        changes |= tomllib.loads(given.changes.read_text(encoding='utf-8'))
+    found: dict[str, list[StoredVerdict]] = {name: [] for name in (STORED, *changes)}
     for name, verdict in verdicts(
         given.folder.resolve(), changes, held_out=given.held_out, seed=given.seed
     ):
@@ -199,8 +203,11 @@ def main() -> None:
         write_whole(given.output, json.dumps(content))
         print(name, verdict.name, verdict.verdict, verdict.confidence, f'{verdict.seconds:.1f}',
               verdict.simulations, file=sys.stderr, flush=True)  # fmt: skip
-    baseline = {one.name: one for one in found[BASELINE]}
-    effects = [effect_of(name, values, baseline) for name, values in found.items()]
+    stored, present = ({one.name: one for one in found[name]} for name in (STORED, PRESENT))
+    effects = [
+        effect_of(name, values, stored if name == PRESENT else present)
+        for name, values in found.items()
+    ]
     print_table(
         'changed numbers',
         ['change', 'recordings', 'right', 'sure and wrong', 'changed', 'CPU s', 'new simulations'],

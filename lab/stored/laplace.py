@@ -19,7 +19,7 @@ class (none, one effect, several, something else) is as probable as another, and
 import argparse
 import pickle
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +28,7 @@ import numpy as np
 
 from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_table import SURE
-from lab.stored.ablation import REMEMBERED, ChangedDiagnosis
+from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
 from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
@@ -44,7 +44,7 @@ WAVES = (3, 4, 6)
 FEATURES = 'laplace.pickle'
 """File with the linear models of a stored recording."""
 
-NOISES, FIELDS = (3.0, 10.0, 30.0, 100.0, 300.0), (0.3, 1.0, 3.0)
+NOISES, FIELDS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), (0.03, 0.1, 0.3, 1.0, 3.0)
 """Values that are tried for the noise, and for the deviation of the random fields."""
 
 
@@ -112,7 +112,7 @@ def posterior(
     return dict(sorted(((n, w / total) for n, w in weights.items()), key=lambda pair: -pair[1]))
 
 
-class Judged(NamedTuple):
+class EvidenceVerdict(NamedTuple):
     """The verdict of the prototype on a recording: the `names`, their probability, and the rest."""
 
     names: tuple[str, ...]
@@ -125,12 +125,20 @@ class Judged(NamedTuple):
         return not self.right and self.confidence >= SURE and self.names != (UNEXPLAINED,)
 
 
-def judged(truth: StoredVerdict, probabilities: Mapping[tuple[str, ...], float]) -> Judged:
+def judged(truth: StoredVerdict, probabilities: Mapping[tuple[str, ...], float]) -> EvidenceVerdict:
     """Return the most probable set, with those that have a third of its probability beside it."""
     (names, most), *others = probabilities.items()
     near = [names, *(other for other, value in others if value > most / 3.0)]
     right = any(name in truth.right for one in near for name in one)
-    return Judged(names, sum(probabilities[one] for one in near), right)
+    return EvidenceVerdict(names, sum(probabilities[one] for one in near), right)
+
+
+def left_out_of(
+    truth: StoredVerdict, recording: LinearRecording
+) -> tuple[StoredVerdict, LinearRecording]:
+    """Return both as if the true effect were unknown: something else is then right."""
+    left = tuple(one for one in recording.sets if not {*one.names} & {*truth.right})
+    return replace(truth, right=(UNEXPLAINED,)), replace(recording, sets=left)
 
 
 def features_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
@@ -243,7 +251,7 @@ def main() -> None:
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
     folder = given.folder.resolve()
-    diagnosis = ChangedDiagnosis('baseline', {})
+    diagnosis = ChangedDiagnosis(PRESENT, {})
     count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
     known: list[tuple[int, StoredVerdict, LinearRecording]] = []
     for number, job in enumerate(stored_jobs(folder, count, given.seed)):
@@ -256,12 +264,19 @@ def main() -> None:
     train = [(truth, recording) for number, truth, recording in known if not is_held_out(number)]
     numbers = fitted_numbers(train)
     rows = []
-    totals = np.zeros((2, 2, 3), int)
+    left_out: list[str] = []
+    totals = np.zeros((2, 3, 3), int)
     for number, truth, recording in known:
         new = judged(truth, posterior(recording, *numbers))
         part = int(is_held_out(number))
         totals[part, 0] += (1, truth.is_right, truth.is_sure_and_wrong)
         totals[part, 1] += (1, new.right, new.sure_and_wrong)
+        if truth.is_alone:
+            unknown, rest = left_out_of(truth, recording)
+            hidden = judged(unknown, posterior(rest, *numbers))
+            totals[part, 2] += (1, hidden.right, hidden.sure_and_wrong)
+            left_out.append(f'{truth.name} {truth.truth[0]} left out: '
+                            f'{"+".join(hidden.names)} {hidden.confidence:.2f}')  # fmt: skip
         rows.append([
             f'{truth.name}{" (held out)" if part else ""}', '+'.join(truth.truth) or NONE,
             f'{"+".join(truth.members) or truth.verdict} {truth.confidence:.2f}'
@@ -269,9 +284,10 @@ def main() -> None:
             f'{"+".join(new.names)} {new.confidence:.2f}{"" if new.right else " WRONG"}',
         ])  # fmt: skip
     print_table('cases', ['case', 'truth', 'present', 'evidence'], rows)
+    print('\n'.join(left_out))
     print(f'noise {numbers[0]:g}, fields {numbers[1]:g}')
     for part, name in enumerate(('chosen by', 'held out')):
-        for which, method in enumerate(('present', 'evidence')):
+        for which, method in enumerate(('present', 'evidence', 'evidence, left out')):
             every, right, wrong = totals[part, which]
             print(f'{name}: {method}: {right} of {every} right, {wrong} sure and wrong')
 

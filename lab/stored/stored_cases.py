@@ -17,7 +17,7 @@ from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import SURE
 from lab.stored.simulation_store import SimulationStore
-from lab.stored.stored_draw import HELD_OUT_EVERY, draw_stored
+from lab.stored.stored_draw import HELD_OUT_EVERY, WEAK, draw_stored
 from lab.study import FiguresJob, Study
 from porotwin_cli.terminal import print_table
 from porotwin_diagnosis.data.false_cells import without_false_cells
@@ -75,6 +75,11 @@ class StoredVerdict:
     def is_sure_and_wrong(self) -> bool:
         """Whether a wrong name is stated with confidence."""
         return not self.is_right and self.confidence >= SURE and self.verdict != 'unexplained'
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether the truth is one effect of the library, which may be left out of it."""
+        return len(self.truth) == 1 and self.kind in ('single', WEAK)
 
     @property
     def has_all(self) -> bool:

@@ -40,30 +40,18 @@ place, would miss them."""
 
 BEAM = 3
 """Number of the best that go on wherever the search branches: places where the fits of a leak or a
-zone start, bases of pairs and of triples, triples that are moved or taken apart, and refits. The
-linear response and coarse cells rank only roughly, so that the first need not be the right one."""
+zone start, judged fits, bases and partners of pairs and of triples, triples that are refined, moved
+or taken apart, and refits. The linear response and coarse cells rank only roughly, so that the
+first need not be the right one."""
 
-CLOSE_TO_BEST = 1.5
-"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
-time against the risk that coarse cells rank the true effect too low."""
+WIDE_BEAM = 6
+"""The same where fits are cheap: fits that go on to the cells of the recording, single effects that
+are fitted again before pairs are made, and groups of effects that are fitted together."""
 
-TIE = 1.03
-"""Ratio of two misfits that counts as a tie: fits tied with the last selected one are selected."""
-
-UNPROMISING = 2.0
-"""Ratio of the coarse misfits of a fit and of the best one above which the fit is not continued on
-fine residuals. It is wider than `CLOSE_TO_BEST`, since few iterations were made."""
-
-REFINED_FITS = 7
-"""Largest number of fits refined on the cells of the recording; it bounds the time."""
-
-JUDGED_FITS = 4
-"""Largest number of fits judged on fine cells, where a simulation takes about eight times as long:
-twice as many cells each way, and twice as many time steps."""
-
-REFITTED_SINGLES = 6
-"""Largest number of single effects fitted again on newly corrected cells before pairs are made; it
-bounds the time."""
+CLOSE_TO_BEST = 1.8
+"""Ratio of the misfits of a fit and of the best one above which the fit is dropped, and no pairs
+are made from it. It balances time against the risk that coarse cells rank the true effect too
+low."""
 
 WELL_DISTANCE = 5.0
 """Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a
@@ -71,34 +59,14 @@ wrong rate of that well."""
 
 # Pairs
 
-PAIR_PARTNERS = 4
-"""Number of partners that are fitted together with each base, chosen by their linear response; it
-bounds the time."""
-
-PAIR_BASE_MISFIT = 1.8
-"""Ratio of the misfits of a single effect and of the best one above which no pairs are made from
-it. It is generous: the effect that imitates a pair best need not be a member of the pair."""
-
 ODDS_PER_PARAMETER = 0.5
 """Factor on the odds of a single effect for every parameter (Occam's razor). Before a recording, an
 effect with four parameters could move fronts in many ways, so that each way was less probable. A
 shifted picture imitates a bent response, a displaced well or a porosity: without the factor, three
 of four such cases were named wrongly or with 0.5. True shifts keep their 0.99."""
 
-PAIR_PENALTY_PER_PARAMETER = 1.05
-"""Factor on the misfit of a screened pair for every parameter. It is less than
-`PENALTY_PER_PARAMETER`, since screening only has to keep the right pair."""
-
 PARTNER_GAIN_PER_PARAMETER = 0.85
 """Factor on the linear gain of a partner for every parameter: many parameters imitate much."""
-
-EXCHANGE_MISFIT = 3.0
-"""Normalised misfit of a judged pair above which its members are not exchanged again. An exchange
-keeps one member, and in a pair that leaves so much probably neither is right."""
-
-MOST_EXCHANGES = 4
-"""Largest number of times that the best pair exchanges a member. Exchanges end earlier if the score
-no longer decreases."""
 
 RELOCATED_PAIRS = 2
 """Number of pairs with a leak or a zone that are tried at other places, and number of places."""
@@ -108,10 +76,6 @@ PART_OF_A_TRIPLE = 0.2
 looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
 3."""
 
-GROUPS_AT_ONCE = 10
-"""Number of groups of effects that are fitted together from the start; it bounds the time. Linear
-responses rank groups only roughly."""
-
 TIED_TRIPLE = 1.05
 """Ratio of the misfits of a triple and of the best one, on screening cells, below which both are
 judged although they share two effects: such cells cannot tell a porosity from a depth."""
@@ -120,9 +84,6 @@ LEAST_REFIT_GAIN = 0.95
 """Ratio of the misfits of a judged triple that is fitted again above which it is fitted no more.
 Nine parameters need more iterations than two: they took a true triple from 1.54 to 1.41 of its
 limit."""
-
-REFINED_TRIPLES = 4
-"""Largest number of triples refined on the cells of the recording; it bounds the time."""
 
 HOPEFUL_TRIPLE = 0.95
 """Ratio of the misfits of a refined triple and of the best pair on the same cells above which the

@@ -1,23 +1,17 @@
-"""Pairs of effects: their bases, their gains, and the exchange of members."""
-
-from dataclasses import replace
+"""Pairs of effects: their bases and their gains."""
 
 import numpy as np
 import pytest
-from diagnosis_examples import candidate, fit_of, recorded, sample_of
+from diagnosis_examples import candidate, fit_of, sample_of
 
-from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.search.effect_pairs import (
-    exchanged_pairs,
     judged_pairs,
     linear_gain,
     pair_bases,
-    pairs_worth_exchanging,
 )
 from porotwin_diagnosis.search.levels import make_levels
-from porotwin_diagnosis.search.ranking import score
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import BEAM, EXCHANGE_MISFIT
+from porotwin_diagnosis.thresholds import BEAM
 
 SCREENED = [
     fit_of(name, misfit=misfit)
@@ -57,47 +51,12 @@ def test_a_judged_effect_that_was_not_screened_is_no_base():
     assert base_names('retardation') == (['registration', 'background_flow', 'leak'], 2)
 
 
-def test_a_pair_exchanges_one_member_after_the_other(tmp_path):
-    """Neither member of the first pair is true, and each is exchanged."""
-    recording = recorded(
-        tmp_path / 'recording',
-        EffectDescription(name='decay', parameters={'rate': 2e-4}),
-        EffectDescription(name='porosity', parameters={'factor': 1.06}),
-        duration=1500,
-    )
-    levels = levels_of(recording)
-    levels = replace(levels, screening=levels.judging)  # the rig is too small for coarser cells
-    known = {
-        n: candidate(levels.samples, n) for n in ('decay', 'porosity', 'clock', 'illumination')
-    }
-    space = SearchSpace(tuple(known.values()), ())
-    screened = [levels.screening.evaluate((c,), np.array(c.first)) for c in known.values()]
-    pair = levels.screening.fit((known['clock'], known['illumination']))
-    pairs = {frozenset(('clock', 'illumination')): pair}
-    found = exchanged_pairs(levels, space, pairs, screened)
-    best = min(found.values(), key=score)
-    assert {member.effect for member in best.members} == {'decay', 'porosity'}
-    assert score(best) < 0.6 * score(pair)
-
-
 def test_a_search_that_finds_no_pairs_goes_on_without(quiet):
     levels = levels_of(quiet)
     porosity = candidate(levels.samples, 'porosity')
     only = levels.screening.evaluate((porosity,), np.zeros(1))
     space = SearchSpace((porosity,), ())
     assert judged_pairs(levels, space, [only], only, levels.null()) == (levels, [])
-
-
-def test_the_best_pair_and_the_best_disjoint_one_are_worth_an_exchange():
-    imitation = fit_of('registration', 'leak', misfit=0.6)
-    overlapping = fit_of('registration', 'decay', misfit=0.7)
-    disjoint = fit_of('porosity', 'well_position', misfit=0.9)
-    further = fit_of('clock', 'depth', misfit=0.95)
-    pairs = [imitation, overlapping, disjoint, further]
-    assert pairs_worth_exchanging(pairs) == [imitation, disjoint]
-    assert pairs_worth_exchanging([imitation, overlapping]) == [imitation]
-    assert pairs_worth_exchanging([fit_of('clock', 'depth', misfit=EXCHANGE_MISFIT)]) == []
-    assert pairs_worth_exchanging([]) == []
 
 
 def test_the_linear_gain_is_the_decrease_of_a_linear_least_squares_problem():

@@ -55,7 +55,7 @@ def test_a_second_effect_must_lower_the_misfit_enough():
 
 
 def test_fits_close_to_the_best_go_on_and_the_second_in_any_case():
-    fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 1.4, 1.45, 1.6)]
+    fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 1.4, 1.45, 1.9)]
     assert close_to_best(fits) == fits[:3]
     assert close_to_best([fits[0], fits[3]]) == [fits[0], fits[3]]
     assert close_to_best([]) == []
@@ -67,16 +67,11 @@ def test_a_fit_with_few_parameters_goes_on_beside_one_with_many():
         for effects, misfit in (
             ('saturation decay', 1.0),
             ('porosity decay', 1.2),
-            ('porosity', 1.6),
-            ('depth', 1.7),
+            ('porosity', 1.9),
+            ('depth', 2.0),
         )
     )
     assert close_to_best([bent, zone, porosity, depth]) == [bent, zone, porosity]
-
-
-def test_a_fit_tied_with_the_last_selected_one_goes_on():
-    fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 2.0, 2.05, 2.1)]
-    assert close_to_best(fits) == fits[:3]
 
 
 def test_the_normalised_misfit_is_smaller_if_the_true_effect_may_leave_more():

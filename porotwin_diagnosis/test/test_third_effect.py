@@ -17,7 +17,7 @@ from porotwin_diagnosis.search.third_effect import (
     judged_triples,
 )
 from porotwin_diagnosis.thresholds import (
-    EXCHANGE_MISFIT,
+    CORRECTED_MISFIT,
     SUFFICIENT_MISFIT,
     SURELY_SUFFICIENT_PAIR,
 )
@@ -26,7 +26,7 @@ NOTHING = SearchSpace((), ())
 
 
 @pytest.mark.parametrize(
-    'misfit', [0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_MISFIT, 1.1 * EXCHANGE_MISFIT, None]
+    'misfit', [0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_MISFIT, 1.1 * CORRECTED_MISFIT, None]
 )
 def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails(quiet, misfit):
     levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)

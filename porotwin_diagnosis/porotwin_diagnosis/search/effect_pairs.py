@@ -1,9 +1,8 @@
 """Fits of two effects together.
 
 Pairs are made from the best single effects. The partners of a single effect are the ones whose
-linear response explains most of its residual and cannot be imitated by its own parameters. In the
-best pair either member is exchanged for an effect that explains more with the other member, as
-long as this helps. Pairs are screened, refined and judged like single effects.
+linear response explains most of its residual and cannot be imitated by its own parameters. Pairs
+are screened, refined and judged like single effects.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -27,16 +26,12 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.search.single_effects import SearchSpace, place_starts
 from porotwin_diagnosis.thresholds import (
     BEAM,
-    EXCHANGE_MISFIT,
-    JUDGED_FITS,
-    MOST_EXCHANGES,
+    CLOSE_TO_BEST,
     NEARLY_CLOSED_MISFIT,
-    PAIR_BASE_MISFIT,
-    PAIR_PARTNERS,
-    PAIR_PENALTY_PER_PARAMETER,
     PARTNER_GAIN_PER_PARAMETER,
-    REFINED_FITS,
+    PENALTY_PER_PARAMETER,
     RELOCATED_PAIRS,
+    WIDE_BEAM,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
 
@@ -74,36 +69,6 @@ def judged_pairs(
     return levels.judged_again(pairs, null, 0.46)
 
 
-def judged_exchanges(
-    levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit], null: Fit
-) -> Judgement:
-    """Return pairs made from a judged `pair` by exchanging members, judged.
-
-    Screening cells may have hidden that another member fits better. `screened` and `null` are as in
-    `judged_pairs`.
-
-    Raises:
-        InputError: the model cannot run with one of the fits.
-    """
-    found = exchanged_pairs(levels, space, {member_labels(pair.members): pair}, screened)
-    refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.52)
-    return levels.judged_again(levels.judged(refined, 0.53), null, 0.54)
-
-
-def pairs_worth_exchanging(pairs: Sequence[Fit]) -> list[Fit]:
-    """Return the judged `pairs` whose members are worth an exchange.
-
-    These are the best pair and the best one without a common effect: a pair with many parameters
-    may imitate the true one. Pairs with a normalised misfit of EXCHANGE_MISFIT or more are left
-    out.
-    """
-    labels = member_labels(pairs[0].members) if pairs else frozenset()
-    disjoint = [pair for pair in pairs if labels.isdisjoint(member_labels(pair.members))]
-    return [
-        pair for pair in (*pairs[:1], *disjoint[:1]) if normalised_misfit(pair) < EXCHANGE_MISFIT
-    ]
-
-
 def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
     """Return the bases of pairs, which are single effects, and how many of them get all partners.
 
@@ -111,37 +76,11 @@ def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
     behind others. If they did, the first of the others gets all partners as well.
     """
     singles = first_of_each_effect(screened)
-    limit = PAIR_BASE_MISFIT * score(singles[0])
+    limit = CLOSE_TO_BEST * score(singles[0])
     close = [fit for fit in singles if score(fit) < limit][:BEAM]
     judged = [fit for fit in singles if effect_and_well(fit) == effect_and_well(best)]
     others = [fit for fit in close if effect_and_well(fit) != effect_and_well(best)]
     return judged + others, 1 if singles[0] in judged else 2
-
-
-def exchanged_pairs(
-    levels: Levels, space: SearchSpace, pairs: Mapping[frozenset[str], Fit], screened: Sequence[Fit]
-) -> Combinations:
-    """Return pairs made from the best of `pairs` by exchanging one member after the other.
-
-    Each member is exchanged for each of the best partners of the others among the `screened`
-    effects; then the best new pair is treated likewise, until the score decreases no more. An
-    effect that imitates the truth best alone, as a shifted picture imitates sorption, need not
-    belong to it.
-    """
-    found: Combinations = {}
-    if not pairs:
-        return found
-    best = min(pairs.values(), key=score)
-    for _ in range(MOST_EXCHANGES):
-        for _left_out, base in each_left_out(levels, best):
-            levels.progress(f'another effect beside {base.label}', 0.34)
-            partners = best_partners(levels, space, base, screened)
-            found |= combined_fits(levels, base, partners, pairs.keys() | found.keys())
-        last = min(found.values(), key=score, default=best)
-        if score(last) >= score(best):
-            break
-        best = last
-    return found
 
 
 def _refined(levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: Fit) -> list[Fit]:
@@ -150,10 +89,10 @@ def _refined(levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: 
     Screening cells confuse effects that delay or fade the plume in the same way. If a pair nearly
     closes the gap, more pairs are therefore refined.
     """
-    pairs = close_to_best(_screened_pairs(levels, space, screened, best))[:REFINED_FITS]
-    refined = levels.refined(pairs[:JUDGED_FITS], 0.36)
+    pairs = close_to_best(_screened_pairs(levels, space, screened, best))[:WIDE_BEAM]
+    refined = levels.refined(pairs[:BEAM], 0.36)
     if refined and normalised_misfit(refined[0]) < NEARLY_CLOSED_MISFIT:
-        refined += levels.refined(pairs[JUDGED_FITS:], 0.39)
+        refined += levels.refined(pairs[BEAM:], 0.39)
     return sorted(refined, key=score)
 
 
@@ -171,10 +110,9 @@ def _screened_pairs(
         )
         pairs |= combined_fits(levels, base, partners, pairs.keys())
     pairs |= relocated(levels, pairs)
-    pairs |= exchanged_pairs(levels, space, pairs, screened)
     return sorted(
         pairs.values(),
-        key=lambda fit: score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters),
+        key=lambda fit: score(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters),
     )
 
 
@@ -272,7 +210,7 @@ def best_partners(
     partners = [
         candidate
         for rank, candidate in enumerate(_by_linear_gain(levels, base, screened))
-        if rank < PAIR_PARTNERS
+        if rank < BEAM
         or candidate.effect in TRIED_IN_EVERY_PAIR
         or (one_parameter and len(candidate.parameters) == 1 and 'well' not in candidate.fixed)
     ]

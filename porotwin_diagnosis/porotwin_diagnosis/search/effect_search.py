@@ -25,9 +25,7 @@ from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.progress import Progress, SearchEnded, no_progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
-    judged_exchanges,
     judged_pairs,
-    pairs_worth_exchanging,
 )
 from porotwin_diagnosis.search.effects_at_once import judged_couples
 from porotwin_diagnosis.search.findings import Findings
@@ -61,7 +59,7 @@ from porotwin_diagnosis.search.third_effect import (
 from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
     NO_GAP_MISFIT,
-    REFINED_FITS,
+    WIDE_BEAM,
 )
 
 SoFar = Callable[[Fit, Fit], None]
@@ -150,7 +148,7 @@ def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
 
 
 def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judgement:
-    best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
+    best = close_to_best(first_of_each_effect(screened))[:WIDE_BEAM]
     judged = levels.judged(levels.refined(best, 0.15), 0.18)
     levels = with_bounded_levels(levels, [null, *judged])
     share = levels.judging.noise_share
@@ -224,9 +222,8 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     """Return the judged pairs.
 
     If the first pairs do not explain the gap, single effects are fitted again on coarse cells that
-    are corrected at the best one, and more pairs are made. Then pairs without a base are tried, and
-    at last members are exchanged. Nothing more is tried if one effect suffices and no pair is
-    clearly better.
+    are corrected at the best one, and more pairs are made. At last pairs without a base are tried.
+    Nothing more is tried if one effect suffices and no pair is clearly better.
     """
     best, null, screened = findings.singles[0], findings.null, findings.screened
     levels, pairs = judged_pairs(levels, space, screened, best, null)
@@ -242,10 +239,6 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     if not pairs or leaves_a_gap(pairs[0]):
         levels, more = judged_couples(levels, space, findings, pairs)
         pairs = levels.ranked([*pairs, *more])
-    for pair in pairs_worth_exchanging(pairs):
-        if leaves_a_gap(pairs[0]):
-            levels, more = judged_exchanges(levels, space, pair, screened, null)
-            pairs = levels.ranked([*pairs, *more])
     return Judgement(levels, pairs)
 
 

@@ -17,7 +17,7 @@ from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_group
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import effect_and_well, member_labels, score
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import COMBINATION_GAIN, GROUPS_AT_ONCE, JUDGED_FITS
+from porotwin_diagnosis.thresholds import BEAM, COMBINATION_GAIN, WIDE_BEAM
 from porotwin_solver.effects.definition.candidate import Candidate
 
 
@@ -35,7 +35,7 @@ def judged_couples(
     levels.progress('two effects at once', 0.48)
     groups = groups_beside(levels, space, findings.screened_null, findings.screened, 2)
     fits = sorted(fitted_afresh(levels, groups, findings.screened), key=score)
-    judged = levels.judged(levels.refined(fits[:JUDGED_FITS], 0.49), 0.5)
+    judged = levels.judged(levels.refined(fits[:BEAM], 0.49), 0.5)
     found = levels.judged_again(judged, findings.null, 0.51)
     limit = COMBINATION_GAIN * score(pairs[0]) if pairs else math.inf
     better = [fit for fit in found.fits if score(fit) < limit]
@@ -62,7 +62,7 @@ def groups_beside(
             space.local_effects,
             size=size,
             beside=base,
-            most=GROUPS_AT_ONCE,
+            most=WIDE_BEAM,
             pool=levels.pool,
         )
     except InputError:

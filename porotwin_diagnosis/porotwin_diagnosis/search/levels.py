@@ -41,8 +41,8 @@ from porotwin_diagnosis.search.ranking import (
     score,
 )
 from porotwin_diagnosis.thresholds import (
+    BEAM,
     CORRECTED_MISFIT,
-    JUDGED_FITS,
     NEARLY_CLOSED_MISFIT,
     NO_GAP_MISFIT,
     WELL_DISTANCE,
@@ -221,7 +221,7 @@ class Levels:
 
         The result is ranked. `begin` is the progress at the beginning.
         """
-        best = close_to_best(refined)[:JUDGED_FITS]
+        best = close_to_best(refined)[:BEAM]
 
         step = steps_of(self.progress, begin, JUDGING_PROGRESS, len(best))
 

@@ -35,7 +35,6 @@ from porotwin_diagnosis.thresholds import (
     SURELY_SUFFICIENT_PAIR,
     SURELY_UNRESOLVED_SHARE,
     SYSTEMATIC_MISFIT,
-    TIE,
     UNRESOLVED_SHARE,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
@@ -184,18 +183,16 @@ def close_to_best(fits: Sequence[Fit]) -> list[Fit]:
 
     `fits` are sorted by their score. A fit is close by its score, or by its score with the penalty
     for parameters: an effect with few parameters may be true although one with many fits better.
-    Fits tied with the last selected one are selected as well.
     """
     if not fits:
         return []
     limit = CLOSE_TO_BEST * score(fits[0])
     penalised_limit = CLOSE_TO_BEST * min(map(_penalised_score, fits))
-    selected = [
+    return [
         fit
         for index, fit in enumerate(fits)
         if index < 2 or score(fit) < limit or _penalised_score(fit) < penalised_limit
     ]
-    return [fit for fit in fits if score(fit) <= TIE * score(selected[-1])]
 
 
 def ranked(fits: Sequence[Fit]) -> list[Fit]:

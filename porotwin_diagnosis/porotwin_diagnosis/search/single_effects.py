@@ -18,7 +18,7 @@ from porotwin_diagnosis.search.ranking import (
     first_of_each_effect,
     score,
 )
-from porotwin_diagnosis.thresholds import REFITTED_SINGLES, UNPROMISING
+from porotwin_diagnosis.thresholds import CLOSE_TO_BEST, WIDE_BEAM
 from porotwin_solver.effects import effects_of
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.definition.effect import Scope
@@ -29,8 +29,8 @@ PLACED_COARSE_ITERATIONS = 4
 CONTINUED_ITERATIONS = 3
 """Iterations on fine residuals of a fit that coarse ones have brought close."""
 
-SIZED_STARTS, SIZED_ITERATIONS = 2, 6
-"""Fits of an effect at the place of another one, and their iterations on fine residuals."""
+SIZED_ITERATIONS = 6
+"""Iterations on fine residuals of a fit of an effect at the place of another one."""
 
 
 class SearchSpace(NamedTuple):
@@ -72,7 +72,7 @@ def screened_singles(
     if not fits:
         raise InputError('the model cannot run with any effect of the library on this recording')
     so_far(fits[0])
-    limit = UNPROMISING * score(fits[0])
+    limit = CLOSE_TO_BEST * score(fits[0])
 
     step = steps_of(levels.progress, 0.08, 0.06, len(fits))
 
@@ -116,7 +116,7 @@ def refitted_singles(levels: Levels, best: Fit, screened: Sequence[Fit]) -> list
         first_of_each_effect(screened),
         key=lambda fit: effect_and_well(fit) != effect_and_well(best),
     )
-    first = order[:REFITTED_SINGLES]
+    first = order[:WIDE_BEAM]
     again = feasible(levels.side_by_side(lambda fit: _continued(levels, fit), first))
     labels = {fit.label for fit in again}
     return sorted([*again, *(fit for fit in screened if fit.label not in labels)], key=score)
@@ -186,7 +186,7 @@ def _best_sized(levels: Levels, trials: Sequence[Candidate]) -> list[Fit]:
     tried = levels.side_by_side(
         lambda trial: levels.screening.evaluate((trial,), np.array(trial.first)), trials
     )
-    best = sorted(feasible(tried), key=score)[:SIZED_STARTS]
+    best = sorted(feasible(tried), key=score)[:1]
     fits = levels.side_by_side(
         lambda fit: _continued(levels, fit, fine_steps=SIZED_ITERATIONS), best
     )

@@ -45,13 +45,12 @@ from porotwin_diagnosis.thresholds import (
     BEAM,
     COMBINATION_GAIN,
     CORRECTABLE_MISFIT,
-    EXCHANGE_MISFIT,
+    CORRECTED_MISFIT,
     FAR_LESS,
     HOPEFUL_TRIPLE,
     LEAST_REFIT_GAIN,
-    PAIR_PENALTY_PER_PARAMETER,
     PART_OF_A_TRIPLE,
-    REFINED_TRIPLES,
+    PENALTY_PER_PARAMETER,
     TIED_TRIPLE,
 )
 
@@ -69,12 +68,12 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     if not pairs or surely_suffices(pairs[0], null):
         return Judgement(levels, [])
     of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
-    if normalised_misfit(pairs[0]) > max(EXCHANGE_MISFIT, of_the_gap):
+    if normalised_misfit(pairs[0]) > max(CORRECTED_MISFIT, of_the_gap):
         return Judgement(levels, [])
     coarse = levels
     if score(pairs[0]) < CORRECTABLE_MISFIT:
         coarse = levels.with_corrected_coarse_cells(pairs[0].effects)
-    best = distinct(_screened_triples(coarse, space, findings))[:REFINED_TRIPLES]
+    best = distinct(_screened_triples(coarse, space, findings))[:BEAM]
     pair = coarse.refining.evaluate(pairs[0].members, pairs[0].scaled_parameters)
     judged = coarse.judged(hopeful(coarse.refined(best, 0.78), pair), 0.81)
     again = coarse.judged_again([_converged(coarse, fit) for fit in judged], null, 0.86)
@@ -167,7 +166,7 @@ def _nearly_the_same(one: Fit, other: Fit) -> bool:
 
 
 def _penalised(fit: Fit) -> float:
-    return score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+    return score(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
 
 
 def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) -> list[Fit]:
