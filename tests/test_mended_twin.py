@@ -20,6 +20,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.senders import SENDERS
 from porotwin_diagnosis.mending.shadow_forecast import LEAST_WATCHED
 from porotwin_hub.launching.graph import NAMESPACE, GraphSettings, twin_nodes
 from porotwin_msgs.action import Diagnose
@@ -65,10 +66,16 @@ class Laboratory:
         node.create_subscription(ModelEffects, 'model/effects', self.effects.append, qos.CONFIG)
         self.seen: list[Header] = []
         node.create_subscription(Header, 'mend/seen', self.seen.append, qos.FIELD)
-        player = rclpy.create_node('player', namespace=NAMESPACE, context=node.context)
-        self.states = player.create_publisher(NewState, 'asset/new_state', qos.FIELD)
-        self.cycles = player.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
-        self.measured = player.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        self.states, self.cycles, self.measured = (
+            rclpy.create_node(
+                SENDERS[topic][0], namespace=NAMESPACE, context=node.context
+            ).create_publisher(kind, topic, qos.FIELD)
+            for topic, kind in (
+                ('asset/new_state', NewState),
+                ('hub/cycle', CycleReport),
+                ('wells/measured', WellRates),
+            )
+        )
         self.info = node.create_client(ModelInfo, 'solver/info')
         diagnosis = rclpy.create_node('diagnosis', namespace=NAMESPACE, context=node.context)
         listener.spin(diagnosis)

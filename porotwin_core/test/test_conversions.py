@@ -170,16 +170,12 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
             'right': 'open',
             'heads_m': {'left': 0.5, 'right': 0.48},
         },
-<<<<<<< HEAD
+        'levels': {'left': {'points': [[5, 0.51], [5, '49 cm']], 'every_min': 7.5}},
         'wells': {
             'a': {'x_m': 0.2, 'z_m': 0.2},
             'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01},
             'c': {'x_m': 0.4, 'z_m': 0.3, 'rate_prior_ml_h': [50, 200]},
         },
-=======
-        'levels': {'left': {'points': [[5, 0.51], [5, '49 cm']], 'every_min': 7.5}},
-        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}, 'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01}},
->>>>>>> 6ca5e2025afc260bf16e9dfc01a4db24cfc6abe4
         'camera': {
             'corners_px': [[11, 8], [16, 1755], [3165, 1748], [3165, 5]],
             'curvature': {'vertical_bulge': -2.73e-8},

@@ -1,6 +1,7 @@
 """Tests of the rules about who may send."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from porotwin_core.ros.senders import (
     callers,
     check_senders,
     check_servers,
+    goals_of,
     only,
 )
 
@@ -25,9 +27,14 @@ class Endpoint:
 class Graph:
     """A node that knows all writers."""
 
-    def __init__(self, **writers: str) -> None:
+    def __init__(self, *, simulated: bool = False, **writers: str) -> None:
+        self.simulated = simulated
         self.writers = writers
         self.asked: list[tuple[str, bool]] = []
+
+    def get_parameter(self, name: str) -> Any:
+        assert name == 'use_sim_time'
+        return SimpleNamespace(value=self.simulated)
 
     def get_namespace(self) -> str:
         return '/porotwin'
@@ -51,10 +58,26 @@ def test_the_guard_alone_may_publish_setpoints() -> None:
 
 
 def test_nobody_sets_a_pump_by_a_recording() -> None:
-    replayed: Any = Graph(topic='guard player')
+    replayed: Any = Graph(simulated=True, topic='guard player')
     check_senders(replayed, 'wells/setpoint')
     with pytest.raises(InputError, match='/porotwin/player publishes wells/setpoint too'):
         check_senders(replayed, 'wells/setpoint', replayed=False)
+
+
+def test_a_twin_in_real_time_takes_nothing_from_a_player() -> None:
+    beside: Any = Graph(topic='mend player')
+    with pytest.raises(InputError, match='/porotwin/player publishes mend/offer too'):
+        check_senders(beside, 'mend/offer')
+
+
+def test_all_services_of_an_action_have_one_server() -> None:
+    class Forged(Graph):
+        def get_publishers_info_by_topic(self, topic: str, *, no_mangle: bool) -> list[Any]:
+            return [Endpoint('rogue' if 'get_result' in topic else 'costa', [1])]
+
+    graph: Any = Forged()
+    with pytest.raises(InputError, match='/porotwin/rogue offers costa/train too'):
+        check_servers(graph, goals_of('costa/train'))
 
 
 def test_another_sender_is_named() -> None:
@@ -91,7 +114,7 @@ def test_two_nodes_of_the_asset_do_not_both_answer() -> None:
 
 
 def test_only_mend_and_a_replay_of_it_offer() -> None:
-    replayed: Any = Graph(topic='mend player')
+    replayed: Any = Graph(simulated=True, topic='mend player')
     check_senders(replayed, 'mend/offer')
     rogue: Any = Graph(topic='mend rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes mend/offer too, and only'):
@@ -99,7 +122,7 @@ def test_only_mend_and_a_replay_of_it_offer() -> None:
 
 
 def test_only_the_solver_and_a_replay_of_it_tell_effects() -> None:
-    replayed: Any = Graph(topic='solver player')
+    replayed: Any = Graph(simulated=True, topic='solver player')
     check_senders(replayed, 'model/effects')
     rogue: Any = Graph(topic='solver rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes model/effects too, and only'):
@@ -107,7 +130,7 @@ def test_only_the_solver_and_a_replay_of_it_tell_effects() -> None:
 
 
 def test_only_pumps_or_those_who_stand_for_them_measure() -> None:
-    several: Any = Graph(topic='pumps operator virtual_rig player')
+    several: Any = Graph(simulated=True, topic='pumps operator virtual_rig player')
     check_senders(several, 'wells/measured')
     rogue: Any = Graph(topic='pumps rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes wells/measured too'):
@@ -116,7 +139,7 @@ def test_only_pumps_or_those_who_stand_for_them_measure() -> None:
 
 def test_only_a_run_that_is_simulated_or_replayed_keeps_time() -> None:
     for name in ('virtual_rig', 'player'):
-        known: Any = Graph(topic=name)
+        known: Any = Graph(simulated=True, topic=name)
         check_senders(known, '/clock')
     rogue: Any = Graph(topic='rogue')
     with pytest.raises(InputError, match='/porotwin/rogue publishes /clock too'):

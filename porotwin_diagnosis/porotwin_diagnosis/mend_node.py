@@ -319,6 +319,8 @@ class MendNode(TwinNode):
         assert self._asked is not None
         if not self._diagnosis.server_is_ready():
             self._give_up('no verdict: the diagnosis node has ended; it is asked again later')
+        elif foreign := self._foreign():
+            self._give_up(f'no verdict: {foreign}; it is asked again later')
         elif time.monotonic() - self._asked.began > self._longest_s and not self._overdue:
             self._overdue = True
             if self._goal is not None:

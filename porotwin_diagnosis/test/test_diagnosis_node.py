@@ -54,7 +54,7 @@ class Graph:
         parameters = [Parameter(name, value=value) for name, value in given.items()]
         self.grid = grid
         self.server = DiagnosisNode(context=context, parameter_overrides=parameters)
-        self.node = rclpy.create_node('player', context=context)
+        self.node = rclpy.create_node('player' if simulated else 'imaging', context=context)
         person = rclpy.create_node(TERMINAL, context=context)
         self._thread = NodeThread(self.server, self.node, person, threads=4)
         self.voucher = Voucher(person)

@@ -202,7 +202,7 @@ class HubNode(TwinNode):
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
         # a hub in real time takes nothing from a recording
-        listen = partial(follow, self, refuse=self._refusals.tell, replayed=self.simulated)
+        listen = partial(follow, self, refuse=self._refusals.tell)
         listen(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         listen(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         follow_effects(self, self._on_effects, refuse=self._refusals.tell)
@@ -315,7 +315,7 @@ class HubNode(TwinNode):
         """Return a remark if a foreign node could send measured rates, so that none are used."""
         self._refusals.look()
         try:
-            check_senders(self, 'wells/measured', replayed=self.simulated)
+            check_senders(self, 'wells/measured')
         except InputError as error:
             return [f'measured rates are not used: {error}']
         return []

@@ -100,7 +100,7 @@ class ImagingNode(TwinNode):
             if left_out := self._queue.put(QueuedPhoto(role, time, bytes(message.data))):
                 self._complain(str(left_out), time)
 
-        writers = Writers(self, topic, replayed=self.simulated)
+        writers = Writers(self, topic)
         writers.subscribe(CompressedImage, topic, store, profile)
 
     def _work(self) -> None:

@@ -76,6 +76,15 @@ def test_a_picture_that_is_always_compressed_again_is_told_at_its_second_photogr
         session.add_photo(90.0, stamped(compressed_again(picture, 60), 'later'))
 
 
+def test_two_pictures_in_turn_are_told(session, laboratory, true_map) -> None:
+    pictures = [laboratory.photograph(true_map, seed=number) for number in (1, 2)]
+    for number, picture in enumerate(pictures):
+        session.add_photo(30.0 * number, picture)
+    for number, picture in enumerate(2 * pictures, start=2):
+        with pytest.raises(InputError, match=FROZEN):
+            session.add_photo(30.0 * number, compressed_again(picture, 95))
+
+
 def test_still_maps_are_new_photographs_by_their_noise(session, laboratory, no_tracer) -> None:
     states = [
         session.add_photo(30.0 * number, laboratory.photograph(no_tracer, seed=number, gain=gain))

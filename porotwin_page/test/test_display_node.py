@@ -19,6 +19,7 @@ from porotwin_core.geometry.grid import Grid  # noqa: E402
 from porotwin_core.rates.wells import WellRate  # noqa: E402
 from porotwin_core.ros import conversions  # noqa: E402
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
+from porotwin_core.ros.senders import SENDERS  # noqa: E402
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, TracerField  # noqa: E402
 from porotwin_page.display_node import DisplayNode, topic_part  # noqa: E402
 from porotwin_page.map_pictures import colour_table  # noqa: E402
@@ -37,11 +38,11 @@ def recorded(domain: int, bag: Path) -> None:
     overrides = [Parameter('output', value=str(bag))]
     recorder = RecorderNode(context=context, parameter_overrides=overrides)
     display = DisplayNode(context=context)
-    player = rclpy.create_node('player', context=context)
     kinds = {'asset/new_state': NewState, 'tracer/predicted': TracerField,
              'wells/setpoint': Setpoint, 'hub/cycle': CycleReport}  # fmt: skip
-    publishers = {name: player.create_publisher(kind, name, 8) for name, kind in kinds.items()}
-    thread = NodeThread(recorder, display, player, threads=4)
+    nodes = {name: rclpy.create_node(SENDERS[name][0], context=context) for name in kinds}
+    publishers = {name: nodes[name].create_publisher(kind, name, 8) for name, kind in kinds.items()}
+    thread = NodeThread(recorder, display, *nodes.values(), threads=4)
     try:
         wait(lambda: all(one.get_subscription_count() == 2 for one in publishers.values()))
         header = conversions.header_at(30.0)

@@ -27,6 +27,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
+from porotwin_core.ros.senders import SENDERS
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_msgs.msg import (
     CleanState,
@@ -114,7 +115,7 @@ def post(address: str, body: dict, what: str = 'confirm') -> tuple[int, dict]:
 class Hub(Node):
     """The rest of the graph: publishes data for the page and receives its confirmations.
 
-    Its node has the name of the guard, and another node publishes what the guard does not.
+    Its node has the name of the guard. Other topics have nodes of their own.
     """
 
     def __init__(self, context: rclpy.Context) -> None:
@@ -122,11 +123,11 @@ class Hub(Node):
         self.requests: list[ConfirmRates.Request] = []
         self.operator = rclpy.create_node('operator', namespace='/porotwin', context=context)
         self.mend = rclpy.create_node('mend', namespace='/porotwin', context=context)
-        others = rclpy.create_node('player', namespace='/porotwin', context=context)
+        nodes = {'guard': self, 'operator': self.operator, 'mend': self.mend}
+        for name in ('hub', 'imaging'):
+            nodes[name] = rclpy.create_node(name, namespace='/porotwin', context=context)
         self.publishers_by_topic = {
-            topic: (self if topic == 'wells/setpoint' else others).create_publisher(
-                kind, topic, profile
-            )
+            topic: nodes[SENDERS.get(topic, ('hub',))[0]].create_publisher(kind, topic, profile)
             for topic, kind, profile in (
                 ('rig/description', RigDescription, qos.CONFIG),
                 ('asset/new_state', NewState, qos.FIELD),

@@ -24,12 +24,13 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.following import Writers, follow
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
+from porotwin_core.ros.senders import may_send
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
 from porotwin_recording.mcap.interfaces import message_class
 from porotwin_recording.mcap.serialization import SECOND
-from porotwin_recording.mcap.topic_names import DOUBTFUL, MEASURED, TYPES
+from porotwin_recording.mcap.topic_names import DOUBTFUL, TYPES
 
 DISCOVERY_PERIOD = 0.2
 """Period of the search for new topics [s]."""
@@ -63,8 +64,8 @@ class RecorderNode(TwinNode):
 
     Log times come from this node's clock, which is simulated with `use_sim_time`. Publish times
     come from the publisher's computer. Hidden topics, such as topics of actions, are left out.
-    Measured rates that a foreign node could have sent are set aside, on a topic of their own: so
-    no reader of the bag takes them.
+    A message that a foreign node could have sent is set aside, on a topic of its own, where its
+    sender matters (`TYPES`): so no reader of the bag takes it. Topics of another rig are left out.
 
     Args:
         kwargs: passed on to `Node`.
@@ -105,11 +106,14 @@ class RecorderNode(TwinNode):
 
     def _begin(self) -> None:
         """Subscribe to the topics that are there, and look for others from now on."""
-        self._recorded: dict[str, tuple[Subscription, TopicQos]] = {}
+        self._recorded: dict[str, TopicQos] = {}
+        self._plain: dict[str, Subscription] = {}
+        """Subscriptions to topics whose sender does not matter."""
         self._single_publisher: dict[str, bool] = {}
         self._types = {self.resolve_topic_name(topic): kind for topic, kind in TYPES.items()}
-        self._measured, self._meters = self.resolve_topic_name(MEASURED), Writers(self, MEASURED)
-        self._doubts = FewWords(self.get_logger().warning)
+        self._writers = {self.resolve_topic_name(topic): Writers(self, topic) for topic in TYPES}
+        self._senders = {self.resolve_topic_name(topic): may_send(self, topic) for topic in TYPES}
+        self._doubts = FewWords(self.get_logger().warning, known=self._writers)
         self._refused: dict[str, str] = {}
         self._told: set[tuple[str, str]] = set()
         self._publisher_counts: dict[str, int] = {}
@@ -151,11 +155,25 @@ class RecorderNode(TwinNode):
             hidden = any(part.startswith('_') for part in name.split('/'))
             if hidden or (self._selected and name not in self._selected):
                 continue
+            if self._is_of_another_rig(name):
+                continue
             count = self.count_publishers(name)
             if self._publisher_counts.get(name, 0) == count and not all_again:
                 continue
             self._publisher_counts[name] = count
             self._look(name, self.get_publishers_info_by_topic(name))
+
+    def _is_of_another_rig(self, name: str) -> bool:
+        """Return whether a topic stands in another namespace: a bag holds one rig. Tell it once."""
+        elsewhere = name not in self._writers and any(
+            name.endswith(f'/{topic}') for topic in TYPES if not topic.startswith('/')
+        )
+        if not elsewhere or self.get_namespace() == '/':
+            return False
+        if (name, '') not in self._told:
+            self._told.add((name, ''))
+            self.get_logger().warning(f'{name} is of another rig and not recorded')
+        return True
 
     def _look(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
         """Record a topic if that is possible; keep the reason if it is not."""
@@ -180,9 +198,11 @@ class RecorderNode(TwinNode):
         """
         kind = self._types.get(name, publishers[0].topic_type)
         fitting = [publisher for publisher in publishers if publisher.topic_type == kind]
+        allowed = self._senders.get(name, ())
+        own = [one for one in fitting if _full_name(one) in allowed]  # no stranger sets the quality
         if fitting:
             self._single_publisher[name] = len(fitting) == 1
-            self._subscribe(name, kind, offered_qos(fitting))
+            self._subscribe(name, kind, offered_qos(own or fitting))
         for other in {publisher.topic_type for publisher in publishers} - {kind}:
             if (name, other) not in self._told:
                 self._told.add((name, other))
@@ -197,29 +217,26 @@ class RecorderNode(TwinNode):
         message = message_class(kind)
         self._recorder.add_topic(name, kind, offered)
         recorded = self._recorded.get(name)
-        if recorded is not None and recorded[1] == offered:
+        if recorded == offered:
             return
         profile = _subscription_qos(offered)
-        if name == self._measured:
-            self._meters.subscribe(message, name, self._callback(name), profile, raw=True)
-            subscription = self._meters.subscription
+        receive = self._callback(name)
+        if name in self._writers:
+            self._writers[name].subscribe(message, name, receive, profile, raw=True)
         else:
-            if recorded is not None:
-                self.destroy_subscription(recorded[0])
-            subscription = self.create_subscription(
-                message, name, self._callback(name), profile, raw=True
-            )
+            if name in self._plain:
+                self.destroy_subscription(self._plain[name])
+            self._plain[name] = self.create_subscription(message, name, receive, profile, raw=True)
         self._types[name] = kind
-        self._recorded[name] = (subscription, offered)
+        self._recorded[name] = offered
 
     def _callback(self, name: str) -> Callable[..., None]:
         def receive(data: bytes, info: dict[str, Any]) -> None:
             self._record(name, data, info)
             # All other messages in the queue are recorded at once. A call through the executor
             # costs more than the rest, and a queue that overflows meanwhile loses messages.
-            subscription = self._recorded[name][0]
-            if name == self._measured:
-                subscription = self._meters.subscription
+            own = self._writers.get(name)  # it may have subscribed anew
+            subscription = self._plain[name] if own is None else own.subscription
             handle = subscription.handle
             with handle:
                 while (more := handle.take_message(subscription.msg_type, True)) is not None:
@@ -228,13 +245,13 @@ class RecorderNode(TwinNode):
         return receive
 
     def _record(self, name: str, data: bytes, info: dict[str, Any]) -> None:
-        if name == self._measured:
+        if name in self._writers:
             try:
-                if not self._meters.check(info):
+                if not self._writers[name].check(info):
                     return
             except InputError as error:
-                self._doubts.tell(name, f'measured rates set aside: {error}')
-                kind, offered = self._types[name], self._recorded[name][1]
+                self._doubts.tell(name, f'{name} set aside: {error}')
+                kind, offered = self._types[name], self._recorded[name]
                 name = f'{name}/{DOUBTFUL}'
                 self._recorder.add_topic(name, kind, offered)
         sequence = info['publication_sequence_number'] or 0
@@ -292,6 +309,10 @@ class RecorderNode(TwinNode):
         if self._refused:
             self.get_logger().error(self._not_recorded())
         super().destroy_node()
+
+
+def _full_name(publisher: TopicEndpointInfo) -> str:
+    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
 def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> TopicQos:

@@ -77,6 +77,7 @@ def test_arrays_of_fixed_length_are_filled_with_zeros() -> None:
 
 def test_nested_messages_are_completed() -> None:
     definition = without(message_definition(RATES), 'float64 concentration')
+    definition = without(definition, 'float64 rise')
     store = old_store(RATES, definition)
     types = store.types
     time = types['builtin_interfaces/msg/Time'](sec=7, nanosec=0)
@@ -87,7 +88,7 @@ def test_nested_messages_are_completed() -> None:
     )
     message = read_old(RATES, definition, bytes(store.serialize_cdr(rates, RATES)))
     (well,) = message.wells
-    assert (well.well, well.rate, well.concentration) == ('injector', 1e-7, 0)
+    assert (well.well, well.rate, well.concentration, well.rise) == ('injector', 1e-7, 0, 0)
 
 
 def test_a_field_that_changed_its_type_stays_as_recorded() -> None:

@@ -42,7 +42,7 @@ class Writers:
     not count twice.
     """
 
-    def __init__(self, node: Node, topic: str, *, replayed: bool = True) -> None:
+    def __init__(self, node: Node, topic: str, *, replayed: bool | None = None) -> None:
         """Count nothing yet; `topic` and `replayed` are those of `follow`."""
         self._node, self._topic, self._replayed = node, topic, replayed
         self._known: set[str] = set()
@@ -152,10 +152,11 @@ class Writers:
         except InputError:
             self._doubt()
             raise
-        message = info['source_timestamp'], info['publication_sequence_number']
-        if self._latched and message in self._taken:
-            return False
-        self._taken.append(message)
+        if self._latched:
+            message = info['source_timestamp'], info['publication_sequence_number']
+            if message in self._taken:
+                return False
+            self._taken.append(message)
         return True
 
     def _check(self, info: Mapping[str, Any]) -> None:
@@ -174,7 +175,7 @@ def follow(
     profile: QoSProfile,
     *,
     refuse: RefuseFn | None = None,
-    replayed: bool = True,
+    replayed: bool | None = None,
     on_writer: WriterFn | None = None,
     **options: Any,
 ) -> None:
@@ -188,7 +189,7 @@ def follow(
             raise InputError to ignore the message.
         profile: quality of service.
         refuse: takes the topic, and one line about an ignored message; None: the node's log.
-        replayed: whether a replay may send the messages as well.
+        replayed: whether a replay may send the messages as well; None: in simulated time alone.
         on_writer: takes the event that a writer was found or has left.
         options: others of `create_subscription`.
     """

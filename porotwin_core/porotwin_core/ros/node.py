@@ -58,7 +58,7 @@ from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import LARGEST_WHOLE, ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
 from porotwin_core.ros.ros_environment import check_environment, check_keys, check_shared_memory
-from porotwin_core.ros.senders import LEASE_S, hearers
+from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated
 
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
@@ -150,7 +150,7 @@ class TwinNode(Node):
     @property
     def simulated(self) -> bool:
         """Whether the node was started for simulated time."""
-        return bool(self.get_parameter(CLOCK).value)
+        return is_simulated(self)
 
     def now(self) -> float:
         """Return the time [s] for ages and waits: simulated time, or a clock that nobody sets.

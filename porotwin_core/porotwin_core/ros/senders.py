@@ -85,21 +85,33 @@ def full_name(node: Any, name: str) -> str:
     return f'{node.get_namespace().rstrip("/")}/{name}'
 
 
-def check_senders(node: Any, topic: str, *, replayed: bool = True) -> list[Sender]:
+def is_simulated(node: Any) -> bool:
+    """Return whether `node` was started for simulated time, as in a replay."""
+    return bool(node.get_parameter('use_sim_time').value)
+
+
+def may_send(node: Any, topic: str, *, replayed: bool | None = None) -> frozenset[str]:
+    """Return the full names of the nodes that may publish `topic`, as in `check_senders`."""
+    replayed = is_simulated(node) if replayed is None else replayed
+    names = (*SENDERS[topic], *((PLAYER,) if replayed else ()))
+    return frozenset(full_name(node, name) for name in names)
+
+
+def check_senders(node: Any, topic: str, *, replayed: bool | None = None) -> list[Sender]:
     """Return the publishers of `topic`, a name relative to `node`: only nodes of `SENDERS`.
 
     Args:
         node: the node that follows the topic.
         topic: a key of `SENDERS`.
-        replayed: whether the player of a recording may publish it as well.
+        replayed: whether the player of a recording may publish it as well; None: in simulated time
+            alone.
 
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    names, present = SENDERS[topic], publishers(node, topic)
-    player = full_name(node, PLAYER)
-    found = [sender for sender in present if not (replayed and sender.node == player)]
-    refuse_others(node, found, names, f'publishes {topic}')
+    allowed, present = may_send(node, topic, replayed=replayed), publishers(node, topic)
+    others = [sender for sender in present if sender.node not in allowed]
+    refuse_others(node, others, SENDERS[topic], f'publishes {topic}')
     return present
 
 
@@ -135,17 +147,20 @@ def check_servers(node: Any, service: str) -> list[Sender]:
     """Return the servers of `service`, a name relative to `node`: only the node that may offer it.
 
     A node offers the services below its own name, and one node of the asset those of `asset`.
-    A restarted server has a new identity. A killed server stays visible for `LEASE_S`.
+    A restarted server has a new identity. A killed server stays visible for `LEASE_S`. The service
+    of the goals of an action stands for all services of that action.
 
     Raises:
         InputError: another node offers it too; one line with its name.
     """
-    name = service.removesuffix(goals_of(''))
-    owner = service.split('/')[0]
+    name, _, of_action = service.partition('/_action/')
+    owner = name.split('/')[0]
     names = SENDERS['wells/measured'] if owner == ASSET else (owner,)
-    # the DDS topic of the answers
-    topic = f'rr{node.resolve_service_name(service)}Reply'
-    found = _named_senders(node, topic, mangled=True)
+    found = []
+    for one in (goals_of(name), cancels_of(name), results_of(name)) if of_action else (service,):
+        # the DDS topic of the answers
+        topic = f'rr{node.resolve_service_name(one)}Reply'
+        found += _named_senders(node, topic, mangled=True)
     refuse_others(node, found, names, f'offers {name}')
     several = sorted({server.node for server in found})
     if len(several) > 1:
@@ -161,6 +176,11 @@ def goals_of(action: str) -> str:
 def cancels_of(action: str) -> str:
     """Return the service that cancels goals of `action`; ROS 2 makes it for every action."""
     return f'{action}/_action/cancel_goal'
+
+
+def results_of(action: str) -> str:
+    """Return the service that gives results of `action`; ROS 2 makes it for every action."""
+    return f'{action}/_action/get_result'
 
 
 def refuse_others(node: Any, found: Collection[Sender], names: Sequence[str], doing: str) -> None:

@@ -6,7 +6,8 @@ the camera between them, never falls far below the difference of earlier ones.
 """
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
@@ -27,40 +28,44 @@ _BLOCK = 8
 _REPEATED = 0.65
 """Share of the least difference so far below which a picture is an old one. Measured on rendered
 photographs: fresh noise 0.9 to 1.2, compressed again 0.1 to 0.63 at a quality of 90 or more."""
+_BUFFERS = 3
+"""Pictures that a camera holds at once; a frozen one may send them in turn."""
 _STILL = 0.02
 """Movement below which noise alone makes the difference of two photographs [px]."""
 
 
 @dataclass
 class FrozenCamera:
-    """Compares each photograph with the last one.
+    """Compares each photograph with the last ones.
 
     Attributes:
-        last: middle of the last photograph, float32; None: there is none.
+        last: middles of the last photographs, float32, the newest last.
         least: least difference of two photographs of a still camera so far [grey levels].
     """
 
-    last: Array | None = None
+    last: deque[Array] = field(default_factory=lambda: deque(maxlen=_BUFFERS))
     least: float = math.inf
 
     def check(self, photo: DecodedPhoto) -> None:
         """Take note of a photograph.
 
         Raises:
-            InputError: it shows the picture of the last one again.
+            InputError: it shows the picture of one of the last ones again.
         """
         middle = _middle(photo)
-        if self.last is not None and self.last.shape == middle.shape:
-            noise, largest, moved = _difference(self.last, middle)
+        least = self.least
+        for before in (one for one in self.last if one.shape == middle.shape):
+            noise, largest, moved = _difference(before, middle)
             still = moved < _STILL
             if largest == 0.0 or (still and noise < _REPEATED * self.least < math.inf):
                 raise InputError(
-                    'the camera is frozen: it shows its last picture again, without fresh noise; '
-                    'restart the camera. No rates follow meanwhile'
+                    'the camera is frozen: it shows one of its last pictures again, without fresh '
+                    'noise; restart the camera. No rates follow meanwhile'
                 )
             if still and noise > 0.0:
-                self.least = min(self.least, noise)
-        self.last = middle
+                least = min(least, noise)
+        self.least = least
+        self.last.append(middle)
 
 
 def _middle(photo: DecodedPhoto) -> Array:

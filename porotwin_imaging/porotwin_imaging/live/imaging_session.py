@@ -130,7 +130,7 @@ class ImagingSession:
         if placement.action == 'ignore':
             raise InputError(placement.reason)
         if self._replayed and placement.action == 'start':
-            self._frozen.last = None  # a recording that is played again may show its last picture
+            self._frozen.last.clear()  # a recording that is played again may show its last picture
         found = concentration_map(data, self.baseline, self._frozen.check)
         self._sequence = accept(time, digest, placement, self._sequence)
         state = ImagedState(time, self._states, placement, found)
