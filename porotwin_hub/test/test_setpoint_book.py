@@ -99,6 +99,8 @@ def test_an_expired_setpoint_is_announced_once_and_stands_for_the_safe_rates(
     assert words.text.count('setpoint 1 has expired') == 1
     assert '0.0 ml/h   <-- was 100.0' in words.text
     assert words.changed == tuple(safe)
+    with pytest.raises(InputError, match='has expired, and the safe rates took its place'):
+        book.confirmed(1, {})
     assert book.confirmed(1, {}) == safe
     assert '<-- was 0.0' in announced(book, 2, other, now=1093.0)
 

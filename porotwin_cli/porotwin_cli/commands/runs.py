@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say, without_warnings
+from porotwin_core.basis.plain_text import plain
 
 if TYPE_CHECKING:
     from porotwin_recording.experiment.catalogue import CatalogueEntry
@@ -107,11 +108,11 @@ def command(
             print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')
     for entry in entries:
         for remark in entry.remarks:
-            say(remark)
+            say(plain(remark))
         for line in told.get(entry.path, []):
             times = f' ({line.times} times)' if line.times > 1 else ''
             when = clock_words(max(line.time_s, 0.0))
-            print(f'{_name(entry.path, folder)}, {when}: {line.text}{times}')
+            print(f'{_name(entry.path, folder)}, {when}: {plain(line.text)}{times}')
 
 
 def _lines_about(entry: 'CatalogueEntry', words: str) -> 'list[ToldLine]':
@@ -157,7 +158,7 @@ def _date(entry: 'CatalogueEntry') -> str:
 
 
 def _name(path: Path, folder: Path) -> str:
-    return str(path.relative_to(folder)) if path != folder else path.name
+    return plain(str(path.relative_to(folder)) if path != folder else path.name)
 
 
 def _state(entry: 'CatalogueEntry') -> str:

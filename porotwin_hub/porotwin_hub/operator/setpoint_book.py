@@ -123,8 +123,9 @@ class SetpointBook:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
 
         Raises:
-            InputError: the setpoint is not the newest, a well is not known, a rate is not
-                plausible, or the rates do not balance and this was not said before.
+            InputError: the setpoint is not the newest, a well is not known, or a rate is not
+                plausible. So are rates that do not balance, and safe rates in place of an expired
+                setpoint without a word of them, unless the same was said before.
         """
         if self._newest is None:
             raise InputError(f'setpoint {sequence} is not known; there was none yet')
@@ -136,6 +137,11 @@ class SetpointBook:
         refuse_implausible(changed, self._rig)
         rates = {**announced, **changed}
         question = question_about(rates, self._rig)
+        if self._in_force is None and not changed:  # whoever confirms may mean what has expired
+            question = (
+                f'setpoint {sequence} has expired, and the safe rates took its place; confirm once '
+                'more if these are set'
+            )
         if question is not None and self._asked != (sequence, rates):
             self._asked = (sequence, rates)
             raise InputError(question)
