@@ -181,11 +181,12 @@ class Asset:
     """Publishes states, measured rates and clean states, as the asset does."""
 
     def __init__(self, client: Client, model: Any) -> None:
-        self._node = rclpy.create_node('player', context=client.node.context)
-        make = self._node.create_publisher
-        self._states = make(NewState, 'asset/new_state', qos.FIELD)
-        self._measured = make(WellRates, 'wells/measured', qos.FIELD)
-        self._clean = make(CleanState, 'asset/clean_state', qos.FIELD)
+        self._imaging, self._operator = (
+            rclpy.create_node(name, context=client.node.context) for name in ('imaging', 'operator')
+        )
+        self._states = self._imaging.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+        self._clean = self._imaging.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
+        self._measured = self._operator.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._client, self._grid = client, model.grid
         self._sequence = 0
 
@@ -228,7 +229,8 @@ class Asset:
 
     def close(self) -> None:
         """End the node, so that the next asset is the only one."""
-        self._node.destroy_node()
+        self._imaging.destroy_node()
+        self._operator.destroy_node()
 
     def finish(self) -> None:
         """Publish the end of the experiment, after the last state has arrived."""

@@ -200,6 +200,10 @@ def test_training_runs_beside_the_services_and_can_be_cancelled(
     during = client.call(CorrectiveSource, 'costa/corrective_source', request)
     assert during.status == 'no model loaded'
     assert not client.wait(handle.cancel_goal_async()).goals_canceling  # nobody vouches for it
+    client.wait(client.voucher.cancel('costa/train', handle))  # perhaps it has ended meanwhile
+    client.wait(handle.get_result_async())
+
+    handle, _ = client.action(dataset=str(pairs), epochs=100_000, seed=5)
     assert client.wait(client.voucher.cancel('costa/train', handle)).goals_canceling
     cancelled = client.wait(handle.get_result_async()).result
     assert cancelled.outcome.code == Outcome.FAILED

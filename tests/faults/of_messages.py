@@ -247,7 +247,7 @@ def forged_rates(stage: Stage) -> Iterator[None]:
 
 @fault(
     'A program publishes measured rates and leaves at once, again and again.',
-    LogLine('recorder', 'measured rates set aside'),
+    LogLine('recorder', 'wells/measured set aside'),
     does='No node uses them, and no reader of the recording does.',
     mends='end the program',
 )
