@@ -156,6 +156,8 @@ def test_setpoints_are_announced_confirmed_and_expire(
     assert conversions.rates_from_msg(confirmed.wells) == other
     desk.now += 79.0
     desk.spin_until(lambda: shows('setpoint 1 has expired'))
+    question = desk.ask(ConfirmRates.Request(sequence=1))
+    assert question.endswith('confirm once more if these are set')
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 2)
     safe = Limits.of(small_rig).safe()
