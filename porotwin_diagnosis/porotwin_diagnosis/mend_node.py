@@ -320,12 +320,16 @@ class MendNode(TwinNode):
         if not self._diagnosis.server_is_ready():
             self._give_up('no verdict: the diagnosis node has ended; it is asked again later')
         elif foreign := self._foreign():
+            self._cancel()
             self._give_up(f'no verdict: {foreign}; it is asked again later')
         elif time.monotonic() - self._asked.began > self._longest_s and not self._overdue:
             self._overdue = True
-            if self._goal is not None:
-                self._voucher.cancel(DIAGNOSE, self._goal)
+            self._cancel()
             self._give_up(f'no verdict within {self._longest_s:g} s; the diagnosis is cancelled')
+
+    def _cancel(self) -> None:
+        if self._goal is not None:
+            self._voucher.cancel(DIAGNOSE, self._goal)
 
     def _give_up(self, line: str) -> None:
         self._asked = self._goal = None
