@@ -24,7 +24,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.following import Writers, follow
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
-from porotwin_core.ros.senders import may_send
+from porotwin_core.ros.senders import sender_name
 from porotwin_recording.live.recorder import Recorder
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import SplitRule, next_free_path
@@ -112,7 +112,6 @@ class RecorderNode(TwinNode):
         self._single_publisher: dict[str, bool] = {}
         self._types = {self.resolve_topic_name(topic): kind for topic, kind in TYPES.items()}
         self._writers = {self.resolve_topic_name(topic): Writers(self, topic) for topic in TYPES}
-        self._senders = {self.resolve_topic_name(topic): may_send(self, topic) for topic in TYPES}
         self._doubts = FewWords(self.get_logger().warning, known=self._writers)
         self._refused: dict[str, str] = {}
         self._told: set[tuple[str, str]] = set()
@@ -198,8 +197,10 @@ class RecorderNode(TwinNode):
         """
         kind = self._types.get(name, publishers[0].topic_type)
         fitting = [publisher for publisher in publishers if publisher.topic_type == kind]
-        allowed = self._senders.get(name, ())
-        own = [one for one in fitting if _full_name(one) in allowed]  # no stranger sets the quality
+        allowed = self._writers[name].allowed if name in self._writers else ()
+        own = [
+            one for one in fitting if sender_name(one) in allowed
+        ]  # no stranger sets the quality
         if fitting:
             self._single_publisher[name] = len(fitting) == 1
             self._subscribe(name, kind, offered_qos(own or fitting))
@@ -309,10 +310,6 @@ class RecorderNode(TwinNode):
         if self._refused:
             self.get_logger().error(self._not_recorded())
         super().destroy_node()
-
-
-def _full_name(publisher: TopicEndpointInfo) -> str:
-    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
 def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> TopicQos:

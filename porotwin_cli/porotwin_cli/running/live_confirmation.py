@@ -1,8 +1,7 @@
 """Confirms a setpoint to the operator node of a running graph."""
 
 from porotwin_cli.running.live_diagnosis import SEARCH_S
-from porotwin_cli.running.live_node import listening, live_node
-from porotwin_cli.terminal import WorkFailed
+from porotwin_cli.running.live_node import listening, live_node, silent
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.senders import TERMINAL
 from porotwin_core.ros.vouching import Voucher
@@ -28,9 +27,6 @@ def confirm(setpoint: int, *, namespace: str) -> None:
             request = ConfirmRates.Request(sequence=setpoint)
             response = voucher.ask(client, CONFIRM, request, SEARCH_S)
     if response is None:
-        raise WorkFailed(
-            'no operator node answers; start the twin with ./porotwin up, on this machine '
-            'and with the same --domain or ROS_DOMAIN_ID'
-        )
+        raise silent('operator')
     if response.outcome.code != Outcome.OK:
         raise InputError(response.outcome.message)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from rclpy.action import ActionClient
 from rclpy.executors import Executor
 
-from porotwin_cli.running.live_node import listening, live_node
+from porotwin_cli.running.live_node import listening, live_node, silent
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import in_short
@@ -76,10 +76,7 @@ def _result(
 ) -> Any:
     """Send the goal and return its result."""
     if not client.wait_for_server(SEARCH_S):
-        raise WorkFailed(
-            'no diagnosis node answers; start the twin with ./porotwin up, on this machine '
-            'and with the same --domain or ROS_DOMAIN_ID'
-        )
+        raise silent('diagnosis')
     goal = Diagnose.Goal(output=str(output.resolve()))
 
     def told(message: Any) -> None:

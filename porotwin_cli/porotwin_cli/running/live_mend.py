@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from porotwin_cli.running.live_diagnosis import POLL_S, SEARCH_S
-from porotwin_cli.running.live_node import listening, live_node
+from porotwin_cli.running.live_node import listening, live_node, silent
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos
@@ -103,10 +103,7 @@ class MendDesk:
         while not self._node.count_services(name) and time.monotonic() < deadline:
             time.sleep(POLL_S)
         if not self._node.count_services(name):
-            raise WorkFailed(
-                'no mend node answers; start the twin with ./porotwin up --mend ask, on this '
-                'machine and with the same --domain or ROS_DOMAIN_ID'
-            )
+            raise silent('mend', 'up --mend ask')
 
     def offer(self) -> OfferShown | None:
         """Return the newest offer; None if nothing has been offered."""

@@ -8,6 +8,7 @@ from rclpy.context import Context
 from rclpy.executors import Executor
 from rclpy.node import Node
 
+from porotwin_cli.terminal import WorkFailed
 from porotwin_core.ros.node import TwinNode
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_core.ros.ros_environment import prepare_environment
@@ -23,6 +24,14 @@ def live_node(name: str, *, namespace: str) -> Node:
     context = Context()
     rclpy.init(context=context)
     return TwinNode(name, namespace=namespace, context=context)
+
+
+def silent(node: str, start: str = 'up') -> WorkFailed:
+    """Return the error that no `node` of a twin answers, which `./porotwin` with `start` begins."""
+    return WorkFailed(
+        f'no {node} node answers; start the twin with ./porotwin {start}, on this machine and with '
+        'the same --domain or ROS_DOMAIN_ID'
+    )
 
 
 @contextmanager

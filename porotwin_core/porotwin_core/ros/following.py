@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.foreign_words import FewWords, in_short
-from porotwin_core.ros.senders import check_senders
+from porotwin_core.ros.senders import check_senders, may_send
 from porotwin_core.ros.service_answer import LOOK_EACH_S
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
@@ -56,6 +56,11 @@ class Writers:
         self._latched = False
         self._taken: deque[tuple[int, int]] = deque()
         self._begin: Callable[[], None] = lambda: None
+
+    @property
+    def allowed(self) -> frozenset[str]:
+        """The full names of the nodes that may publish the topic."""
+        return may_send(self._node, self._topic, replayed=self._replayed)
 
     @property
     def subscription(self) -> Any:

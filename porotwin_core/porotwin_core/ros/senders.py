@@ -85,6 +85,11 @@ def full_name(node: Any, name: str) -> str:
     return f'{node.get_namespace().rstrip("/")}/{name}'
 
 
+def sender_name(info: Any) -> str:
+    """Return the full name of the node of an endpoint (rclpy.topic_endpoint_info)."""
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
 def is_simulated(node: Any) -> bool:
     """Return whether `node` was started for simulated time, as in a replay."""
     return bool(node.get_parameter('use_sim_time').value)
@@ -156,8 +161,9 @@ def check_servers(node: Any, service: str) -> list[Sender]:
     name, _, of_action = service.partition('/_action/')
     owner = name.split('/')[0]
     names = SENDERS['wells/measured'] if owner == ASSET else (owner,)
+    parts = (goals_of, cancels_of, results_of) if of_action else ()
     found = []
-    for one in (goals_of(name), cancels_of(name), results_of(name)) if of_action else (service,):
+    for one in [part(name) for part in parts] or [service]:
         # the DDS topic of the answers
         topic = f'rr{node.resolve_service_name(one)}Reply'
         found += _named_senders(node, topic, mangled=True)
@@ -230,7 +236,7 @@ def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
     while True:
         found = [
             Sender(
-                f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+                sender_name(info),
                 bytes(info.endpoint_gid).hex(),
             )
             for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
