@@ -88,6 +88,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (item.path not in long, WHOLE_PROJECT not in item.path.parents))
 
 
+def pytest_collection_finish() -> None:
+    """Keep what the imports made from Python's garbage collection, which runs after each file."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True, scope='module')
 def _domain_of_the_file() -> Iterator[None]:
     """Give each test file a DDS domain: what one leaves behind is not met by the next."""
