@@ -193,8 +193,8 @@ def test_a_passing_sender_of_another_type_ends_no_recording(tmp_path: Path) -> N
     bag = BagReader(output)
     for name in ('/porotwin/wells/setpoint', '/porotwin/words'):
         assert bag.topics[name].type_name == SETPOINT
-        names = bag.topics.keys() & {name, f'{name}/{DOUBTFUL}'}  # set aside while he is there
-        times = [message.log_time for message in bag.messages(names)]
+        assert f'{name}/{DOUBTFUL}' not in bag.topics
+        times = [message.log_time for message in bag.messages([name])]
         assert times[-1] > left + SECOND // 2
         assert max(b - a for a, b in itertools.pairwise(times)) < SECOND
 
@@ -210,9 +210,8 @@ def test_a_topic_of_the_twin_is_recorded_with_its_type_whoever_comes_first(tmp_p
         assert recorder.stop() == 0, recorder.output
     bag = BagReader(tmp_path / 'run')
     assert bag.topics['/porotwin/wells/setpoint'].type_name == SETPOINT
-    aside = f'/porotwin/wells/setpoint/{DOUBTFUL}'  # the stranger publishes beside the guard
-    assert bag.topics[aside].type_name == SETPOINT
-    assert list(bag.messages([aside]))
+    assert f'/porotwin/wells/setpoint/{DOUBTFUL}' not in bag.topics
+    assert list(bag.messages(['/porotwin/wells/setpoint']))
 
 
 def test_measured_rates_that_a_stranger_could_have_sent_are_set_aside(

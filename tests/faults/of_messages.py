@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import String
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
 from faults.stage import ENVIRONMENT, GRID, Stage, kill
@@ -20,6 +23,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FEW
+from porotwin_core.ros.senders import SENDERS
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
 from porotwin_msgs.srv import Cancel, Control, Predict
@@ -184,6 +188,25 @@ def foreign_setpoint(stage: Stage) -> Iterator[None]:
         stage.foreign_setpoints.add(9001)
         send(message)
         yield
+
+
+@fault(
+    'A foreign node publishes texts on topics of the twin.',
+    LogLine('recorder', 'carries std_msgs/msg/String too'),
+    does='Goes on, for the texts reach nobody who waits for setpoints, states or photographs.',
+    mends=REMOVED,
+)
+def other_type(stage: Stage) -> Iterator[None]:
+    context = Context()
+    rclpy.init(context=context, domain_id=stage.domain)
+    node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+    publishers = [node.create_publisher(String, topic, qos.CONFIG) for topic in SENDERS]
+    for publisher in publishers:
+        publisher.publish(String(data='10 ml/h'))
+    yield
+    stage.wait_for_control()
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
 
 
 @fault(
