@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lab.faults.crowd import crowd
+from lab.benches.crowd import crowd
 from porotwin_cli.running.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig

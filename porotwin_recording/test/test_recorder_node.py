@@ -214,6 +214,49 @@ def test_a_topic_of_the_twin_is_recorded_with_its_type_whoever_comes_first(tmp_p
     assert list(bag.messages(['/porotwin/wells/setpoint']))
 
 
+FLOOD = """
+import time
+import rclpy
+from porotwin_msgs.msg import Setpoint
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node('stranger', namespace='porotwin')
+publishers = {kind: node.create_publisher(kind, topic, qos_profile_sensor_data) for topic, kind in
+              (('flood', String), ('wells/setpoint', Setpoint))}
+print('ready', flush=True)
+for _ in range(200):
+    publishers[String].publish(String(data='x' * 1_000_000))
+    publishers[Setpoint].publish(Setpoint(reason='x' * 300_000))
+    time.sleep(0.05)
+"""
+
+
+def test_no_flood_fills_the_bag(tmp_path: Path) -> None:
+    flood = Process(tmp_path / 'flood.log', ['-c', FLOOD])
+    with (
+        sender(tmp_path / 'guard.log', 'guard', SETPOINT),
+        node(
+            tmp_path / 'rec.log',
+            'recorder_node',
+            output=tmp_path / 'run',
+            others_mb_s=1.0,
+            compress=False,
+        ) as recorder,
+    ):
+        for topic in ('/porotwin/flood', f'/porotwin/wells/setpoint/{DOUBTFUL}'):
+            recorder.wait_for_output(f'{topic} is not recorded any more: topics that are not')
+        flood.stop()
+        ended = time.time_ns()
+        time.sleep(4.0)
+        assert recorder.stop() == 1, recorder.output  # not all is in the bag
+    bag = BagReader(tmp_path / 'run')
+    sizes = {name: sum(len(one.data) for one in bag.messages([name])) for name in bag.topics}
+    assert sum(sizes.values()) < 20e6
+    assert max(one.log_time for one in bag.messages(['/porotwin/wells/setpoint'])) > ended
+    assert max(one.log_time for one in bag.messages(['/porotwin/words'])) > ended
+
+
 def test_measured_rates_that_a_stranger_could_have_sent_are_set_aside(
     tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

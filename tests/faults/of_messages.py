@@ -69,7 +69,7 @@ def foreign_state(
 
 
 @fault(
-    'A second imaging beside the twin sends a state on another grid.',
+    'A second imaging sends a state on another grid.',
     LogLine('hub', 'state 9001 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -79,7 +79,7 @@ def other_grid(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of NaN.',
+    'A second imaging sends a state of NaN.',
     LogLine('hub', 'state 9002 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -89,7 +89,7 @@ def state_of_nan(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of infinite numbers.',
+    'A second imaging sends a state of infinite numbers.',
     LogLine('hub', 'state 9003 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -99,7 +99,7 @@ def state_of_infinity(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of 1e30.',
+    'A second imaging sends a state of 1e30.',
     LogLine('hub', 'state 9004 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -109,7 +109,7 @@ def huge_state(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of -5.',
+    'A second imaging sends a state of -5.',
     LogLine('hub', 'state 9005 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -132,7 +132,7 @@ def replayed_state(stage: Stage) -> Iterator[None]:
     'A foreign node sends a state that looks right.',
     Status('hub', 'WARN', 'publishes asset/new_state too'),
     LogLine('page', 'publishes asset/new_state too'),
-    does='No node uses a state, and no setpoint follows, while the foreign node is there.',
+    does='No node uses a state, and no setpoint follows meanwhile.',
     mends=REMOVED,
 )
 def plausible_state(stage: Stage) -> Iterator[None]:
@@ -142,7 +142,7 @@ def plausible_state(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node sends a photograph.',
     Status('imaging', 'ERROR', 'publishes camera/image/compressed too'),
-    does='Leaves out all photographs while the foreign node is there. No setpoint follows.',
+    does='Leaves out all photographs meanwhile. No setpoint follows.',
     mends=REMOVED,
 )
 def foreign_photograph(stage: Stage) -> Iterator[None]:
@@ -173,7 +173,7 @@ def foreign_baseline(stage: Stage) -> Iterator[None]:
     Status('guard', 'ERROR', 'no setpoint can pass'),
     LogLine('operator', 'wells/setpoint ignored'),
     LogLine('page', 'wells/setpoint ignored'),
-    does='No node uses the setpoint, and none passes while the foreign node is there.',
+    does='No node uses the setpoint, and none passes meanwhile.',
     mends=REMOVED,
 )
 def foreign_setpoint(stage: Stage) -> Iterator[None]:
@@ -257,7 +257,7 @@ def brief_calls(stage: Stage) -> None:
     'Measured rates come from a foreign node.',
     LogLine('hub', 'publishes wells/measured too'),
     Remark('publishes wells/measured too'),
-    does='Uses no measured rates while the foreign node is there. Forecasts go by the setpoints.',
+    does='Uses no measured rates meanwhile. Forecasts go by the setpoints.',
     mends=REMOVED,
 )
 def forged_rates(stage: Stage) -> Iterator[None]:
@@ -291,8 +291,8 @@ def brief_rates(stage: Stage) -> None:
     'A foreign node floods /diagnostics with errors that look like orders.',
     LogLine('supervisor', 'says: "\\x1b[2Jsetpoint 777'),
     LogLine('supervisor', 'more lines of nodes that are not of the twin'),
-    does='Shows a few of them in one line each, with the name that their sender gives itself, and '
-    'the number of the others. No character acts on the terminal.',
+    does='Shows a few of them in one line each, with the alleged sender, and the number of the '
+    'others. No character acts on the terminal.',
     mends=REMOVED,
 )
 def order_in_an_error(stage: Stage) -> Iterator[None]:
@@ -307,6 +307,19 @@ def order_in_an_error(stage: Stage) -> Iterator[None]:
     assert sum('<-- set' in line for line in lines) == FEW
     assert all(line.isprintable() for line in lines)
     assert not any(line.lstrip().startswith(('setpoint', 'barrier1')) for line in lines)
+
+
+@fault(
+    'A foreign node floods a topic of its own: 250 MB in a few seconds.',
+    Status('recorder', 'ERROR', 'flood (topics that are not'),
+    does='Records that topic no more. Everything else is recorded.',
+    mends='record such a topic into a bag of its own, or raise `others_mb_s` of the recorder',
+)
+def flooded_recording(stage: Stage) -> Iterator[None]:
+    with stage.foreign('flood', String, qos.FIELD) as send:
+        for _ in range(25):
+            send(String(data='x' * 10_000_000))
+        yield
 
 
 @fault(
@@ -357,7 +370,7 @@ def foreign_rates(
 @fault(
     'A foreign node offers `solver/predict` and answers maps of zeros.',
     Remark('offers solver/predict too'),
-    does='Believes no answer, and no setpoint follows, while the foreign node is there.',
+    does='Believes no answer, and no setpoint follows meanwhile.',
     mends=REMOVED,
 )
 def foreign_server(stage: Stage) -> Iterator[None]:
