@@ -31,7 +31,7 @@ HEAD = f"""\
 
 This page is for the person beside a rig: the tested faults, their signs, the reaction of the twin,
 and the remedy. `./porotwin test` starts a twin, injects one fault after the other, and checks each
-sign. `docs/make_faults.py` writes this page from these tests (`tests/faults`).
+sign.
 
 The signs name their place:
 
@@ -46,7 +46,7 @@ These rules hold for every fault:
 
 - A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s; a weak pump takes longer.
 - After the remedy the twin sets rates again within {CYCLES} cycles.
-- No setpoint follows from a bad photograph or message.
+- No state follows from a bad photograph, no setpoint from a bad photograph or message.
 - Every setpoint keeps the limits of `rig.yaml`.
 
 `./porotwin bench faults` is the long test. `./porotwin bench fuzz` damages files and sends random

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lab.benches.crowd import crowd
 from porotwin_cli.running.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
@@ -92,11 +93,11 @@ class Arrivals:
             return self.changed.wait_for(lambda: self.of(put) is not None, limit)
 
 
-def run(photographs: int = 10) -> list[dict[str, Any]]:
+def run(photographs: int = 10, *, programs: int = 0) -> list[dict[str, Any]]:
     """Return a row with the times from `photographs` to their setpoints [s].
 
     A time begins when the photograph lies complete in the folder. It ends when its setpoint arrives
-    at another process.
+    at another process. So many idle `programs` of others join the domain after the first setpoint.
 
     Raises:
         WorkFailed: a node cannot run, or a setpoint does not come.
@@ -122,8 +123,10 @@ def run(photographs: int = 10) -> list[dict[str, Any]]:
         watch = GraphWatch(arrivals.add_report, on_setpoint=arrivals.add_setpoint)
         with watch, GraphProcesses(live_graph(settings), folder, say=say):
             _warm_up(camera, arrivals)
-            put = list(_put_in_turn(camera, arrivals, photographs))
-        return [_row(arrivals, put)]
+            say(f'{programs} programs join ...')
+            with crowd(programs):
+                put = list(_put_in_turn(camera, arrivals, photographs))
+        return [{'programs beside': programs, **_row(arrivals, put)}]
 
 
 def _warm_up(camera: '_Camera', arrivals: Arrivals) -> None:

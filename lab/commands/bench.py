@@ -47,7 +47,6 @@ PLAIN = {
     'diagnosis': 'Verdicts and time beside sparse regression.',
     'fronts': 'Designs for sharp fronts, side by side (docs/fronts.md).',
     'scaling': 'Many processes: measured with two, simulated with more.',
-    'decision': 'Time from a photograph to its setpoint, with all nodes.',
     'verification': 'Problems of the field, beside their solutions (docs/verification.md).',
 }
 """Parts without options, and their help."""
@@ -227,6 +226,21 @@ def faults(
     Example: ./porotwin bench faults --kills 2 --hours 0.5
     """
     _measure('faults', as_json=as_json, kills=kills, hours=hours, seed=seed)
+
+
+@command.command()
+def decision(
+    photographs: Annotated[int, typer.Option(help='Photographs that are timed.', min=1)] = 10,
+    programs: Annotated[
+        int, typer.Option(help='Idle programs of others that join the domain.', min=0)
+    ] = 0,
+    as_json: Json = False,
+) -> None:
+    """Time from a photograph to its setpoint, with all nodes.
+
+    Example: ./porotwin bench decision --programs 120
+    """
+    _measure('decision', as_json=as_json, photographs=photographs, programs=programs)
 
 
 @command.command()

@@ -11,7 +11,7 @@ import pytest
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
+from std_msgs.msg import Header, String  # noqa: E402
 
 from porotwin_core.basis.errors import InputError  # noqa: E402
 from porotwin_core.ros import conversions, qos  # noqa: E402
@@ -154,6 +154,27 @@ def test_no_setpoint_is_believed_of_a_stranger_that_has_left(nodes: Callable[[st
         guards.publish(Setpoint(sequence=brief + 1))
         listener.until(lambda last=brief: listener.taken[-1] == last + 1)
     assert listener.taken == [1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.graph
+def test_a_stranger_of_another_type_hides_nobody(nodes: Callable[[str], Any]) -> None:
+    listener, guard, stranger = Listener(nodes('siblings')), nodes('guard'), nodes('stranger')
+    elsewhere = rclpy.Context()
+    rclpy.init(context=elsewhere)  # a process publishes a topic with one type
+    other = rclpy.create_node('other', namespace='/porotwin', context=elsewhere)
+    for _ in range(3):
+        other.create_publisher(String, 'wells/setpoint', 10)
+    listener.until(lambda: listener.node.count_publishers('wells/setpoint') == 3)
+    guards = publish(guard, 1)
+    listener.until(lambda: listener.taken == [1])
+    # a sender of the right type is noticed beside them, also when it leaves at once
+    stranger.destroy_publisher(publish(stranger, 666))
+    time.sleep(0.02)
+    listener.until(lambda: listener.refused)
+    guards.publish(Setpoint(sequence=2))
+    listener.until(lambda: listener.taken == [1, 2])
+    assert len(listener.refused) == 1
+    rclpy.shutdown(context=elsewhere)
 
 
 class LateListener:

@@ -82,3 +82,9 @@ def test_a_flood_gives_a_few_lines_and_one_with_their_number(lines: list[str]) -
 
 def test_a_remark_about_a_foreign_name_acts_on_no_terminal() -> None:
     assert str(Remark('rates.csv', 'inj\x1b[2J\u202e', 'unknown\nwell', '')).isprintable()
+
+
+def test_one_place_may_tell_warnings_and_errors() -> None:
+    log = pytest.importorskip('porotwin_core.ros.plain_log').PlainLogger('recorder')
+    for tell in (log.warning, log.error, log.warning):
+        FewWords(tell).tell('stranger', 'set aside')

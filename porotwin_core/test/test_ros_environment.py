@@ -3,7 +3,7 @@
 import os
 import shutil
 import socket
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,9 +12,11 @@ import pytest
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.ros_environment import (
     LEAST_SHARED_BYTES,
+    PROGRAMS,
     DomainClaim,
     check_environment,
     check_keys,
+    check_room,
     check_shared_memory,
     claim_domain,
     domain_of,
@@ -100,6 +102,18 @@ def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeyp
         monkeypatch.setattr(shutil, 'disk_usage', lambda _, usage=usage: usage)
         with nullcontext() if fits else pytest.raises(InputError, match='MB left, and nodes need'):
             check_shared_memory(tmp_path)
+
+
+def test_a_domain_with_more_programs_than_find_each_other_is_full(domain: int) -> None:
+    here = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    with ExitStack() as programs:
+        for number in PROGRAMS:
+            check_room(here)
+            port = programs.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            port.bind(('', 7410 + 250 * domain + 2 * number))
+        with pytest.raises(InputError, match=f'ROS_DOMAIN_ID {domain}: 32 programs run'):
+            check_room(here)
+        check_room({**here, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'})
 
 
 def test_a_missing_enclave_is_one_line_with_the_command(tmp_path: Path) -> None:

@@ -307,7 +307,8 @@ class HubNode(TwinNode):
                 f'{" and ".join(sorted(names))} publish asset/new_state; stop one, or set '
                 'ROS_DOMAIN_ID to another number to run two twins'
             )
-        if not self._simulated and self.count_publishers('/clock'):
+        clocks = {one.topic_type for one in self.get_publishers_info_by_topic('/clock')}
+        if not self._simulated and 'rosgraph_msgs/msg/Clock' in clocks:
             return 'a node publishes /clock: a replay; start the hub with use_sim_time for it'
         return ''
 

@@ -27,7 +27,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
-from porotwin_core.ros.ros_environment import check_shared_memory
+from porotwin_core.ros.ros_environment import check_room
 from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
@@ -161,7 +161,7 @@ class SupervisorNode(TwinNode):
         else:
             names = ', '.join(one.name for one in silent)
             words = [f'silent: {names}'] * bool(silent)
-            words += [*_words_about_clock(set_ahead()), *_words_about_memory()]
+            words += [*_words_about_clock(set_ahead()), *_words_about_room()]
             self._report('; '.join(words) or ALL_REPORT)
         for one in silent:
             if one.hangs:
@@ -200,10 +200,10 @@ def _words_about_clock(ahead_s: int) -> list[str]:
     return [line] if ahead_s else []
 
 
-def _words_about_memory() -> list[str]:
-    """Return a line if a node that starts again would not fit into the shared memory."""
+def _words_about_room() -> list[str]:
+    """Return a line if a node that starts again would not fit into shared memory or domain."""
     try:
-        check_shared_memory()
+        check_room(os.environ)
     except InputError as error:
         return [f'no node can start again: {error}']
     return []

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,6 +66,8 @@ class RecorderNode(TwinNode):
     come from the publisher's computer. Hidden topics, such as topics of actions, are left out.
     A message that a foreign node could have sent is set aside, on a topic of its own, where its
     sender matters (`TYPES`): so no reader of the bag takes it. Topics of another rig are left out.
+    So is the largest of the others when they carry more than `others_mb_s`, for a flood would fill
+    the disk.
 
     Args:
         kwargs: passed on to `Node`.
@@ -90,6 +92,7 @@ class RecorderNode(TwinNode):
             bag = next_free_path(bag)
         names = declare(self, 'topics', '', 'topics to record, separated by spaces; empty: all')
         self._selected = {self.resolve_topic_name(name) for name in names.split()}
+        self._most_others = self._share_of_others()
         self._recorder = Recorder(
             bag,
             compress=declare(self, 'compress', True, 'compress the bag with zstd'),
@@ -114,6 +117,9 @@ class RecorderNode(TwinNode):
         self._writers = {self.resolve_topic_name(topic): Writers(self, topic) for topic in TYPES}
         self._doubts = FewWords(self.get_logger().warning, known=self._writers)
         self._refused: dict[str, str] = {}
+        self._others: Counter[str] = Counter()
+        """Bytes since the last report, by topic: messages that need not be the twin's."""
+        self._floods: set[str] = set()
         self._told: set[tuple[str, str]] = set()
         self._publisher_counts: dict[str, int] = {}
         self._searches = 0
@@ -128,6 +134,17 @@ class RecorderNode(TwinNode):
         self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
         self._discover()
         self.get_logger().info(f'recording into {self._recorder.path}')
+
+    def _share_of_others(self) -> float:
+        """Return how much others may send between two reports of this node [bytes]."""
+        rate = declare(
+            self,
+            'others_mb_s',
+            20.0,
+            "what may come on topics that are not the twin's, in 10 s on average [MB/s]; 0: any",
+            at_least=0.0,
+        )
+        return rate * MEGABYTE * DIAGNOSTICS_PERIOD if rate and not self._selected else math.inf
 
     def _split_rule(self) -> SplitRule:
         """Return when the bag goes on in another file.
@@ -148,13 +165,13 @@ class RecorderNode(TwinNode):
         self._searches += 1
         all_again = self._searches % SEARCHES_PER_LOOK == 0
         present = [name for name, _ in self.get_topic_names_and_types()]
-        for gone in self._refused.keys() - set(present):
+        for gone in self._refused.keys() - set(present) - self._floods:
             del self._refused[gone]
         for name in present:
             hidden = any(part.startswith('_') for part in name.split('/'))
             if hidden or (self._selected and name not in self._selected):
                 continue
-            if self._is_of_another_rig(name):
+            if name in self._floods or self._is_of_another_rig(name):
                 continue
             count = self.count_publishers(name)
             if self._publisher_counts.get(name, 0) == count and not all_again:
@@ -237,10 +254,15 @@ class RecorderNode(TwinNode):
             # All other messages in the queue are recorded at once. A call through the executor
             # costs more than the rest, and a queue that overflows meanwhile loses messages.
             own = self._writers.get(name)  # it may have subscribed anew
-            subscription = self._plain[name] if own is None else own.subscription
+            subscription = self._plain.get(name) if own is None else own.subscription
+            if subscription is None:  # a flood
+                return
             handle = subscription.handle
             with handle:
-                while (more := handle.take_message(subscription.msg_type, True)) is not None:
+                for _ in range(QUEUE_DEPTH):
+                    more = handle.take_message(subscription.msg_type, True)
+                    if more is None or name in self._floods:
+                        return
                     self._record(name, *more)
 
         return receive
@@ -255,6 +277,8 @@ class RecorderNode(TwinNode):
                 kind, offered = self._types[name], self._recorded[name]
                 name = f'{name}/{DOUBTFUL}'
                 self._recorder.add_topic(name, kind, offered)
+        if name not in self._writers and self._is_left_out(name, len(data)):
+            return
         sequence = info['publication_sequence_number'] or 0
         message = _Message(name, data, info['source_timestamp'], sequence)
         now = self._simulated_time if self._is_simulated else round(self.now() * SECOND)
@@ -280,10 +304,30 @@ class RecorderNode(TwinNode):
                 single_publisher=self._single_publisher.get(each.topic, False),
             )
 
+    def _is_left_out(self, name: str, size: int) -> bool:
+        """Return whether a message of `size` bytes of others is of a flood; find new floods."""
+        self._others[name] += size
+        while self._others.total() > self._most_others:
+            ((largest, _),) = self._others.most_common(1)
+            del self._others[largest]
+            if largest in self._floods:
+                continue
+            self._floods.add(largest)
+            if largest in self._plain:
+                self.destroy_subscription(self._plain.pop(largest))
+            rate = self._most_others / DIAGNOSTICS_PERIOD / MEGABYTE
+            self._refused[largest] = (
+                f"topics that are not the twin's carry more than {rate:g} MB/s, this one the most; "
+                'record it into a bag of its own, or raise others_mb_s'
+            )
+            self.get_logger().error(f'{largest} is not recorded any more: {self._refused[largest]}')
+        return name in self._floods
+
     def _on_clock(self, message: ClockMessage) -> None:
         self._simulated_time = message.clock.sec * SECOND + message.clock.nanosec
 
     def _report(self) -> None:
+        self._others.clear()
         lost = self._recorder.lost_count
         level = DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
         summary = f'{self._recorder.message_count} messages recorded, {lost} lost'

@@ -16,7 +16,7 @@ RESTART = 'nothing at once; start the twin again after the experiment'
 
 def told(way: str) -> Status:
     """Return the sign of a clock that was set."""
-    return Status('supervisor', 'WARN', f'clock of this machine was set {way} by 2:00:00')
+    return Status('supervisor', 'WARN', f'was set {way} by 2:00:00')
 
 
 def set_clock(stage: Stage, ahead_s: int) -> Iterator[None]:
@@ -27,20 +27,18 @@ def set_clock(stage: Stage, ahead_s: int) -> Iterator[None]:
     stage.clock.ahead_s = 0
 
 
-@fault(
-    'The clock of this machine is set two hours ahead.', told('ahead'), does=KEEPS, mends=RESTART
-)
+@fault("The computer's clock is set two hours ahead.", told('ahead'), does=KEEPS, mends=RESTART)
 def clock_ahead(stage: Stage) -> Iterator[None]:
     yield from set_clock(stage, TWO_HOURS_S)
 
 
-@fault('The clock of this machine is set two hours back.', told('back'), does=KEEPS, mends=RESTART)
+@fault("The computer's clock is set two hours back.", told('back'), does=KEEPS, mends=RESTART)
 def clock_back(stage: Stage) -> Iterator[None]:
     yield from set_clock(stage, -TWO_HOURS_S)
 
 
 @fault(
-    'The clock of this machine is set two hours back, and photographs have no EXIF time.',
+    "The computer's clock is set two hours back, and photographs have no EXIF time.",
     told('back'),
     does=KEEPS,
     mends=RESTART,
@@ -52,7 +50,7 @@ def clock_of_files_back(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'The clock of this machine is set two hours ahead, and the guard starts again.',
+    "The computer's clock is set two hours ahead, and the guard starts again.",
     told('ahead'),
     SupervisorLine('guard ended (-9); starting it again'),
     does=KEEPS,

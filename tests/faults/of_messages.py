@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import String
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
 from faults.stage import ENVIRONMENT, GRID, Stage, kill
@@ -20,6 +23,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.foreign_words import FEW
+from porotwin_core.ros.senders import SENDERS
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed, WellRates
 from porotwin_msgs.srv import Cancel, Control, Predict
@@ -65,7 +69,7 @@ def foreign_state(
 
 
 @fault(
-    'A second imaging beside the twin sends a state on another grid.',
+    'A second imaging sends a state on another grid.',
     LogLine('hub', 'state 9001 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -75,7 +79,7 @@ def other_grid(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of NaN.',
+    'A second imaging sends a state of NaN.',
     LogLine('hub', 'state 9002 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -85,7 +89,7 @@ def state_of_nan(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of infinite numbers.',
+    'A second imaging sends a state of infinite numbers.',
     LogLine('hub', 'state 9003 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -95,7 +99,7 @@ def state_of_infinity(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of 1e30.',
+    'A second imaging sends a state of 1e30.',
     LogLine('hub', 'state 9004 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -105,7 +109,7 @@ def huge_state(stage: Stage) -> Iterator[None]:
 
 
 @fault(
-    'A second imaging beside the twin sends a state of -5.',
+    'A second imaging sends a state of -5.',
     LogLine('hub', 'state 9005 ignored'),
     does=NO_SETPOINT,
     mends=REMOVED,
@@ -128,7 +132,7 @@ def replayed_state(stage: Stage) -> Iterator[None]:
     'A foreign node sends a state that looks right.',
     Status('hub', 'WARN', 'publishes asset/new_state too'),
     LogLine('page', 'publishes asset/new_state too'),
-    does='No node uses a state, and no setpoint follows, while the foreign node is there.',
+    does='No node uses a state, and no setpoint follows meanwhile.',
     mends=REMOVED,
 )
 def plausible_state(stage: Stage) -> Iterator[None]:
@@ -138,7 +142,7 @@ def plausible_state(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node sends a photograph.',
     Status('imaging', 'ERROR', 'publishes camera/image/compressed too'),
-    does='Leaves out all photographs while the foreign node is there. No setpoint follows.',
+    does='Leaves out all photographs meanwhile. No setpoint follows.',
     mends=REMOVED,
 )
 def foreign_photograph(stage: Stage) -> Iterator[None]:
@@ -169,7 +173,7 @@ def foreign_baseline(stage: Stage) -> Iterator[None]:
     Status('guard', 'ERROR', 'no setpoint can pass'),
     LogLine('operator', 'wells/setpoint ignored'),
     LogLine('page', 'wells/setpoint ignored'),
-    does='No node uses the setpoint, and none passes while the foreign node is there.',
+    does='No node uses the setpoint, and none passes meanwhile.',
     mends=REMOVED,
 )
 def foreign_setpoint(stage: Stage) -> Iterator[None]:
@@ -184,6 +188,25 @@ def foreign_setpoint(stage: Stage) -> Iterator[None]:
         stage.foreign_setpoints.add(9001)
         send(message)
         yield
+
+
+@fault(
+    'A foreign node publishes texts on topics of the twin.',
+    LogLine('recorder', 'carries std_msgs/msg/String too'),
+    does='Goes on, for the texts reach nobody who waits for setpoints, states or photographs.',
+    mends=REMOVED,
+)
+def other_type(stage: Stage) -> Iterator[None]:
+    context = Context()
+    rclpy.init(context=context, domain_id=stage.domain)
+    node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+    publishers = [node.create_publisher(String, topic, qos.CONFIG) for topic in SENDERS]
+    for publisher in publishers:
+        publisher.publish(String(data='10 ml/h'))
+    yield
+    stage.wait_for_control()
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
 
 
 @fault(
@@ -234,7 +257,7 @@ def brief_calls(stage: Stage) -> None:
     'Measured rates come from a foreign node.',
     LogLine('hub', 'publishes wells/measured too'),
     Remark('publishes wells/measured too'),
-    does='Uses no measured rates while the foreign node is there. Forecasts go by the setpoints.',
+    does='Uses no measured rates meanwhile. Forecasts go by the setpoints.',
     mends=REMOVED,
 )
 def forged_rates(stage: Stage) -> Iterator[None]:
@@ -268,8 +291,8 @@ def brief_rates(stage: Stage) -> None:
     'A foreign node floods /diagnostics with errors that look like orders.',
     LogLine('supervisor', 'says: "\\x1b[2Jsetpoint 777'),
     LogLine('supervisor', 'more lines of nodes that are not of the twin'),
-    does='Shows a few of them in one line each, with the name that their sender gives itself, and '
-    'the number of the others. No character acts on the terminal.',
+    does='Shows a few of them in one line each, with the alleged sender, and the number of the '
+    'others. No character acts on the terminal.',
     mends=REMOVED,
 )
 def order_in_an_error(stage: Stage) -> Iterator[None]:
@@ -284,6 +307,19 @@ def order_in_an_error(stage: Stage) -> Iterator[None]:
     assert sum('<-- set' in line for line in lines) == FEW
     assert all(line.isprintable() for line in lines)
     assert not any(line.lstrip().startswith(('setpoint', 'barrier1')) for line in lines)
+
+
+@fault(
+    'A foreign node floods a topic of its own: 250 MB in a few seconds.',
+    Status('recorder', 'ERROR', 'flood (topics that are not'),
+    does='Records that topic no more. Everything else is recorded.',
+    mends='record such a topic into a bag of its own, or raise `others_mb_s` of the recorder',
+)
+def flooded_recording(stage: Stage) -> Iterator[None]:
+    with stage.foreign('flood', String, qos.FIELD) as send:
+        for _ in range(25):
+            send(String(data='x' * 10_000_000))
+        yield
 
 
 @fault(
@@ -334,7 +370,7 @@ def foreign_rates(
 @fault(
     'A foreign node offers `solver/predict` and answers maps of zeros.',
     Remark('offers solver/predict too'),
-    does='Believes no answer, and no setpoint follows, while the foreign node is there.',
+    does='Believes no answer, and no setpoint follows meanwhile.',
     mends=REMOVED,
 )
 def foreign_server(stage: Stage) -> Iterator[None]:

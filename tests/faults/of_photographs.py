@@ -10,9 +10,8 @@ from faults.fault import LogLine, Remark, Status, fault
 from faults.stage import CYCLES, Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
-NEXT_GOOD_COUNTS = 'the next good photograph counts'
-NEXT_GOOD = f'nothing: {NEXT_GOOD_COUNTS}'
-LEFT_OUT = 'Leaves out the photograph. No state and no setpoint follow.'
+NEXT_GOOD = 'nothing'
+LEFT_OUT = 'Leaves out the photograph.'
 
 
 def put_spoiled(stage: Stage, name: str) -> None:
@@ -64,7 +63,7 @@ def no_photograph(stage: Stage) -> None:
     'A photograph is black: the lens cap is on, or the light is off.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=f'take off the lens cap, switch on the light; {NEXT_GOOD_COUNTS}',
+    mends='take off the lens cap, switch on the light',
 )
 def black(stage: Stage) -> None:
     put_spoiled(stage, 'black')
@@ -74,7 +73,7 @@ def black(stage: Stage) -> None:
     'A photograph is white: the exposure is far too long.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=f'shorten the exposure; {NEXT_GOOD_COUNTS}',
+    mends='shorten the exposure',
 )
 def white(stage: Stage) -> None:
     put_spoiled(stage, 'overexposed')
@@ -84,7 +83,7 @@ def white(stage: Stage) -> None:
     'A photograph has half the size.',
     Status('imaging', 'ERROR', 'keep the camera as it is or take a new baseline'),
     does=LEFT_OUT,
-    mends=f'set the old size, or take a new baseline; {NEXT_GOOD_COUNTS}',
+    mends='set the old size, or take a new baseline',
 )
 def half_size(stage: Stage) -> None:
     put_spoiled(stage, 'half_size')
@@ -94,7 +93,7 @@ def half_size(stage: Stage) -> None:
     'A photograph is upside down.',
     Status('imaging', 'ERROR', 'left out'),
     does=LEFT_OUT,
-    mends=f'turn the camera back; {NEXT_GOOD_COUNTS}',
+    mends='turn the camera back',
 )
 def upside_down(stage: Stage) -> None:
     put_spoiled(stage, 'upside_down')
@@ -117,7 +116,7 @@ def hands(stage: Stage) -> None:
     Status('camera', 'ERROR', 'is a duplicate of'),
     Status('camera', 'ERROR', 'the camera is frozen; restart it'),
     does='Leaves out all but the first.',
-    mends=f'restart the camera; {NEXT_GOOD_COUNTS}',
+    mends='restart the camera',
 )
 def repeated(stage: Stage) -> None:
     stage.wait_for_control()
@@ -131,7 +130,7 @@ def repeated(stage: Stage) -> None:
     Status('imaging', 'ERROR', 'the camera is frozen'),
     does='Leaves out the photographs, because their noise is not fresh. No state and no setpoint '
     'follow, and the asset goes to its safe rates in the end.',
-    mends=f'restart the camera; {NEXT_GOOD_COUNTS}',
+    mends='restart the camera',
 )
 def frozen_camera(stage: Stage) -> None:
     stage.wait_for_control()

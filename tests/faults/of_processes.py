@@ -12,7 +12,7 @@ from faults.stage import ENVIRONMENT, Stage, kill
 from porotwin_hub.launching.graph import NAMESPACE
 
 RESTARTED = 'Starts the node again.'
-BY_ITSELF = 'nothing: the restarted node continues'
+BY_ITSELF = 'nothing'
 HUNG = 'Shows the node as stale after 5 s. Kills and restarts it after `restart_after_s`.'
 
 

@@ -1,5 +1,6 @@
 """The node of a command: it listens to a running graph in a thread of its own."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,16 +12,17 @@ from rclpy.node import Node
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.ros.node import TwinNode
 from porotwin_core.ros.node_thread import NodeThread
-from porotwin_core.ros.ros_environment import prepare_environment
+from porotwin_core.ros.ros_environment import check_room, prepare_environment
 
 
 def live_node(name: str, *, namespace: str) -> Node:
     """Return a node called `name`, in a context of its own; `listening` gives it its thread.
 
     Raises:
-        InputError: a variable of ROS 2 has a wrong value.
+        InputError: a variable of ROS 2 has a wrong value, or the domain is full.
     """
     prepare_environment()
+    check_room(os.environ)
     context = Context()
     rclpy.init(context=context)
     return TwinNode(name, namespace=namespace, context=context)

@@ -57,7 +57,7 @@ from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import LARGEST_WHOLE, ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import check_environment, check_keys, check_shared_memory
+from porotwin_core.ros.ros_environment import check_environment, check_keys, check_room
 from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated
 
 DIAGNOSTICS = '/diagnostics'
@@ -428,7 +428,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     except InputError as error:
         _refuse(error)
     try:
-        check_shared_memory()
+        check_room(os.environ)
     except InputError as error:
         sys.exit(f'not started: {error}')  # with status 1: the launcher tries it again
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -13,6 +13,13 @@ rcutils_logger._internal_callers.append(__file__)
 class PlainLogger(rcutils_logger.RcutilsLogger):
     """A logger whose messages hold no control characters, whoever chose their words."""
 
+    def __init__(self, name: str) -> None:
+        """Make the logger of this name."""
+        super().__init__(name)
+        self._of_severity: dict[Any, Any] = {}
+
     def log(self, message: Any, severity: Any, **kwargs: Any) -> bool:
-        """Log a message, as rclpy does."""
-        return bool(super().log(plain(str(message)), severity, **kwargs))
+        """Log a message, as rclpy does; one place in the code may log with any severity."""
+        # rclpy raises ValueError at a second severity of a place
+        logger = self._of_severity.setdefault(severity, rcutils_logger.RcutilsLogger(self.name))
+        return bool(logger.log(plain(str(message)), severity, **kwargs))

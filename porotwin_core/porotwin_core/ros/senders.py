@@ -1,7 +1,8 @@
 """The senders of messages: the nodes that publish a topic, call a service or offer one.
 
 ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have sent it. A
-receiver that accepts one sender therefore refuses all messages while another node could send.
+receiver that accepts one sender therefore refuses all messages while another node could send. A
+writer of another type cannot: the middleware connects endpoints of one type only.
 """
 
 import time
@@ -231,15 +232,25 @@ def only(node: Any, found: Collection[Sender], names: Sequence[str], doing: str)
     return list(found)
 
 
+def _own_types(node: Any, topic: str, *, mangled: bool) -> set[str]:
+    """Return the types that `node` itself takes or sends on `topic`, an absolute name."""
+    endpoints = [
+        *node.get_subscriptions_info_by_topic(topic, no_mangle=mangled),
+        *node.get_publishers_info_by_topic(topic, no_mangle=mangled),
+    ]
+    own = full_name(node, node.get_name())
+    return {info.topic_type for info in endpoints if sender_name(info) == own}
+
+
 def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
+    """Return the writers of `topic`, of the types of `node`; of all types if it has none there."""
+    types = _own_types(node, topic, mangled=mangled)
     deadline = time.monotonic() + NAME_PATIENCE_S
     while True:
         found = [
-            Sender(
-                sender_name(info),
-                bytes(info.endpoint_gid).hex(),
-            )
+            Sender(sender_name(info), bytes(info.endpoint_gid).hex())
             for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
+            if not types or info.topic_type in types
         ]
         awaited = {one.identity for one in found if UNKNOWN_NODE in one.node} - _nameless
         if not awaited or time.monotonic() > deadline:
