@@ -38,6 +38,14 @@ def test_a_plume_without_its_middle_is_named() -> None:
     assert (remark.code, remark.facts['well'], remark.facts['share']) == ('pale_well', 'in', 0.0)
 
 
+def test_a_well_whose_x_and_z_were_exchanged_is_named() -> None:
+    rig = box_rig(**{'in': (0.2, 0.3), 'other': (0.05, 0.2)})
+    maps = _discs()
+    known = Known(rig=rig, rates=Schedule((STOCK,)), times=TIMES, maps=maps, scaled_maps=maps)
+    (remark,) = CHECK.find(known)
+    assert (remark.code, remark.facts['well']) == ('exchanged_place', 'in')
+
+
 def test_a_dilution_and_a_narrow_stream_fill_their_well() -> None:
     assert _codes(_discs(0.3), ScheduleRow(0.0, 'in', WellRate(1e-6, 0.3))) == []
     stream = (np.abs(GRID.z[:, None] - 0.2) < 0.006) & (GRID.x[None, :] >= 0.295)

@@ -16,6 +16,7 @@ from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.order_delay import OrdersAhead
+from porotwin_core.rates.water_levels import Rises, WaterLevels
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_core.rig import EffectDescription
 from porotwin_hub.control.controller import Controller, WithSubstitute
@@ -271,6 +272,30 @@ def test_constant_rates_are_searched_where_plans_have_no_model() -> None:
     physics.available = False
     with pytest.raises(ModelUnavailable):
         WithSubstitute(controller(model), constant).decide(physics, STATE, LIMITS.safe())
+
+
+def test_constant_rates_are_judged_by_the_mean_of_announced_pauses_and_levels() -> None:
+    seen: list[WellRates] = []
+
+    class Seeing(ToyModel):
+        def predict(self, concentration: FloatArray, rates: WellRates, step: float) -> FloatArray:
+            seen.append(rates)
+            return super().predict(concentration, rates, step)
+
+    pauses = FixedPauses(
+        {'injector': ((0.0, 300.0),)},
+        levels=WaterLevels({'left': Rises((0.0, 600.0), (0.0, 0.01))}),
+    )
+    constant = Controller(LIMITS, OBJECTIVE, horizon=600.0, evaluations=20, pauses=pauses)
+    full = LIMITS.fixed['injector'].rate
+    for now, share, rise in ((0.0, 0.5, 0.005), (600.0, 1.0, 0.01)):
+        seen.clear()
+        decision = constant.decide(Seeing(), STATE, LIMITS.safe(), now=now)
+        assert seen
+        for rates in seen:
+            assert rates['left'].rise == pytest.approx(rise)
+            assert rates['injector'].rate == pytest.approx(share * full)
+        assert LIMITS.violations(decision.rates) == []
 
 
 def test_water_is_saved_where_it_costs_more_than_it_is_worth() -> None:

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import believed_age
-from porotwin_core.rates.wells import RateStep
+from porotwin_core.rates.wells import RateStep, without_water
 from porotwin_core.rates.wells import WellRates as RatesByWell
 from porotwin_core.rig import load_rig
 from porotwin_core.ros import conversions, qos, senders
@@ -331,13 +331,13 @@ class PageNode(TwinNode):
         plan = conversions.plan_from_msg(message.schedule)
         if not plan:
             raise InputError('its schedule is empty')
-        observed = self._store.snapshot.observed
+        rig, observed = self._store.snapshot.rig, self._store.snapshot.observed
         now = observed.map if observed is not None else None
         last = self._map(message.mean[-1]) if message.mean else None
         time_s = conversions.time_from_msg(message.header.stamp)
         return Expectation(
             time=time_s,
-            rates=plan[0].rates,
+            rates=plan[0].rates if rig is None else without_water(plan[0].rates, rig.wells),
             times=np.array([conversions.seconds_from_msg(time) for time in message.times]),
             zone_tracer=np.array(
                 [message.zone_tracer_low, message.zone_tracer, message.zone_tracer_high]

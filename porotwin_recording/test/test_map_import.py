@@ -483,10 +483,13 @@ def test_zarr_of_both_versions_is_read_with_its_fill_value(tmp_path, recording, 
     assert any('-7 (_FillValue) (1)' in line for line in told)
 
 
-def test_matlab_files_are_read_row_column_time(tmp_path: Path, recording: Recording) -> None:
+@pytest.mark.parametrize('axis', [0, -1])
+def test_matlab_files_are_read_row_column_time_or_time_first(
+    tmp_path: Path, recording: Recording, axis: int
+) -> None:
     arrays = bench_maps(recording)
     wide, high = np.meshgrid(arrays['x'], arrays['z'])
-    turned = np.moveaxis(arrays['concentration'], 0, -1)
+    turned = np.moveaxis(arrays['concentration'], 0, axis)
     known = {'C': turned, 't_min': arrays['time_s'] / 60, 'X': wide, 'Z': high}
     scipy.io.savemat(tmp_path / 'maps.mat', known)
     found, _ = imported(tmp_path / 'maps.mat')

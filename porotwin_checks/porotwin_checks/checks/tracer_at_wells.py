@@ -46,6 +46,9 @@ TURNS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
 }
 """Ways to turn a map (nz, nx), by their names."""
 
+EXCHANGED = 'x_m and z_m exchanged'
+"""Name of the place of a well whose x_m and z_m are exchanged, beside the `TURNS`."""
+
 HIDDEN = (
     'the maps hide well {well} while it injects tracer; is it covered, or has the tracer another '
     'colour than in the calibration? Calibrate with this dye'
@@ -53,12 +56,16 @@ HIDDEN = (
 PALE = (
     'the maps show {share:.0%} of the tracer at well {well} while it injects: the baseline shows '
     'tracer already, or the rates are wrong; take a baseline from before any tracer, and check the '
-    'rates, the clock of the camera and camera.corners_px'
+    'rates, the place of the well, the clock of the camera and camera.corners_px'
 )
 TURNED = (
     'the maps seem to be {turned}: they show {share:.0%} of the tracer at well {well} while it '
     'injects, and {mirrored:.0%} at its mirror image; turn the maps, whose rows go from the bottom '
     'up and whose columns from left to right, or correct the places of the wells in rig.yaml'
+)
+PLACE = (
+    'the maps show {share:.0%} of the tracer at well {well} while it injects, and {mirrored:.0%} '
+    'where it stands with {turned}; exchange them in rig.yaml'
 )
 SIGN = (
     'the rates seem to have the wrong sign: the maps show {share:.0%} of the tracer at well {well} '
@@ -83,7 +90,11 @@ def _find(known: Known) -> Iterator[Remark]:
     found = pale_well(known, known.looked_at)
     if found is None:
         found = pale_well(known, early)
-        if found is not None and found.code not in ('turned_maps', 'turned_sign'):
+        if found is not None and found.code not in (
+            'turned_maps',
+            'turned_sign',
+            'exchanged_place',
+        ):
             return
     if found is not None:
         yield found
@@ -100,6 +111,11 @@ def pale_well(known: Known, numbers: Sequence[int]) -> Remark | None:
     assert maps is not None and rates is not None
     pores = known.rig.cell_pore_volume(grid)
     near = {name: cells_near([well], grid) for name, well in known.rig.wells.items()}
+    exchanged = {
+        name: cells_near([well.model_copy(update={'x_m': well.z_m, 'z_m': well.x_m})], grid)
+        for name, well in known.rig.wells.items()
+        if well.z_m < known.rig.width_m and well.x_m < known.rig.height_m
+    }
     shares: dict[str, dict[str, list[float]]] = {}
     taken: list[float] = []
     uncovered: set[str] = set()
@@ -114,9 +130,11 @@ def pale_well(known: Known, numbers: Sequence[int]) -> Remark | None:
             if volume < 0.0:
                 taken.append(_level(values[cells]))
             elif concentration > 0.0:
-                seen = shares.setdefault(well, {turned: [] for turned in TURNS})
+                seen = shares.setdefault(well, {turned: [] for turned in (*TURNS, EXCHANGED)})
                 for turned, turn in TURNS.items():
                     seen[turned].append(_level(turn(values)[cells]) / concentration)
+                if well in exchanged:
+                    seen[EXCHANGED].append(_level(values[exchanged[well]]) / concentration)
     for well in (well for well in shares if well in uncovered):
         if np.isnan(shares[well]['']).mean() > MOST_HIDDEN:
             return Remark.of('maps', 'hidden_well', HIDDEN, well=well)
@@ -130,7 +148,8 @@ def pale_well(known: Known, numbers: Sequence[int]) -> Remark | None:
             return Remark.of('maps', 'turned_sign', SIGN, taken=_median(taken), **facts)
         code, words = ('pale_well', PALE)
         if levels[turned] > LEAST_AT_WELL:
-            code, words = ('turned_maps', TURNED)
+            told = {EXCHANGED: ('exchanged_place', PLACE)}
+            code, words = told.get(turned, ('turned_maps', TURNED))
         return Remark.of('maps', code, words, **facts)
     return None
 

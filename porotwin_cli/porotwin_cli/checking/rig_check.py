@@ -26,7 +26,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.water_levels import WaterLevels
-from porotwin_core.rates.wells import Schedule, with_rises
+from porotwin_core.rates.wells import Schedule, quoted, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
@@ -372,9 +372,13 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
         return 'heads: no water flows through the rig; compare them with the levels of water bodies'
     seconds = float(physics.mobile_water.sum()) / rate
     start = ' at the start' if rig.levels else ''
+    balance = water_balance(rig, grid, {})
+    places = {} if balance is None else balance.places
+    sources, drains = ([n for n, one in places.items() if sign * one > 0.0] for sign in (1, -1))
+    way = f'from {quoted(sources)} to {quoted(drains)}, ' * bool(sources and drains)
     return (
         f'heads{start}: {to_ml_h(rate):.4g} ml/h flow through the rig without the wells, '
-        f'the water of its pores in {seconds / 60.0:.3g} min'
+        f'{way}the water of its pores in {seconds / 60.0:.3g} min'
     )
 
 

@@ -99,7 +99,8 @@ def command(
     """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
-    them, and measured_protocol.csv, the log of a flow meter; or maps in a file .npz, .csv, .nc,
+    them, measured_protocol.csv, the log of a flow meter, and level_protocol.csv, that of water
+    levels; or maps in a file .npz, .csv, .nc,
     .mat or .tif, or a folder .zarr. Photographs that no imaging_protocol.csv lists have the times
     that the camera wrote into them (EXIF), or into their names. They may lie beside a rates.csv,
     whose second 0 --time-zero dates. The command asks for missing facts, and proposes the answers

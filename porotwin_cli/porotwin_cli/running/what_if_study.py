@@ -28,6 +28,7 @@ from porotwin_core.rates.wells import (
     WellRate,
     WellRates,
     planned_rates,
+    without_water,
 )
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
@@ -119,7 +120,7 @@ class WhatIfStudy:
         """Return the plan of `outlook` without steps at which only levels of water change."""
         steps: list[RateStep] = []
         for step in outlook.plan:
-            pumped = {name: one for name, one in step.rates.items() if name in self.rig.wells}
+            pumped = without_water(step.rates, self.rig.wells)
             if not steps or steps[-1].rates != pumped:
                 steps.append(RateStep(step.start, pumped))
         return steps

@@ -50,6 +50,11 @@ def with_rises(rates: WellRates, rises: Mapping[str, float]) -> dict[str, WellRa
     return {**rates, **{name: WellRate(rise=rise) for name, rise in rises.items()}}
 
 
+def without_water(rates: WellRates, wells: Iterable[str]) -> dict[str, WellRate]:
+    """Return `rates` of the `wells` of a rig, without the water that they name beside them."""
+    return {name: rates[name] for name in wells if name in rates}
+
+
 def net_rate(rates: WellRates) -> float:
     """Return the sum of all rates [m^3/s]: injection minus production."""
     return math.fsum(well.rate for well in rates.values())

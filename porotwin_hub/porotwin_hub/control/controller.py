@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.rates_in_force import plan_periods
+from porotwin_core.rates.wells import RateStep, WellRates, mean_rates
 from porotwin_hub.control import cobyla
 from porotwin_hub.control.optimisation import Decision, Search, optimise
 from porotwin_hub.control.setpoint_limits import Limits
@@ -72,6 +74,8 @@ class Controller:
         evaluations: most predictions of one decision.
         patience: longest wall-clock time [s]; then the best rates so far are taken.
         search: the local optimiser.
+        pauses: announced pauses and levels, since the start of the experiment; their mean over the
+            horizon counts.
     """
 
     limits: Limits
@@ -80,6 +84,7 @@ class Controller:
     evaluations: int
     patience: float = math.inf
     search: Search = cobyla.search
+    pauses: FixedPauses = NO_PAUSES
 
     def take_back(self) -> None:
         """Do nothing: no decision depends on the one before."""
@@ -95,16 +100,18 @@ class Controller:
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now` and `plant` do not matter: the paper knows neither.
+        `plant` does not matter: the paper does not know it.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, plant
+        del plant
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
-            return self.objective(physics.predict(state, rates, self.horizon)) + water
+            announced = self.pauses.in_plan([RateStep(0.0, rates)], now, self.horizon)
+            mean = mean_rates(plan_periods(announced, now, self.horizon))
+            return self.objective(physics.predict(state, mean, self.horizon)) + water
 
         return optimise(
             self.limits,

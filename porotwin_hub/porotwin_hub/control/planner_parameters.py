@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rig import Rig
 from porotwin_core.ros.node import declare
 from porotwin_hub.control.controller import Controller, Planner, WithSubstitute
@@ -67,7 +68,11 @@ class PlannerParameters:
             return
         patience = math.inf if simulated else OPTIMISER_SHARE * interval
         self._make_constant = partial(
-            Controller, Limits.of(rig), make_objective(rig, grid), patience=patience
+            Controller,
+            Limits.of(rig),
+            make_objective(rig, grid),
+            patience=patience,
+            pauses=FixedPauses.of(rig),
         )
         self._make_plan = partial(
             plan_controller,

@@ -19,7 +19,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.netcdf_file import open_netcdf
 from porotwin_core.basis.regular_file import regular
 from porotwin_core.rig.property_file import check_variable
+from porotwin_recording.importers.words_of_languages import NAMES, plain
 from porotwin_recording.tables.cf_values import netcdf_attributes
+
+TIMES = NAMES['time']
+"""Names of times, perhaps with a unit behind."""
 
 
 @dataclass(frozen=True)
@@ -156,11 +160,18 @@ def _matlab(path: Path) -> Iterator[Arrays]:
             for each in dataset.variables.values():
                 check_variable(path, each)
             found = {name: np.asarray(each[:]).T for name, each in dataset.variables.items()}
+    times = {each.size for name, each in found.items() if plain(name).split('_')[0] in TIMES}
     yield {
-        name: _of(np.moveaxis(each, -1, 0) if each.ndim == 3 else _one_row(each))
+        name: _of(_time_first(each, times) if each.ndim == 3 else _one_row(each))
         for name, each in found.items()
         if each.dtype.kind in 'biuf'
     }
+
+
+def _time_first(values: NDArray[Any], times: set[int]) -> NDArray[Any]:
+    """Return maps (row, column, time) with the time first; those of SciPy may have it there."""
+    is_first = values.shape[0] in times and values.shape[-1] not in times
+    return values if is_first else np.moveaxis(values, -1, 0)
 
 
 def _one_row(values: NDArray[Any]) -> NDArray[Any]:

@@ -13,6 +13,7 @@ from porotwin_recording.importers.twelve_hours import Clock
 IMAGING_PROTOCOL = 'imaging_protocol.csv'
 INJECTION_PROTOCOL = 'injection_protocol.csv'
 MEASURED_PROTOCOL = 'measured_protocol.csv'
+LEVEL_PROTOCOL = 'level_protocol.csv'
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ photographs alone or beside a `rates.csv`.
 Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
 (a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
 `rate_ml/min`. See https://github.com/pmgbergen/DarSIA. The log of a flow meter or a balance,
-`measured_protocol.csv`, has the columns of the injection.
+`measured_protocol.csv`, has the columns of the injection, and `level_protocol.csv` logs levels.
 """
 
 import functools
@@ -36,9 +36,11 @@ from porotwin_recording.importers.open_question import settled
 from porotwin_recording.importers.protocol_answers import (
     IMAGING_PROTOCOL,
     INJECTION_PROTOCOL,
+    LEVEL_PROTOCOL,
     MEASURED_PROTOCOL,
     ProtocolAnswers,
 )
+from porotwin_recording.importers.protocol_levels import with_logged_levels
 from porotwin_recording.importers.protocol_photographs import (
     LISTED,
     place_photographs,
@@ -55,7 +57,7 @@ from porotwin_recording.tables.photos import IMAGING_FILE, Photo
 from porotwin_recording.tables.rates import read_rates
 from porotwin_recording.tables.recorded_data import RecordedData
 
-PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL)
+PROTOCOLS = (IMAGING_PROTOCOL, INJECTION_PROTOCOL, MEASURED_PROTOCOL, LEVEL_PROTOCOL)
 
 
 def is_lab_folder(folder: Path) -> bool:
@@ -175,6 +177,8 @@ def _read(
     _check_clocks(zoned, answers)
     begin = logged.begin or zero or min(moment for moment, _ in photographs)
     rates = logged.rates or _own_rates(folder, rig)
+    if LEVEL_PROTOCOL in there:
+        rates = with_logged_levels(folder / LEVEL_PROTOCOL, rates, begin, answers, told)
     photos = with_roles(photographs, begin, told, first_rate=_first_rate(rates, begin))
     in_utc = bool(answers.time_zone) or all(zoned.values())
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + ' UTC' * in_utc)
@@ -193,7 +197,7 @@ def _check_answers(folder: Path, there: Sequence[str], answers: ProtocolAnswers)
             f'--camera-ahead {answers.camera_ahead_s:g}: give the lead of the clock in seconds, at '
             f'most a year ({LONGEST_EXPERIMENT_S:.0f})'
         )
-    logs = [name for name in there if name != IMAGING_PROTOCOL]
+    logs = [name for name in there if name in (INJECTION_PROTOCOL, MEASURED_PROTOCOL)]
     own = [name for name in (COMMANDED_FILE, MEASURED_FILE) if (folder / name).is_file()]
     if logs and answers.time_zero:
         raise InputError(
