@@ -1,4 +1,4 @@
-"""A package beside PoroTwin adds an effect and a pump: examples/extension, built by pip."""
+"""A package beside PoroTwin adds an effect, a pump and a command: examples/extension."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def test_an_installed_package_adds_an_effect_and_a_pump(tmp_path: Path) -> None:
+def test_an_installed_package_adds_an_effect_a_pump_and_a_command(tmp_path: Path) -> None:
     source, site = tmp_path / 'source', tmp_path / 'site'
     shutil.copytree(ROOT / 'examples' / 'extension', source)
     offline = ('--no-deps', '--no-build-isolation', '--no-index', '--disable-pip-version-check')
@@ -22,4 +22,4 @@ def test_an_installed_package_adds_an_effect_and_a_pump(tmp_path: Path) -> None:
         env={**os.environ, 'PYTHONPATH': paths},
     )  # fmt: skip
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert '2 passed' in ran.stdout
+    assert '3 passed' in ran.stdout

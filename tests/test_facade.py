@@ -3,9 +3,13 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
+import numpy as np  # noqa: F401  its BLAS is here before a limit is set
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import porotwin
 
@@ -50,3 +54,30 @@ def test_a_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(porotwin.PLACES, 'nothing', 'porotwin_core.no_such_module')
     with pytest.raises(porotwin.InputError, match=r'nothing.*pip install'):
         _ = porotwin.nothing
+
+
+class Probe:
+    """An argument that tells with how many threads of BLAS it is looked at."""
+
+    def tell(self, *_arguments: object) -> NoReturn:
+        threads = {pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'}
+        raise InterruptedError(threads)
+
+    __getattr__ = __getitem__ = __iter__ = __len__ = tell
+
+
+@pytest.mark.parametrize(
+    'work',
+    [
+        lambda one: porotwin.simulate(one, one, one, grid=one),
+        lambda one: porotwin.diagnose(one),
+        lambda one: porotwin.train(one, one, one, seed=1),
+    ],
+    ids=['simulate', 'diagnose', 'train'],
+)
+def test_long_work_keeps_to_one_thread_of_blas(work: Callable[[Probe], object]) -> None:
+    with threadpool_limits(limits=2, user_api='blas'):
+        with pytest.raises(InterruptedError, match=r'^\{1\}$'):
+            work(Probe())
+        with pytest.raises(InterruptedError, match='2'):
+            Probe().tell()

@@ -86,3 +86,14 @@ def test_a_release_checks_its_tag_and_runs_all_tests_first() -> None:
     tested = steps.index('.ci/run')
     assert any('GITHUB_REF_NAME' in step for step in steps[:tested])
     assert all('publish' not in step for step in steps[:tested])
+
+
+def test_a_release_publishes_only_what_pip_builds() -> None:
+    release = yaml.safe_load((ROOT / '.github' / 'workflows' / 'release.yml').read_text())
+    steps = release['jobs']['release']['steps']
+    (published,) = [step['with']['packages-dir'] for step in steps if 'pypi' in step.get('uses', '')]
+    runs = [step['run'] for step in steps if f'{published}/' in step.get('run', '')]
+    assert len(runs) == 1
+    assert runs[0].startswith('gh release create')
+    pages = release['jobs']['pages']
+    assert (pages['needs'], pages['environment']['name']) == ('release', 'github-pages')

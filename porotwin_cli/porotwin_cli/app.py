@@ -7,6 +7,7 @@ import pkgutil
 import sys
 import typing
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -14,6 +15,7 @@ import typer
 
 from porotwin_cli import commands
 from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
+from porotwin_core.basis.discovery import installed, loaded
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plain_text import plain
 
@@ -21,6 +23,8 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 DISK_FULL = 'no space left on a disk that this command writes to; remove something there'
 
 HELP_OPTIONS = ('-h', '--help')
+
+GUIDE = 'commands/__init__.py'
 
 LAB = 'lab'
 """The laboratory of a checkout, with the commands bench, blind-check and experiment."""
@@ -33,8 +37,8 @@ def command_folders() -> Iterator[ModuleType]:
         yield importlib.import_module(f'{LAB}.commands')
 
 
-def command_modules() -> dict[str, ModuleType]:
-    """Return the module of each command by the name of the command, as `commands` explains."""
+def own_modules() -> dict[str, ModuleType]:
+    """Return the modules of our own commands, by the name of the command."""
     return {
         module.name.strip('_').replace('_', '-'): importlib.import_module(
             f'{folder.__name__}.{module.name}'
@@ -42,6 +46,26 @@ def command_modules() -> dict[str, ModuleType]:
         for folder in command_folders()
         for module in pkgutil.iter_modules(folder.__path__)
     }
+
+
+@cache
+def added_modules() -> dict[str, ModuleType]:
+    """Return those of other packages; one line tells of each that cannot be had."""
+    found = {}
+    for one in installed(commands.__name__):
+        where = f'{one.value} of {one.group}'
+        try:
+            if one.name in own_modules():
+                raise InputError(f'{where}: there is a {one.name} already; give it another name')
+            found[one.name] = typing.cast(ModuleType, loaded(one.value, where, GUIDE))
+        except InputError as error:
+            say(f'porotwin: {error}')
+    return found
+
+
+def command_modules() -> dict[str, ModuleType]:
+    """Return the module of each command by the name of the command, as `commands` explains."""
+    return {**added_modules(), **own_modules()}
 
 
 def make_app() -> typer.Typer:
@@ -66,7 +90,7 @@ def make_app() -> typer.Typer:
             settings = getattr(module, 'CONTEXT_SETTINGS', None)
             app.command(name, context_settings=settings)(command)
         else:
-            say(f'porotwin: {module.__file__}: no function `command`; see commands/__init__.py')
+            say(f'porotwin: {module.__file__}: no function `command`; see {GUIDE}')
     return app
 
 

@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,22 @@ def test_a_module_without_a_command_costs_one_line(
     line = capsys.readouterr().err.strip()
     assert line.endswith('unfinished.py: no function `command`; see commands/__init__.py')
     assert '\n' not in line
+
+
+def test_a_command_of_another_package_that_fails_costs_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    group = 'porotwin_cli.commands'
+    added = [EntryPoint('demo', 'os', group), EntryPoint('broken', 'no_such_module', group)]
+    monkeypatch.setattr(porotwin_cli.app, 'installed', lambda _group: added)
+    porotwin_cli.app.added_modules.cache_clear()
+    try:
+        assert set(porotwin_cli.app.command_modules()) == set(COMMANDS)
+    finally:
+        porotwin_cli.app.added_modules.cache_clear()
+    clash, broken = capsys.readouterr().err.splitlines()
+    assert 'there is a demo already' in clash
+    assert "No module named 'no_such_module'" in broken
 
 
 def test_an_installed_program_lacks_the_commands_of_the_laboratory(

@@ -3,7 +3,7 @@
 import os
 
 # before NumPy: sums of several threads differ in their last bits with the number of threads;
-# `simulate` limits a NumPy that was imported before
+# `one_blas_thread` limits a NumPy that was imported before
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import porotwin_core.basis.libraries  # noqa: F401  before all others: it names old libraries

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
+from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
@@ -47,6 +48,7 @@ SIMULATION_BYTES = 3e8
 """Memory of a simulation on the finest cells of a diagnosis, with its comparison [B]."""
 
 
+@one_blas_thread()
 def examine(
     recordings: Sequence[Recording],
     *,

@@ -1,10 +1,12 @@
-"""The installed extension: its effect acts in the solver, its pump obeys."""
+"""The installed extension: its effect acts in the solver, its pump obeys, its command is there."""
 
 from pathlib import Path
 
 import numpy as np
+from typer.testing import CliRunner
 
 import porotwin
+from porotwin_cli.app import app
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import parse_rig
@@ -55,3 +57,9 @@ def test_the_pump_obeys() -> None:
     pump.set_rate(-250.0)
     assert line.rate == -250.0
     assert np.isclose(pump.volume_ml(), 1.5)
+
+
+def test_the_command_is_among_the_others() -> None:
+    shown = CliRunner().invoke(app, ['plume-area', '--help'])
+    assert 'area of the plume' in shown.output
+    assert 'wedge' in CliRunner().invoke(app, ['simulate', '--help']).output

@@ -10,7 +10,7 @@ import typer
 
 from porotwin_cli.options.experiment_times import recorded_times
 from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
-from porotwin_core.basis.discovery import module_names
+from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import ML
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
@@ -41,7 +41,7 @@ def command(
         typer.Option(
             help='An effect that the rig has and its description lacks: NAME:PARAMETER=VALUE,... '
             'May be given several times. '
-            f'Names: {", ".join(module_names("porotwin_rig.effects"))}. '
+            f'Names: {", ".join(extension_names("porotwin_rig.effects"))}. '
             'docs/effects.md lists the parameters with their units. '
             'Viscosity and buoyancy take several times longer than the others.'
         ),

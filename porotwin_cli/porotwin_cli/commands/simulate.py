@@ -11,7 +11,7 @@ import typer
 from porotwin_cli.options.experiment_times import MOST_TIMES, recorded_times, times_in
 from porotwin_cli.options.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress, say
-from porotwin_core.basis.discovery import module_names
+from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
 from porotwin_core.model.preset_names import PRESET_WORDS
@@ -47,7 +47,7 @@ def command(
         list[str] | None,
         typer.Option(
             help='NAME:PARAMETER=VALUE,... May be given several times. '
-            f'Names: {", ".join(module_names("porotwin_solver.effects"))}. '
+            f'Names: {", ".join(extension_names("porotwin_solver.effects"))}. '
             'docs/effects.md lists the parameters with their units.'
         ),
     ] = None,

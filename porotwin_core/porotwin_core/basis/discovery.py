@@ -35,6 +35,11 @@ def module_names(package: str) -> list[str]:
     )
 
 
+def extension_names(package: str) -> list[str]:
+    """Return the names of what `discovered` finds in `package`, without importing any of it."""
+    return [*module_names(package), *(one.name for one in installed(package))]
+
+
 def discovered(
     package: str, attribute: str, kind: type[T], guide: str, *, helpers: Collection[str] = ()
 ) -> dict[str, T]:
@@ -66,7 +71,7 @@ def discovered(
     for name, where, place in places:
         if name in found:
             raise InputError(f'{where}: there is a {name} already; give it another name')
-        value = _loaded(place, where, guide)
+        value = loaded(place, where, guide)
         if not isinstance(value, kind):
             raise InputError(
                 f'{where}: must define {attribute} = {kind.__name__}(...); see {guide}'
@@ -84,15 +89,16 @@ def installed(package: str) -> tuple[EntryPoint, ...]:
     return tuple(sorted(entry_points(group=package), key=lambda one: one.name))
 
 
-def _loaded(place: str, where: str, guide: str) -> object:
-    """Return the object at `place`, MODULE:NAME; None if the module lacks it.
+def loaded(place: str, where: str, guide: str) -> object:
+    """Return the object at `place`, MODULE:NAME or MODULE; None if the module lacks it.
 
     Raises:
         InputError: the module cannot be imported.
     """
     module, _, name = place.partition(':')
     try:
-        return getattr(importlib.import_module(module), name, None)
+        found = importlib.import_module(module)
+        return getattr(found, name, None) if name else found
     except InputError:
         raise
     except Exception as error:  # whatever is wrong in a new module, its author gets one line

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.gate import TrainingRange
@@ -84,6 +85,7 @@ def split_samples(dataset: Dataset, validation_share: float) -> NDArray[np.bool_
     return aside
 
 
+@one_blas_thread()
 def train(
     dataset: Dataset,
     architecture: Architecture,

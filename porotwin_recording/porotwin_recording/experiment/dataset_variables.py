@@ -73,6 +73,11 @@ def variables(data: RecordedData, maps: ConcentrationMaps) -> dict[str, Variable
         ),
         'well_x': of([w.x_m for w in wells], 'well', 'm', 'distance of the wells from the left'),
         'well_z': of([w.z_m for w in wells], 'well', 'm', 'height of the wells'),
+        'pore_volume': Variable(
+            ('z', 'x'),
+            {'units': 'm3', 'long_name': 'volume of the pores of each cell'},
+            rig.cell_pore_volume(grid),
+        ),
         **_rates(data, maps),
     }
     present = {'concentration': maps, 'deviation': maps.deviation, 'systematic': maps.systematic}
@@ -114,6 +119,8 @@ def as_xarray(data: RecordedData, maps: ConcentrationMaps, source: str) -> 'xarr
     """
     try:
         import xarray
+
+        import porotwin_recording.experiment.dataset_accessor  # noqa: F401  dataset.porotwin
     except ModuleNotFoundError as error:
         raise InputError(f'{error}; pip install xarray') from error
     values = maps_between(maps, 0, len(maps.times))

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import Schedule
@@ -15,6 +15,7 @@ from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
 
 
+@one_blas_thread()
 def simulate(
     rig: Rig,
     schedule: Schedule,
@@ -43,8 +44,7 @@ def simulate(
         initial=initial,
         start=start,
     )
-    with threadpool_limits(limits=1, user_api='blas'):  # NumPy may have been imported before us
-        return np.array(list(maps)).reshape(-1, *grid.shape)
+    return np.array(list(maps)).reshape(-1, *grid.shape)
 
 
 def simulated_maps(
