@@ -5,7 +5,8 @@
 Every set of effects that the search judged gets a Laplace approximation of its evidence. Let r be
 its whitened residual (n,), and A = (J P, B) the slopes of its parameters and the modes of the
 shared errors, each times its prior deviation (`linear_sets`). The amplitudes of A are normal with
-deviation 1 about m. Each of the n / t independent errors has the variance v:
+deviation 1 about m. Each of the n / t independent errors has the variance v, where t cells of a map
+and some frames share one:
 
     log E(v) = -n / 2t log v - r.r / 2tv - log det(I + G) / 2 + h (I + G)^-1 h / 2 - m.m / 2,
     G = A^T A / tv,  h = A^T r / tv + m
@@ -13,7 +14,8 @@ deviation 1 about m. Each of the n / t independent errors has the variance v:
 (MacKay, Information Theory, section 28.1). The variance has an inverse gamma prior about what the
 noise leaves, and is integrated out. *Something else* is a set with random fields beside its modes,
 whose amplitude and length are integrated out too. A class (none, one effect, several, something
-else) is as probable as another, and so are its sets. One number tempers the evidence.
+else) is as probable as another, and so are its sets. A power tempers the probabilities. It and the
+frames that share an error are fitted.
 """
 
 import argparse
@@ -48,8 +50,8 @@ VARIANCES = np.geomspace(0.01, 30.0, 81)
 AMPLITUDES, LENGTHS = (0.1, 0.3, 1.0, 3.0), (0.0, 0.3)
 """Amplitudes of the random fields, and their correlation lengths [sides of the rig]."""
 
-TEMPERS = np.geomspace(0.01, 1.0, 41)
-"""Tempers that are tried."""
+FRAMES, TEMPERS = (1.0, 2.0, 4.0, 8.0), np.geomspace(0.01, 1.0, 41)
+"""Frames that share an error, and powers of the probabilities, that are tried."""
 
 LISTED = 1.0 / 3.0
 """Share of the largest probability from which another set is listed beside the first."""
@@ -107,14 +109,17 @@ def log_evidence(
     return float(logsumexp(logs + prior) + np.log(step) - 0.5 * mean @ mean)
 
 
-def evidences(recording: SetsOfRecording) -> list[SetEvidence]:
-    """Return the evidence of every set, alone and with something else beside it."""
+def evidences(recording: SetsOfRecording, frames: float) -> list[SetEvidence]:
+    """Return the evidence of every set, alone and with something else beside it.
+
+    So many `frames` share an error.
+    """
     counted = recording.counted
     shared = recording.shared[:, counted].astype(float)
     modes = np.concatenate([shared, recording.fields[:, counted].astype(float)])
     numbers = {
         'cells': float(counted.sum()),
-        'correlated': recording.correlated,
+        'correlated': recording.correlated * frames,
         'variance': recording.noise + SYSTEMATIC_MISFIT**2,
     }
     found = []
@@ -198,7 +203,7 @@ class Question(NamedTuple):
     """A stored recording, or the same with its true effect left out of the library."""
 
     truth: StoredVerdict
-    sets: Sequence[SetEvidence]
+    sets: Mapping[float, Sequence[SetEvidence]]
     singles: int
     held_out: bool
     unknown: tuple[str, ...] = ()
@@ -208,13 +213,17 @@ class Question(NamedTuple):
         """The names that are right."""
         return (UNEXPLAINED,) if self.unknown else self.truth.right
 
-    def answer(self, temper: float) -> EvidenceVerdict:
-        """Return the verdict with this `temper`."""
-        return judged(self.right, posterior(self.sets, self.singles, temper, self.unknown))
+    def posterior(self, frames: float, temper: float) -> dict[tuple[str, ...], float]:
+        """Return the probability of every set, with these two numbers."""
+        return posterior(self.sets[frames], self.singles, temper, self.unknown)
 
-    def log_score(self, temper: float) -> float:
+    def answer(self, frames: float, temper: float) -> EvidenceVerdict:
+        """Return the verdict with these two numbers."""
+        return judged(self.right, self.posterior(frames, temper))
+
+    def log_score(self, frames: float, temper: float) -> float:
         """Return the log probability of what is right."""
-        found = posterior(self.sets, self.singles, temper, self.unknown)
+        found = self.posterior(frames, temper)
         right = sum(value for names, value in found.items() if {*names} & {*self.right})
         return math.log(max(right, 1e-6))
 
@@ -230,17 +239,18 @@ def questions(folder: Path, seed: int) -> Iterator[Question]:
         if not file.exists():
             file.write_bytes(pickle.dumps(sets_of(diagnosis, job.case, job.file.parent)))
         recording: SetsOfRecording = pickle.loads(file.read_bytes())
-        one = Question(job.found(), evidences(recording), recording.singles, is_held_out(number))
+        sets = {frames: evidences(recording, frames) for frames in FRAMES}
+        one = Question(job.found(), sets, recording.singles, is_held_out(number))
         yield one
         if one.truth.is_alone:
             yield one._replace(unknown=one.truth.right)
 
 
-def rows_of(asked: Sequence[Question], temper: float) -> Iterator[list[str]]:
+def rows_of(asked: Sequence[Question], numbers: tuple[float, float]) -> Iterator[list[str]]:
     """Yield the rows of the table of figures: part, library, method, and figures."""
     for held_out, unknown in product((False, True), repeat=2):
         own = [one for one in asked if (one.held_out, bool(one.unknown)) == (held_out, unknown)]
-        answers = [one.answer(temper) for one in own]
+        answers = [one.answer(*numbers) for one in own]
         part = 'held out' if held_out else 'chosen by'
         stated = [(a.confidence, a.right, a.sure_and_wrong) for a in answers]
         yield [part, 'true effect left out' if unknown else 'whole', 'evidence', *figures(stated)]
@@ -257,16 +267,18 @@ def figures(stated: Sequence[tuple[float, bool, bool]]) -> list[str]:
 
 
 def main() -> None:
-    """Fit the temper to the recordings that are not held out, and print the figures of all."""
+    """Fit both numbers to the recordings that are not held out, and print the figures of all."""
     parser = argparse.ArgumentParser(prog='python -m lab.stored.laplace')
     parser.add_argument('folder', type=Path)
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
     asked = list(questions(given.folder.resolve(), given.seed))
     chosen = [one for one in asked if not one.held_out]
-    temper = max(TEMPERS, key=lambda value: sum(one.log_score(value) for one in chosen))
+    numbers = max(
+        product(FRAMES, TEMPERS), key=lambda both: sum(q.log_score(*both) for q in chosen)
+    )
     for one in asked:
-        told = one.answer(temper)
+        told = one.answer(*numbers)
         print(
             one.truth.name, '+'.join(one.truth.truth) or NONE,
             'left out' if one.unknown else f'rules {one.truth.verdict} {one.truth.confidence:.2f}',
@@ -274,7 +286,8 @@ def main() -> None:
             '' if told.right else 'WRONG',
         )  # fmt: skip
     columns = ['part', 'library', 'method', 'cases', 'right', 'sure and wrong', 'calibration error']
-    print_table(f'temper {temper:.3f}', columns, list(rows_of(asked, temper)))
+    title = f'frames {numbers[0]:g}, temper {numbers[1]:.3f}'
+    print_table(title, columns, list(rows_of(asked, numbers)))
 
 
 if __name__ == '__main__':
