@@ -3,293 +3,291 @@
     nice -n 15 python -m lab.stored.laplace FOLDER
 
 Every set of effects that the search judged gets a Laplace approximation of its evidence. Let r be
-its whitened residual over all frames, J the slopes of the scaled parameters, and U the modes of
-errors that no effect makes: the scheme's error in both parts of the recording, and the change on
-two rough sands. The amplitudes b of A = (J P, U) are normal with deviation 1 about m, and every
-cell has the noise k, which stands for its neighbours too:
+its whitened residual (n,), and A = (J P, B) the slopes of its parameters and the modes of the
+shared errors, each times its prior deviation (`linear_sets`). The amplitudes of A are normal with
+deviation 1 about m. Each of the n / t independent errors has the variance v, where t cells of a map
+and some frames share one:
 
-    log E = -r.r / 2k - log det(I + G) / 2 + h (I + G)^-1 h / 2 - m.m / 2,
-    G = A^T A / k,  h = A^T r / k + m
+    log E(v) = -n / 2t log v - r.r / 2tv - log det(I + G) / 2 + h (I + G)^-1 h / 2 - m.m / 2,
+    G = A^T A / tv,  h = A^T r / tv + m
 
-(MacKay, Information Theory, section 28.1). P is `STEPS`, or the spread of a place that may be
-anywhere. Something else is the model without effects, with smooth random fields among its modes. A
-class (none, one effect, several, something else) is as probable as another, and so are its sets.
+(MacKay, Information Theory, section 28.1). The variance has an inverse gamma prior about what the
+noise leaves, and is integrated out. *Something else* is a set with random fields beside its modes,
+whose amplitude and length are integrated out too. A class (none, one effect, several, something
+else) is as probable as another, and so are its sets. A power tempers the probabilities. It and the
+frames that share an error are fitted.
 """
 
 import argparse
+import math
 import pickle
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaln, logsumexp
 
-from lab.blind.blind_cases import BlindCase
-from lab.blind.blind_table import SURE
-from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
-from lab.stored.simulation_store import SimulationStore
+from lab.blind.blind_table import SURE, expected_error
+from lab.stored.ablation import PRESENT, ChangedDiagnosis
+from lab.stored.linear_sets import WAVES, FittedSet, SetsOfRecording, sets_of
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 
-STEPS = 10.0
-"""Prior deviation of a parameter without a place [scaled]."""
+SETS = 'sets.pickle'
+"""File with the sets of a stored recording, beside its verdict."""
 
-WAVES = (3, 4, 6)
-"""Waves of the smooth random fields in time, height and width."""
+SHAPE = 10.0
+"""Shape of the inverse gamma prior of the variance: it is known to about a third."""
 
-FEATURES = 'laplace.pickle'
-"""File with the linear models of a stored recording."""
+VARIANCES = np.geomspace(0.01, 30.0, 81)
+"""Variances over which the evidence is integrated."""
 
-NOISES, FIELDS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), (0.03, 0.1, 0.3, 1.0, 3.0)
-"""Values that are tried for the noise, and for the deviation of the random fields."""
+AMPLITUDES, LENGTHS = (0.1, 0.3, 1.0, 3.0), (0.0, 0.3)
+"""Amplitudes of the random fields, and their correlation lengths [sides of the rig]."""
+
+FRAMES, TEMPERS = (1.0, 2.0, 4.0, 8.0), np.geomspace(0.01, 1.0, 41)
+"""Frames that share an error, and powers of the probabilities, that are tried."""
+
+LISTED = 1.0 / 3.0
+"""Share of the largest probability from which another set is listed beside the first."""
 
 
-class LinearModel(NamedTuple):
-    """A set of effects near its best fit: normal equations of A, with the modes at the end.
+class Model(NamedTuple):
+    """Normal equations of a set: r.r, A^T A (k, k), A^T r (k,) and the prior mean m (k,)."""
 
-    Attributes:
-        names: names of the effects.
-        square: r.r.
-        gram: A^T A.
-        moments: A^T r.
-        mean: prior mean m of the amplitudes.
-    """
-
-    names: tuple[str, ...]
     square: float
     gram: FloatArray
     moments: FloatArray
     mean: FloatArray
 
 
-@dataclass(frozen=True)
-class LinearRecording:
-    """All sets of a recording.
+class SetEvidence(NamedTuple):
+    """The names of a set, its log evidence alone, and with something else beside it."""
 
-    Attributes:
-        sets: the judged sets, the one without effects first.
-        other: something else, with a deviation 1 of the random fields.
-        fields: how many of its first amplitudes are random fields.
-        singles: number of single effects that the search tried.
+    names: tuple[str, ...]
+    alone: float
+    beside: float
+
+
+def model_of(one: FittedSet, modes: FloatArray, counted: FloatArray) -> Model:
+    """Return the normal equations of a set with `modes` (k, n) at the `counted` cells."""
+    r = one.residual[counted].astype(float)
+    own = one.slopes[:, counted].astype(float) * one.deviations[:, None]
+    a = np.concatenate([own, modes])
+    mean = np.zeros(len(a))
+    mean[: len(own)] = -one.scaled / one.deviations
+    return Model(float(r @ r), a @ a.T, a @ r, mean)
+
+
+def log_evidence(
+    model: Model, scale: FloatArray | float, *, cells: float, correlated: float, variance: float
+) -> float:
+    """Return the log evidence of `model` with its amplitudes times `scale` (k,).
+
+    Args:
+        model: a set.
+        scale: factors on the deviations of the amplitudes.
+        cells: number n of cells.
+        correlated: cells t that share an independent error.
+        variance: prior mean of the variance of an error [-].
     """
-
-    sets: tuple[LinearModel, ...]
-    other: LinearModel
-    fields: int
-    singles: int
-
-
-def log_evidence(model: LinearModel, noise: float, scale: FloatArray | float = 1.0) -> float:
-    """Return the log evidence of `model`, with its amplitudes times `scale`."""
     factor = np.broadcast_to(scale, model.mean.shape)
-    gram = factor[:, None] * model.gram * factor / noise + np.eye(len(factor))
-    moments = factor * model.moments / noise + model.mean
-    _sign, determinant = np.linalg.slogdet(gram)
-    gained = moments @ np.linalg.solve(gram, moments) - model.mean @ model.mean
-    return float(-0.5 * model.square / noise - 0.5 * determinant + 0.5 * gained)
+    values, vectors = np.linalg.eigh(factor[:, None] * model.gram * factor)
+    moments, mean = vectors.T @ (factor * model.moments), vectors.T @ model.mean
+    k = correlated * VARIANCES[:, None]
+    inner = 1.0 + np.maximum(values, 0.0) / k
+    logs = -0.5 * (cells / correlated) * np.log(VARIANCES) - 0.5 * model.square / k[:, 0]
+    logs += 0.5 * np.sum((moments / k + mean) ** 2 / inner - np.log(inner), axis=1)
+    rate = (SHAPE - 1.0) * variance
+    prior = SHAPE * np.log(rate / VARIANCES) - gammaln(SHAPE) - rate / VARIANCES
+    step = np.log(VARIANCES[1] / VARIANCES[0])
+    return float(logsumexp(logs + prior) + np.log(step) - 0.5 * mean @ mean)
+
+
+def evidences(recording: SetsOfRecording, frames: float) -> list[SetEvidence]:
+    """Return the evidence of every set, alone and with something else beside it.
+
+    So many `frames` share an error.
+    """
+    counted = recording.counted
+    shared = recording.shared[:, counted].astype(float)
+    modes = np.concatenate([shared, recording.fields[:, counted].astype(float)])
+    numbers = {
+        'cells': float(counted.sum()),
+        'correlated': recording.correlated * frames,
+        'variance': recording.noise + SYSTEMATIC_MISFIT**2,
+    }
+    found = []
+    for one in recording.sets:
+        model = model_of(one, modes, counted)
+        size = len(model.mean) - len(recording.fields)
+        alone = Model(model.square, model.gram[:size, :size], model.moments[:size],
+                      model.mean[:size])  # fmt: skip
+        beside = [
+            log_evidence(model, np.concatenate([np.ones(size), amplitude * spectrum]), **numbers)
+            for length in LENGTHS
+            for spectrum in [spectrum_of(length)]
+            for amplitude in AMPLITUDES
+        ]
+        mean = float(logsumexp(beside) - np.log(len(beside)))
+        found.append(SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean))
+    return found
+
+
+def spectrum_of(length: float) -> FloatArray:
+    """Return the deviations of the modes of fields of a correlation `length`, mean square 1/f."""
+    waves = np.stack(np.meshgrid(*map(np.arange, WAVES), indexing='ij')).reshape(3, -1)
+    decay = np.exp(-0.25 * (np.pi * length) ** 2 * np.sum(waves**2, axis=0))
+    return np.tile(decay / np.linalg.norm(decay), 4)
 
 
 def posterior(
-    recording: LinearRecording, noise: float, field: float
+    sets: Sequence[SetEvidence], singles: int, temper: float, unknown: Collection[str] = ()
 ) -> dict[tuple[str, ...], float]:
-    """Return the probability of every set by the names of its effects, the largest first."""
-    scale = np.ones(len(recording.other.mean))
-    scale[: recording.fields] = field
+    """Return the probability of every set by the names of its effects, the largest first.
+
+    Args:
+        sets: the sets, the one without effects among them.
+        singles: number of single effects that the search tried.
+        temper: power of all probabilities.
+        unknown: effects that are left out.
+    """
     logs: dict[tuple[str, ...], float] = {}
-    logs[(UNEXPLAINED,)] = log_evidence(recording.other, noise, scale)
-    counts = {0: 1.0, 1: recording.singles, 2: recording.singles**2, 3: recording.singles**3}
-    for one in recording.sets:
-        names: tuple[str, ...] = tuple(sorted(one.names)) or (NONE,)
-        value = log_evidence(one, noise) - np.log(counts[len(one.names)])
-        logs[names] = max(value, logs.get(names, -np.inf))
-    top = max(logs.values())
-    weights = {names: float(np.exp(value - top)) for names, value in logs.items()}
-    total = sum(weights.values())
-    return dict(sorted(((n, w / total) for n, w in weights.items()), key=lambda pair: -pair[1]))
+    beside = []
+    for one in sets:
+        if {*one.names} & {*unknown}:
+            continue
+        count = len(one.names)
+        prior = math.lgamma(count + 1.0) - count * math.log(singles)
+        names = tuple(sorted(one.names)) or (NONE,)
+        logs[names] = max(one.alone + prior, logs.get(names, -math.inf))
+        if count < 2:
+            beside.append(one.beside + prior)
+    logs[(UNEXPLAINED,)] = float(logsumexp(beside))
+    scaled = temper * np.array([*logs.values()])
+    shares = np.exp(scaled - logsumexp(scaled))
+    found = dict(zip(logs, map(float, shares), strict=True))
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 
 class EvidenceVerdict(NamedTuple):
-    """The verdict of the prototype on a recording: the `names`, their probability, and the rest."""
+    """The `first` set and those listed beside it, their probability, and whether one is right."""
 
-    names: tuple[str, ...]
+    first: tuple[str, ...]
     confidence: float
     right: bool
 
     @property
     def sure_and_wrong(self) -> bool:
         """Whether a wrong name is stated with confidence."""
-        return not self.right and self.confidence >= SURE and self.names != (UNEXPLAINED,)
+        return not self.right and self.confidence >= SURE and self.first != (UNEXPLAINED,)
 
 
-def judged(truth: StoredVerdict, probabilities: Mapping[tuple[str, ...], float]) -> EvidenceVerdict:
-    """Return the most probable set, with those that have a third of its probability beside it."""
-    (names, most), *others = probabilities.items()
-    near = [names, *(other for other, value in others if value > most / 3.0)]
-    right = any(name in truth.right for one in near for name in one)
-    return EvidenceVerdict(names, sum(probabilities[one] for one in near), right)
+def judged(right: Collection[str], found: Mapping[tuple[str, ...], float]) -> EvidenceVerdict:
+    """Return the most probable set with those that are nearly as probable."""
+    (first, most), *_ = found.items()
+    listed = [names for names, value in found.items() if value >= LISTED * most]
+    return EvidenceVerdict(
+        first,
+        min(1.0, sum(found[names] for names in listed)),
+        any(name in right for names in listed for name in names),
+    )
 
 
-def left_out_of(
-    truth: StoredVerdict, recording: LinearRecording
-) -> tuple[StoredVerdict, LinearRecording]:
-    """Return both as if the true effect were unknown: something else is then right."""
-    left = tuple(one for one in recording.sets if not {*one.names} & {*truth.right})
-    return replace(truth, right=(UNEXPLAINED,)), replace(recording, sets=left)
+class Question(NamedTuple):
+    """A stored recording, or the same with its true effect left out of the library."""
+
+    truth: StoredVerdict
+    sets: Mapping[float, Sequence[SetEvidence]]
+    singles: int
+    held_out: bool
+    unknown: tuple[str, ...] = ()
+
+    @property
+    def right(self) -> tuple[str, ...]:
+        """The names that are right."""
+        return (UNEXPLAINED,) if self.unknown else self.truth.right
+
+    def posterior(self, frames: float, temper: float) -> dict[tuple[str, ...], float]:
+        """Return the probability of every set, with these two numbers."""
+        return posterior(self.sets[frames], self.singles, temper, self.unknown)
+
+    def answer(self, frames: float, temper: float) -> EvidenceVerdict:
+        """Return the verdict with these two numbers."""
+        return judged(self.right, self.posterior(frames, temper))
+
+    def log_score(self, frames: float, temper: float) -> float:
+        """Return the log probability of what is right."""
+        found = self.posterior(frames, temper)
+        right = sum(value for names, value in found.items() if {*names} & {*self.right})
+        return math.log(max(right, 1e-6))
 
 
-def features_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
-    """Return the linear models of the stored recording in `folder`."""
-    file = folder / REMEMBERED
-    memory = pickle.loads(file.read_bytes()) if file.exists() else {}
-    store = SimulationStore(folder / 'simulations')
-    found = diagnosis.judged(case, folder, memory, store)
-    findings, levels = found.evidence.findings, found.levels
-    sample = levels.judging.samples[0]
-    fits = [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
-    rows = []
-    for fit in fits:
-        near = levels.corrected_at(fit).judging
-        residual = near.residuals(fit.effects, 1.5)[0]
-        refining = levels.refining
-        own = refining.residuals(fit.effects, 1.5)
-        slopes = np.zeros((0, *residual.shape))
-        if fit.members:
-            slopes = refining.slopes(fit.members, fit.scaled_parameters, own, fitted_only=False)[0]
-        rows.append((fit, residual, slopes, near.forwards[0].correction))
-    fitted = sample.fitted_frames
-    smooth = diagnosis.module('data.sample').at_compared_cells
-    counted = diagnosis.module('data.misfit')._counted_cells
-    weight = sample.weight(1.5)
-    sands = [
-        smooth((one[0].maps(()) - levels.judging.forwards[0].uncorrected().maps(())), 1.5) * weight
-        for one in levels.judging.rough_sands._sands
-    ]
-    fields = random_fields(rows[0][1].shape)
-    front = np.zeros(rows[0][1].shape, bool)
-    for _fit, residual, _slopes, _correction in rows:
-        front |= counted(sample, residual)
-    models = []
-    for fit, residual, slopes, correction in rows:
-        modes = list(sands)
-        if correction is not None:
-            error = smooth(correction, 1.5) * weight
-            parts = [error.copy(), error.copy()]
-            parts[0][fitted:], parts[1][:fitted] = 0.0, 0.0
-            modes += parts
-        spread = prior_deviations(fit)
-        columns = [slope * step for slope, step in zip(slopes, spread, strict=True)]
-        matrix = np.stack([*columns, *modes])
-        mean = np.concatenate([-fit.scaled_parameters / np.maximum(spread, 1e-9),
-                               np.zeros(len(modes))])  # fmt: skip
-        names = tuple(member.effect for member in fit.members)
-        models.append(linear_model(names, residual[front], matrix[:, front], mean))
-    null_modes = [*fields, *sands]
-    matrix = np.stack(null_modes)[:, front]
-    size = len(null_modes)
-    other = linear_model((UNEXPLAINED,), rows[0][1][front], matrix, np.zeros(size))
-    labels = {
-        (fit.members[0].effect, fit.members[0].fixed.get('well')) for fit in findings.screened
-    }
-    return LinearRecording(tuple(models), other, len(fields), len(labels))
+def questions(folder: Path, seed: int) -> Iterator[Question]:
+    """Yield the questions of the stored recordings in `folder`, from their stored sets."""
+    diagnosis = ChangedDiagnosis(PRESENT, {})
+    count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
+    for number, job in enumerate(stored_jobs(folder, count, seed)):
+        if not job.file.exists():
+            continue
+        file = job.file.with_name(SETS)
+        if not file.exists():
+            file.write_bytes(pickle.dumps(sets_of(diagnosis, job.case, job.file.parent)))
+        recording: SetsOfRecording = pickle.loads(file.read_bytes())
+        sets = {frames: evidences(recording, frames) for frames in FRAMES}
+        one = Question(job.found(), sets, recording.singles, is_held_out(number))
+        yield one
+        if one.truth.is_alone:
+            yield one._replace(unknown=one.truth.right)
 
 
-def linear_model(
-    names: tuple[str, ...], residual: FloatArray, matrix: FloatArray, mean: FloatArray
-) -> LinearModel:
-    """Return the normal equations of the residual (n,) and the matrix A^T (k, n)."""
-    r, a = residual.astype(float), matrix.astype(float)
-    return LinearModel(names, float(r @ r), a @ a.T, a @ r, mean)
+def rows_of(asked: Sequence[Question], numbers: tuple[float, float]) -> Iterator[list[str]]:
+    """Yield the rows of the table of figures: part, library, method, and figures."""
+    for held_out, unknown in product((False, True), repeat=2):
+        own = [one for one in asked if (one.held_out, bool(one.unknown)) == (held_out, unknown)]
+        answers = [one.answer(*numbers) for one in own]
+        part = 'held out' if held_out else 'chosen by'
+        stated = [(a.confidence, a.right, a.sure_and_wrong) for a in answers]
+        yield [part, 'true effect left out' if unknown else 'whole', 'evidence', *figures(stated)]
+        if not unknown:
+            rules = [(t.confidence, t.is_right, t.is_sure_and_wrong) for t, *_ in own]
+            yield [part, 'whole', 'rules', *figures(rules)]
 
 
-def prior_deviations(fit: object) -> FloatArray:
-    """Return the prior deviations of the scaled parameters of `fit`, (p,)."""
-    found = []
-    for member in fit.members:  # type: ignore[attr-defined]
-        for parameter in member.parameters:
-            low, high = parameter.range
-            place = parameter.name in ('x', 'z') and np.isfinite(high - low)
-            found.append((high - low) / np.sqrt(12.0) if place else STEPS)
-    return np.array(found, dtype=float)
-
-
-def random_fields(shape: Sequence[int]) -> list[FloatArray]:
-    """Return smooth fields (nt, nz, nx) with a mean square of about 1."""
-    axes = [
-        [
-            np.sqrt(2.0 - (k == 0)) * np.cos(np.pi * k * (np.arange(n) + 0.5) / n)
-            for k in range(most)
-        ]
-        for n, most in zip(shape, WAVES, strict=True)
-    ]
-    return [np.einsum('t,z,x->tzx', *waves) for waves in product(*axes)]
-
-
-def fitted_numbers(
-    recordings: Sequence[tuple[StoredVerdict, LinearRecording]],
-) -> tuple[float, float]:
-    """Return the noise and the deviation of the fields that give the truths most probability."""
-
-    def score(numbers: tuple[float, float]) -> float:
-        total = 0.0
-        for truth, recording in recordings:
-            found = posterior(recording, *numbers)
-            right = sum(p for names, p in found.items() if {*names} & {*truth.right})
-            total += float(np.log(max(right, 1e-3)))
-        return total
-
-    return max(product(NOISES, FIELDS), key=score)
+def figures(stated: Sequence[tuple[float, bool, bool]]) -> list[str]:
+    """Return cases, right ones, sure and wrong ones, and the calibration error, as words."""
+    confidences, right, wrong = zip(*stated, strict=True) if stated else ((), (), ())
+    error = expected_error(confidences, right) if stated else math.nan
+    return [str(len(stated)), str(sum(right)), str(sum(wrong)), f'{error:.3f}']
 
 
 def main() -> None:
-    """Fit the two numbers to the recordings that are not held out, and print the table of all."""
+    """Fit both numbers to the recordings that are not held out, and print the figures of all."""
     parser = argparse.ArgumentParser(prog='python -m lab.stored.laplace')
     parser.add_argument('folder', type=Path)
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
-    folder = given.folder.resolve()
-    diagnosis = ChangedDiagnosis(PRESENT, {})
-    count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
-    known: list[tuple[int, StoredVerdict, LinearRecording]] = []
-    for number, job in enumerate(stored_jobs(folder, count, given.seed)):
-        if not job.file.exists():
-            continue
-        file = job.file.with_name(FEATURES)
-        if not file.exists():
-            file.write_bytes(pickle.dumps(features_of(diagnosis, job.case, job.file.parent)))
-        known.append((number, job.found(), pickle.loads(file.read_bytes())))
-    train = [(truth, recording) for number, truth, recording in known if not is_held_out(number)]
-    numbers = fitted_numbers(train)
-    rows = []
-    left_out: list[str] = []
-    totals = np.zeros((2, 3, 3), int)
-    for number, truth, recording in known:
-        new = judged(truth, posterior(recording, *numbers))
-        part = int(is_held_out(number))
-        totals[part, 0] += (1, truth.is_right, truth.is_sure_and_wrong)
-        totals[part, 1] += (1, new.right, new.sure_and_wrong)
-        if truth.is_alone:
-            unknown, rest = left_out_of(truth, recording)
-            hidden = judged(unknown, posterior(rest, *numbers))
-            totals[part, 2] += (1, hidden.right, hidden.sure_and_wrong)
-            left_out.append(f'{truth.name} {truth.truth[0]} left out: '
-                            f'{"+".join(hidden.names)} {hidden.confidence:.2f}')  # fmt: skip
-        rows.append([
-            f'{truth.name}{" (held out)" if part else ""}', '+'.join(truth.truth) or NONE,
-            f'{"+".join(truth.members) or truth.verdict} {truth.confidence:.2f}'
-            f'{"" if truth.is_right else " WRONG"}',
-            f'{"+".join(new.names)} {new.confidence:.2f}{"" if new.right else " WRONG"}',
-        ])  # fmt: skip
-    print_table('cases', ['case', 'truth', 'present', 'evidence'], rows)
-    print('\n'.join(left_out))
-    print(f'noise {numbers[0]:g}, fields {numbers[1]:g}')
-    for part, name in enumerate(('chosen by', 'held out')):
-        for which, method in enumerate(('present', 'evidence', 'evidence, left out')):
-            every, right, wrong = totals[part, which]
-            print(f'{name}: {method}: {right} of {every} right, {wrong} sure and wrong')
+    asked = list(questions(given.folder.resolve(), given.seed))
+    chosen = [one for one in asked if not one.held_out]
+    numbers = max(
+        product(FRAMES, TEMPERS), key=lambda both: sum(q.log_score(*both) for q in chosen)
+    )
+    for one in asked:
+        told = one.answer(*numbers)
+        print(
+            one.truth.name, '+'.join(one.truth.truth) or NONE,
+            'left out' if one.unknown else f'rules {one.truth.verdict} {one.truth.confidence:.2f}',
+            f'evidence {"+".join(told.first)} {told.confidence:.2f}',
+            '' if told.right else 'WRONG',
+        )  # fmt: skip
+    columns = ['part', 'library', 'method', 'cases', 'right', 'sure and wrong', 'calibration error']
+    title = f'frames {numbers[0]:g}, temper {numbers[1]:.3f}'
+    print_table(title, columns, list(rows_of(asked, numbers)))
 
 
 if __name__ == '__main__':

@@ -36,6 +36,8 @@ FUNCTIONS = {
 """Remembered functions by their modules."""
 
 INNER = (
+    'porotwin_core',
+    'porotwin_solver',
     f'{PACKAGE}.data',
     f'{PACKAGE}.decision.held_out',
     f'{PACKAGE}.model',

@@ -18,9 +18,18 @@ from porotwin_solver.effects import EFFECTS
 WEAK = 'weak'
 """A kind of case: one effect, with `WEAK_SHARE` of the strength that is drawn."""
 
+OVER_TIME = 'over time'
+"""A kind of case: one of `TIMED`, which no library has."""
+
+TIMED = ('pump_drift', 'pulsation', 'water_table')
+"""Effects outside the library that change with time."""
+
 KINDS = (
     *('single', 'pair', WEAK, 'single', 'none', 'single', 'alike', 'single', 'outside', WEAK),
-    *('pair', 'single', 'none'),
+    *('pair', 'single', 'none', 'single', 'pair', WEAK, 'single', 'none', 'single', 'alike'),
+    *('single', 'outside', WEAK, 'pair', 'three', 'left out', OVER_TIME, 'pair', 'outside', WEAK),
+    *('left out', OVER_TIME, 'single', 'three', WEAK, 'left out', 'pair', 'outside', OVER_TIME),
+    *('none', 'single', 'three', 'left out', WEAK, 'alike', 'pair', 'single', 'outside', 'none'),
 )
 """Kinds of cases in their order; their number shares no divisor with the next two."""
 
@@ -84,18 +93,18 @@ def draw_stored(number: int, seed: int) -> BlindCase:
     kind = KINDS[turn]
     effects = _effects(kind, number, seed, generator, (rig, wells, duration, schedule))
     cell = max(rig.width_m, rig.height_m) / COLUMNS
-    alone = 'single' if kind == WEAK else kind
     return BlindCase(
         name=f'case_{number:03d}',
         kind=kind,
         effects=effects,
-        right=right_names(alone, effects),
+        right=right_names({WEAK: 'single', OVER_TIME: 'outside'}.get(kind, kind), effects),
         rig=rig,
         schedule=schedule,
         duration=duration,
         photo_interval=INTERVAL_S,
         cell_m=cell,
         seed=int(generator.integers(2**31)),
+        withheld=tuple(effect.name for effect in effects) if kind == 'left out' else (),
         element_m=cell * ELEMENTS_PER_CELL,
     )
 
@@ -117,6 +126,8 @@ def _effects(
     own = ('single', WEAK) if alone else (kind,)
     turns = [one in own for one in KINDS]
     index = number // len(KINDS) * sum(turns) + sum(turns[: number % len(KINDS)]) + 5 * seed
+    if kind == OVER_TIME:
+        return (drawn(TIMED[index % len(TIMED)], generator, context),)
     names = names_of_kind('single' if alone else kind, index, generator)
     if kind == 'alike':
         return drawn_alike(names[0], generator, context, largest)

@@ -5,10 +5,13 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.stats import gamma, multivariate_normal
 
 from lab.blind.blind_effects import equal_names
+from lab.stored import laplace
 from lab.stored.changed_numbers import PACKAGE, deciding_numbers, load_afresh
-from lab.stored.laplace import LinearModel, LinearRecording, log_evidence, posterior
+from lab.stored.laplace import Model, SetEvidence, judged, log_evidence, posterior, spectrum_of
+from lab.stored.linear_sets import SOURCE, WAVES, random_fields
 from lab.stored.simulation_store import SimulationStore, read_maps, write_maps
 from lab.stored.stored_cases import StoredVerdict, is_held_out
 from lab.stored.stored_draw import KINDS, WEAK, WEAK_SHARE, draw_stored, weakened
@@ -100,31 +103,42 @@ def test_a_verdict_is_sure_and_wrong_only_with_a_wrong_name():
     assert verdict('decay', 0.9).has_all
 
 
-def linear(names, residual, columns):
+def model(residual, columns):
     matrix = np.array(columns, dtype=float).reshape(len(columns), len(residual))
     r = np.array(residual, dtype=float)
-    count = len(matrix)
-    return LinearModel(names, float(r @ r), matrix @ matrix.T, matrix @ r, np.zeros(count))
+    return Model(float(r @ r), matrix @ matrix.T, matrix @ r, np.zeros(len(matrix)))
 
 
-def test_the_evidence_is_that_of_the_normal_distribution_with_all_modes():
+def test_the_evidence_is_that_of_the_normal_distribution_with_all_modes(monkeypatch):
     residual, mode = np.array([1.0, 2.0, -0.5]), np.array([0.5, 1.0, 2.0])
-    covariance = 3.0 * np.eye(3) + np.outer(mode, mode)
-    exact = -0.5 * residual @ np.linalg.solve(covariance, residual)
-    exact += -0.5 * (np.linalg.slogdet(covariance)[1] - 3.0 * np.log(3.0))
-    assert log_evidence(linear((), residual, [mode]), 3.0) == pytest.approx(exact)
+    monkeypatch.setattr(laplace, 'VARIANCES', np.geomspace(0.03, 300.0, 2000))
+    variances = laplace.VARIANCES
+    density = gamma(laplace.SHAPE, scale=1.0 / ((laplace.SHAPE - 1.0) * 3.0)).pdf(1.0 / variances)
+    exact = [
+        multivariate_normal(cov=v * np.eye(3) + np.outer(mode, mode)).pdf(residual)
+        for v in variances
+    ]
+    exact = np.trapezoid(np.array(exact) * density / variances**2, variances)
+    found = log_evidence(model(residual, [mode]), 1.0, cells=3.0, correlated=1.0, variance=3.0)
+    assert found - 1.5 * np.log(2.0 * np.pi) == pytest.approx(np.log(exact), abs=1e-3)
 
 
-def test_the_simpler_of_two_sets_that_fit_alike_wins_and_something_else_explains_a_field():
-    rng = np.random.default_rng(2)
-    small, field = 0.1 * rng.standard_normal(200), np.ones(200)
-    other = linear(('unexplained',), small, [field])
-    one = linear(('decay',), small, [field])
-    two = linear(('decay', 'leak'), small, [field, np.linspace(0.0, 9.0, 200)])
-    gap = linear((), small + 10.0 * field, [])
-    probabilities = posterior(LinearRecording((gap, one, two), other, 1, 5), 1.0, 1.0)
-    assert probabilities['decay',] > 10.0 * probabilities['decay', 'leak']
-    gap = LinearRecording(
-        (linear((), 3.0 * field, []),), linear(('u',), 3.0 * field, [field]), 1, 5
-    )
-    assert next(iter(posterior(gap, 1.0, 3.0))) == ('unexplained',)
+def test_a_set_that_leaves_more_than_noise_loses_to_something_else_and_a_temper_flattens():
+    sets = [SetEvidence((), -90.0, -70.0), SetEvidence(('decay',), -1.0, -9.0)]
+    assert next(iter(posterior(sets, 5, 1.0))) == ('decay',)
+    assert next(iter(posterior(sets, 5, 1.0, unknown=('decay',)))) == ('unexplained',)
+    sharp, flat = (posterior(sets, 5, temper)[('decay',)] for temper in (1.0, 0.01))
+    assert sharp > 0.99 > 0.5 > flat
+    assert judged(('leak',), posterior(sets, 5, 1.0)).sure_and_wrong
+    assert judged(('decay',), posterior(sets, 5, 1.0)).right
+
+
+def test_random_fields_are_as_large_as_stated_and_longer_ones_have_fewer_waves():
+    c = np.full((6, 8, 10), 0.5)
+    fields = random_fields(c, np.ones(c.shape), 2)
+    waves = int(np.prod(WAVES))
+    assert np.mean(fields[:waves] ** 2) == pytest.approx(SOURCE**2, rel=1e-3)
+    assert np.allclose(fields[waves:], 0.0)
+    short, long = spectrum_of(0.0), spectrum_of(0.5)
+    assert np.sum(short[:waves] ** 2) == pytest.approx(np.sum(long[:waves] ** 2)) == 1.0
+    assert long[0] > short[0]

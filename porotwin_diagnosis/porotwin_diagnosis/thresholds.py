@@ -83,12 +83,8 @@ judged although they share two effects: such cells cannot tell a porosity from a
 LEAST_REFIT_GAIN = 0.95
 """Ratio of the misfits of a judged triple that is fitted again above which it is fitted no more.
 Nine parameters need more iterations than two: they took a true triple from 1.54 to 1.41 of its
-limit."""
-
-HOPEFUL_TRIPLE = 0.95
-"""Ratio of the misfits of a refined triple and of the best pair on the same cells above which the
-triple is not judged. It would have to fall to `COMBINATION_GAIN`: a true one left 0.36, the others
-of unexplained gaps 0.98."""
+limit. A refined triple that leaves as much of the misfit of the best pair on the same cells is not
+judged: a true one left 0.36, the others of unexplained gaps 0.98."""
 
 # Decision ---------------------------------------------------------------------------------------
 
@@ -154,31 +150,28 @@ move; a pump that drifts, an effect outside the library, added 0.15 and passed f
 INDISTINGUISHABLE = 0.06
 """Whitened root mean square difference of two predictions below which the camera shows the same."""
 
-NO_GAP_LOG_ODDS, NO_GAP_SLOPE = 1.0, 4.0
-"""Log-odds of `none` at the threshold `NO_GAP_MISFIT`, and their increase down to a misfit of 0."""
+AT_THE_LIMIT, GAP_SLOPE = 1.0, 4.0
+"""Log-odds of a statement whose misfit just meets its limit, such as `none` at `NO_GAP_MISFIT`, and
+the increase of the log-odds of a gap, or of none, with the misfit relative to its limit."""
 
-SUFFICIENT_LOG_ODDS, SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 1.0, 14.0, 0.7
-"""Log-odds that a model with a lack of fit from `SURELY_SUFFICIENT` to 1 misses nothing, and their
-increase per unit of lack of fit below. Of 34 blinded cases above 0.7 eight were wrong, of 33 from
-0.5 to 0.7 one, and of 250 below 0.5 one."""
+SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 14.0, 0.7
+"""Increase of the log-odds that a model misses nothing per unit of lack of fit below
+`SURELY_SUFFICIENT`; they are `AT_THE_LIMIT` from there to 1. Of 34 blinded cases above 0.7 eight
+were wrong, of 33 from 0.5 to 0.7 one, and of 250 below 0.5 one."""
 
-SUFFICIENT_BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED = 0.4, 12.0, 0.6
-"""The same for maps with errors that all maps share, as photographs have them. The model may choose
-these errors, so that a true effect fits better. In 80 cases a single effect that was wrong although
-the true maps fit better had 0.60 to 0.75; true effects that the calibration does not hide had 0.37
-at most, but one with 0.52."""
+BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED = 0.4, 12.0, 0.6
+"""The same three numbers for maps with errors that all maps share, as photographs have them. The
+model may choose these errors, so that a true effect fits better. In 80 cases a single effect that
+was wrong although the true maps fit better had 0.60 to 0.75; true effects that the calibration does
+not hide had 0.37 at most, but one with 0.52."""
 
-MISSING_SLOPE = 4.0
-"""Increase, per unit of log(lack of fit), of the log-odds that a model misses something. They are 0
-at a lack of fit of 1."""
+CALIBRATION_SLOPE = 8.0
+"""Increase of the log-odds that effects make a gap per unit of log(misfit that they explain /
+misfit that the calibration explains); they are `BESIDE_SHARED` where both explain as much."""
 
-CALIBRATION_LOG_ODDS, CALIBRATION_SLOPE = 0.4, 8.0
-"""Log-odds that effects make a gap of which the calibration explains as much, and their increase
-per unit of log(misfit that the effects explain / misfit that the calibration explains)."""
-
-NEARLY_ALIKE, NEARLY_ALIKE_LOG_ODDS = 0.2, 1.0
+NEARLY_ALIKE = 0.2
 """Whitened root mean square difference of two predictions below which the camera shows nearly the
-same, and the increase of the log-odds against such a rival, on maps without shared errors: the
+same. On maps without shared errors the log-odds against such a rival grow by `AT_THE_LIMIT`: the
 verdict is mostly true either way. Of 16 blinded cases with a stated 0.5 to 0.85 all were right;
 their rivals had 0.07 to 0.14, those that make other maps 0.26 to 0.58. On photographs they can be
 wrong."""
@@ -186,12 +179,6 @@ wrong."""
 RIVAL_SLOPE = 1.6
 """Factor on the log-odds against a rival, on maps without shared errors. Of 20 blinded cases that
 stated 0.75 to 0.95 without it all were right."""
-
-SINGLE_SHARE_RANGE = (1e-3, 1 - 1e-3)
-"""Range of the probability of the best single effect, so that its log-odds stay within 7."""
-
-LEAST_LOG_ODDS = -60.0
-"""Least log-odds of an effect, so that no exponential underflows."""
 
 CONFIDENCE_RANGE = (0.05, 0.99)
 """Least and greatest confidence that is stated: a few hundred cases cannot prove more."""
@@ -205,11 +192,6 @@ LOST_PLACE = 0.25
 """Half width of the 90 % interval of a place, relative to the rig, above which a leak or a zone is
 nowhere. True ones have 0.01. Two leaks of opposite sign that imitated a flow through the whole rig
 had 0.4 to 0.5."""
-
-PLACING_MISFIT = 0.6
-"""Misfit beyond the noise that the model without effects leaves in the fitted part, above which the
-place of a true leak or zone is known. A true leak at the limit of what can be seen had 0.41, the
-two leaks that imitated a flow 0.85."""
 
 MOST_SCALE_ERROR = 0.02
 """Deviation of the size of a picture [-] that a person who marks the corners would see. People read
@@ -225,10 +207,6 @@ SCANT_CELLS, SCANT_FRAMES, SCANT_CONFIDENCE = 80, 4, 0.7
 """A recording with fewer cells along the longer side of the rig, or fewer frames to fit to, is
 scant: no verdict on it has a higher confidence. On 47 columns a shifted picture passed for a wrong
 rate, on 70 columns a wrong rate passed for unexplained."""
-
-LEAST_NUMERICAL_MISFIT = 1.5
-"""Misfit of the configured scheme below which its numerical diffusion does not matter: a gap as
-small as this is judged by its effects alone."""
 
 SHARPER_SCHEME_GAIN = 0.75
 """Ratio of the misfits of the accurate and the configured scheme below which numerical diffusion is

@@ -11,7 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
+from porotwin_diagnosis.advice.remainder_form import (
+    WELL_CLOSED,
+    RemainderForm,
+    describe_remainder,
+)
 from porotwin_diagnosis.data.sample import coarsened
 from porotwin_diagnosis.decision.held_out import HeldOut, gap_closed_with_interval
 from porotwin_diagnosis.model.fit import Fit
@@ -23,11 +27,6 @@ from porotwin_recording.experiment.recording import Recording
 FORM_COLUMNS = 60
 """Columns of cells on which a remainder is described, about: hundreds of runs take seconds there,
 and twice as many columns take eight times as long."""
-
-LEAST_PART = 0.5
-"""Share of the gap in the held-out part that the effects must close. With less, most of the gap has
-another cause, and the effects hardly tell which."""
-
 
 DIPOLE_RATIO, DIPOLE_WIDTH = 0.6, 0.15
 """Least ratio of the rates of a source and a sink that act like other sand, and their largest
@@ -102,7 +101,7 @@ def partial_cause(
         InputError: the model cannot run with these effects.
     """
     closed, _ = gap_closed_with_interval(held_out)
-    if not model.members or closed < LEAST_PART:
+    if not model.members or closed < WELL_CLOSED:
         return None
     form = describe_remainder(
         form_model(levels), model.effects, excluded=excluded, pool=levels.pool

@@ -50,7 +50,8 @@ LEAST_CLOSED = 0.25
 """Share of the held-out remainder below which a description is refused."""
 
 WELL_CLOSED = 0.5
-"""Share of the held-out remainder that a good description closes at least."""
+"""Share of the held-out remainder that a good description closes at least, and effects that are a
+part of the cause: with less, most of it has another cause."""
 
 LEAST_GAIN = 0.03
 """Share of the held-out remainder that a further term must close for every value that its search

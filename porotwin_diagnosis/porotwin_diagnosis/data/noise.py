@@ -21,20 +21,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import FloatArray
-
-LEAST_DEVIATION = 1e-6
-"""Least standard deviation of the noise [-]; it keeps divisions finite in maps without noise."""
 
 CLIPPING_TABLE_SIZE = 2001
 """Number of concentrations in the table of means after clipping. Their distance of 0.0005 is far
 below the noise of any camera, so that linear interpolation is exact enough."""
-
-LARGEST_EXPONENT = 80.0
-"""Largest z^2 in the normal density; 1 + exp(-40) is 1 in double precision."""
-
-LARGEST_NORMAL_ARGUMENT = 40.0
-"""Largest |z| of the second moment; it prevents infinity times zero."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +102,7 @@ class Noise:
         Even spacing makes the interpolation several times as fast as `numpy.interp`.
         """
         c = np.linspace(0.0, 1.0, CLIPPING_TABLE_SIZE)
-        sd = np.maximum(self.deviation(c), LEAST_DEVIATION)
+        sd = np.maximum(self.deviation(c), SMALLEST_DIVISOR)
         means = c + sd * (_normal_loss(c / sd) - _normal_loss((1 - c) / sd))
         return means, np.diff(means, append=means[-1])
 
@@ -119,7 +111,7 @@ class Noise:
 
         The result has the shape of `concentration`.
         """
-        sd = np.maximum(self.deviation(concentration), LEAST_DEVIATION)
+        sd = np.maximum(self.deviation(concentration), SMALLEST_DIVISOR)
         below, above = -concentration / sd, (1 - concentration) / sd
         inner = second_moment(above) - second_moment(below)
         tails = below**2 * ndtr(below) + above**2 * ndtr(-above)
@@ -128,7 +120,7 @@ class Noise:
 
 def normal_density(z: FloatArray) -> FloatArray:
     """Return the standard normal density at `z` [-], any shape."""
-    return np.exp(-0.5 * np.minimum(z**2, LARGEST_EXPONENT)) / np.sqrt(2 * np.pi)
+    return np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
 
 
 def second_moment(z: FloatArray) -> FloatArray:
@@ -136,7 +128,6 @@ def second_moment(z: FloatArray) -> FloatArray:
 
     It is Phi(z) - z phi(z), with the distribution function Phi and the density phi.
     """
-    z = np.clip(z, -LARGEST_NORMAL_ARGUMENT, LARGEST_NORMAL_ARGUMENT)
     return ndtr(z) - z * normal_density(z)
 
 

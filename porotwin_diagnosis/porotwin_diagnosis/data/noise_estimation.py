@@ -84,8 +84,8 @@ work of a camera."""
 DELIVERED_LEVELS = 21
 """Concentrations from 0 to 1 at which delivered deviations are kept, in steps of 0.05."""
 
-POINT_SPREAD_TOLERANCE = 0.03
-"""Tolerance [cells] of the point spread width."""
+POINT_SPREAD_TOLERANCE = 0.02
+"""Tolerance [cells] of the point spread width, a thirtieth of its range."""
 
 
 def measure_noise(maps: FloatArray) -> Noise:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, uniform_filter
 from scipy.optimize import lsq_linear, nnls
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
@@ -243,12 +244,9 @@ class SharedErrors:
     def _share(self) -> FloatArray:
         """S with C^(-1/2) = I - A S A^T, (k, k), from the eigenvalues of A^T A."""
         squares, vectors = np.linalg.eigh(self._flat @ self._flat.T)
-        least = LEAST_EIGENVALUE * max(float(squares.max()), self.cost)
+        # modes that are sums of others count once
+        least = ROUND_OFF * max(float(squares.max()), self.cost)
         kept = squares > least
         squares, vectors = squares[kept], vectors[:, kept]
         shares = (1.0 - 1.0 / np.sqrt(1.0 + squares / self.cost)) / squares
         return np.asarray(vectors * shares @ vectors.T)
-
-
-LEAST_EIGENVALUE = 1e-10
-"""Least eigenvalue relative to the largest one: modes that are sums of others count once."""

@@ -15,20 +15,15 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import (
-    CALIBRATION_LOG_ODDS,
+    AT_THE_LIMIT,
+    BESIDE_SHARED,
     CALIBRATION_SLOPE,
     CONFIDENCE_RANGE,
-    MISSING_SLOPE,
+    GAP_SLOPE,
     NEARLY_ALIKE,
-    NEARLY_ALIKE_LOG_ODDS,
-    NO_GAP_LOG_ODDS,
     NO_GAP_MISFIT,
-    NO_GAP_SLOPE,
     RIVAL_SLOPE,
-    SINGLE_SHARE_RANGE,
     SLOPE_BESIDE_SHARED,
-    SUFFICIENT_BESIDE_SHARED,
-    SUFFICIENT_LOG_ODDS,
     SUFFICIENT_SLOPE,
     SURELY_BESIDE_SHARED,
     SURELY_SUFFICIENT,
@@ -50,7 +45,7 @@ def no_gap_log_odds(misfit: float) -> float:
 
     `misfit` is the normalised misfit of the model without effects.
     """
-    return NO_GAP_SLOPE * (1.0 - misfit / NO_GAP_MISFIT) + NO_GAP_LOG_ODDS
+    return GAP_SLOPE * (1.0 - misfit / NO_GAP_MISFIT) + AT_THE_LIMIT
 
 
 def calibration_log_odds(swallowed: float, gained: float) -> float:
@@ -66,7 +61,7 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
     if swallowed <= 0.0:
         return math.inf
     ratio = max(gained, SMALLEST_DIVISOR) / swallowed
-    stronger = CALIBRATION_LOG_ODDS + CALIBRATION_SLOPE * math.log(ratio)
+    stronger = BESIDE_SHARED + CALIBRATION_SLOPE * math.log(ratio)
     return max(no_gap_log_odds(swallowed), stronger, 0.0)
 
 
@@ -77,16 +72,16 @@ def sufficient_log_odds(lack_of_fit: float, *, shared_errors: bool = False) -> f
     `shared_errors` of all maps true effects fit better, so that a lack of fit says more.
     """
     least, slope, surely = (
-        (SUFFICIENT_BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED)
+        (BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED)
         if shared_errors
-        else (SUFFICIENT_LOG_ODDS, SUFFICIENT_SLOPE, SURELY_SUFFICIENT)
+        else (AT_THE_LIMIT, SUFFICIENT_SLOPE, SURELY_SUFFICIENT)
     )
     return least + slope * max(0.0, surely - lack_of_fit)
 
 
 def missing_log_odds(lack_of_fit: float) -> float:
     """Return the log-odds that a model with this `lack_of_fit` misses something."""
-    return MISSING_SLOPE * math.log(lack_of_fit)
+    return GAP_SLOPE * math.log(lack_of_fit)
 
 
 def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:
@@ -105,9 +100,9 @@ def share_of(names: Collection[str], probabilities: dict[str, float]) -> float:
 def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> float:
     """Return the log-odds of the effects `names`, which look the same, against all others.
 
-    log(p / (1 - p)) with the sum p of their `probabilities`, clipped to `SINGLE_SHARE_RANGE`.
+    log(p / (1 - p)) with the sum p of their `probabilities`, clipped to `CONFIDENCE_RANGE`.
     """
-    low, high = SINGLE_SHARE_RANGE
+    low, high = CONFIDENCE_RANGE
     known = min(max(share_of(names, probabilities), low), high)
     return math.log(known / (1 - known))
 
@@ -171,5 +166,5 @@ def rival_log_odds(log_odds: float, distance: float, *, shared_errors: bool) -> 
     """
     if shared_errors:
         return log_odds
-    alike = NEARLY_ALIKE_LOG_ODDS if distance < NEARLY_ALIKE else 0.0
+    alike = AT_THE_LIMIT if distance < NEARLY_ALIKE else 0.0
     return RIVAL_SLOPE * (log_odds + alike)

@@ -9,7 +9,7 @@ from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
-from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, RIVAL_LOG_ODDS
+from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS
 
 
 def effect_probabilities(findings: Findings) -> dict[str, float]:
@@ -47,10 +47,7 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
         believed.setdefault(fit.members[0].effect, prior.belief(fit))
     believed[NONE] = prior.weight(())
     log_odds[NONE] = -log_odds_against(larger_misfit(findings.null), best)
-    weights = {
-        name: believed[name] * math.exp(max(value, LEAST_LOG_ODDS))
-        for name, value in log_odds.items()
-    }
+    weights = {name: believed[name] * math.exp(value) for name, value in log_odds.items()}
     total = sum(weights.values())
     probabilities = {name: weight / total for name, weight in weights.items()}
     return dict(sorted(probabilities.items(), key=lambda item: -item[1]))

@@ -26,9 +26,9 @@ from porotwin_diagnosis.search.ranking import (
     swallowed_misfit,
 )
 from porotwin_diagnosis.thresholds import (
+    CONFIDENCE_RANGE,
     OPEN_CONFIDENCE,
     SCANT_CONFIDENCE,
-    SINGLE_SHARE_RANGE,
 )
 
 Names = tuple[str, ...]
@@ -131,7 +131,7 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     misses_nothing = sufficient_log_odds(kept.lack_of_fit, shared_errors=shared_errors)
     enough = [(misses_nothing, Doubt.REMAINDER), calibrated]
     if len(kept.members) == 1:
-        if share_of(same, probabilities) >= SINGLE_SHARE_RANGE[1]:
+        if share_of(same, probabilities) >= CONFIDENCE_RANGE[1]:
             return enough
         right = single_log_odds(same, probabilities)
         distance = single_distance(same, probabilities, findings)

@@ -10,15 +10,12 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.advice.remainder_form import WELL_CLOSED
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.service.effects_in_force import in_words
-
-LEAST_CLOSED = 0.5
-"""Share of the gap above the noise that an offered effect closes at least: below, something else
-matters more."""
 
 LEAST_GAIN = 0.1
 """Least share of the error of the model that an offered effect removes."""
@@ -107,7 +104,7 @@ class Finding:
             rounded_down = math.floor(100.0 * self.confidence + 1e-9) / 100.0
             return f'{self.verdict} with confidence {rounded_down:.2f}, below {least_confidence:g}'
         gained = self.error_after <= (1.0 - LEAST_GAIN) * self.error_before
-        if self.closed < LEAST_CLOSED or not gained:
+        if self.closed < WELL_CLOSED or not gained:
             return (
                 f'{self.verdict} closes too little of the gap: the error goes from '
                 f'{_percent(self.error_before)} to {_percent(self.error_after)}'

@@ -12,13 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray
 
 TILE = 5
 """Compared cells per side of a tile: 10 cells of the recording, several widths of the smoothing."""
-
-RIDGE = 1e-9
-"""Ridge relative to the trace of the normal matrix; it bounds parameters that change nothing."""
 
 
 def clustered_covariance(
@@ -38,7 +36,8 @@ def clustered_covariance(
         normal += flat @ flat.T
         scores = _tile_sums(columns * residual)
         spread += scores @ scores.T
-    inverse = np.linalg.pinv(normal + RIDGE * np.trace(normal) * np.eye(size))
+    # the ridge bounds parameters that change nothing
+    inverse = np.linalg.pinv(normal + ROUND_OFF * np.trace(normal) * np.eye(size))
     return inverse @ spread @ inverse
 
 

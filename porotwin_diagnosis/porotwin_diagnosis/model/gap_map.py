@@ -23,14 +23,12 @@ from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_diagnosis.data.observed_maps import observed_maps
+from porotwin_diagnosis.data.sample import FEWEST_CELLS
 from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.model.model import Model
 
 COARSENING = 2
 """Cells of the recording per cell of the gap map, each way: test functions are wider than both."""
-
-FEWEST_CELLS = 4
-"""Fewest cells of the gap map each way."""
 
 TEST_FUNCTION_WIDTH = 2.0
 """Width [cells of the gap map] of the test functions."""

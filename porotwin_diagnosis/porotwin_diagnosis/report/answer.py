@@ -14,12 +14,9 @@ from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, percent, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
-from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
+from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, OPEN_CONFIDENCE, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
-
-UNSURE = 0.6
-"""A verdict with at most this confidence is nearly a coin toss."""
 
 MORE_THAN_NOISE = 1.3
 """Error over the noise floor above which more than noise and blur is left."""
@@ -92,7 +89,7 @@ def _described(result: Diagnosis) -> str:
 def _no_gap(result: Diagnosis, errors: Mapping[str, float], sure: str) -> str:
     """Say that there is no gap, and explain the remaining error."""
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
-    head = 'No gap' if result.verdict.confidence > UNSURE else 'No gap, but this is unsure'
+    head = 'No gap' if result.verdict.confidence > OPEN_CONFIDENCE else 'No gap, but this is unsure'
     words = (
         f'**{head}** ({sure}). The model as it is explains {these(result)}: its error in the '
         f'held-out part is {before}, and noise and blur of the maps alone make {floor}.'

@@ -13,6 +13,7 @@ from porotwin_diagnosis.report.answer import Summary, label, origin
 from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
 from porotwin_diagnosis.report.wording import percent, phrase, spoken, spoken_label, value
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise
+from porotwin_diagnosis.thresholds import LEAST_RIVAL
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
@@ -22,9 +23,6 @@ BAR_PIXELS, LONGEST_BAR = 80, 1.5
 NO_SIGN = 0.003
 """Relative change of the error below which a fitted effect changed nothing: its parameters are then
 those of no effect, and words for them read like nonsense."""
-
-LEAST_PROBABILITY = 1e-3
-"""Probabilities below 0.1 % are not written out."""
 
 PUMPS = {
     'injecting': 'inject tracer',
@@ -88,7 +86,7 @@ def _meaning(row: Mapping[str, Any], *, named: bool) -> str:
 
 
 def _probability(share: float) -> str:
-    return '< 0.1 %' if share < LEAST_PROBABILITY else percent(share)
+    return '< 0.1 %' if share < LEAST_RIVAL else percent(share)
 
 
 def tried_pairs(result: Diagnosis, summary: Summary) -> list[list[str]]:

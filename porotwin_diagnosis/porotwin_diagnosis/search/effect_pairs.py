@@ -9,11 +9,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.model.effect_traits import TRIED_IN_EVERY_PAIR, has_place
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.joint_scan import may_act
+from porotwin_diagnosis.search.joint_scan import RIDGE, may_act
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
@@ -37,14 +38,6 @@ from porotwin_solver.effects.definition.candidate import Candidate
 
 PAIR_COARSE_ITERATIONS, PAIR_FINE_ITERATIONS = 1, 4
 """Iterations of a fit of a pair on coarse and on fine residuals; one member is fitted already."""
-
-LEAST_RESPONSE = 1e-9
-"""Norm of the remainder of an added response, relative to the largest remainder, below which it is
-round-off and left out."""
-
-SINGULAR = 1e-6
-"""Relative singular value below which two responses count as equal; finite differences are not more
-accurate."""
 
 Combinations = dict[frozenset[str], Fit]
 """Fits of pairs or triples by the labels of their members."""
@@ -266,8 +259,8 @@ def linear_gain(
     r = r - basis @ (basis.T @ r)
     b = b.T - basis @ (basis.T @ b.T)
     norms = np.linalg.norm(b, axis=0)
-    b = b[:, norms > LEAST_RESPONSE * max(float(norms.max(initial=0.0)), 1e-12)]
+    b = b[:, norms > ROUND_OFF * max(float(norms.max(initial=0.0)), 1e-12)]
     if b.shape[1] == 0:
         return 0.0
-    solution, *_ = np.linalg.lstsq(b, r, rcond=SINGULAR)
+    solution, *_ = np.linalg.lstsq(b, r, rcond=RIDGE)
     return float(r @ r - np.sum((r - b @ solution) ** 2))

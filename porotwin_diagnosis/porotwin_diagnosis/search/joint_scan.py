@@ -40,7 +40,8 @@ from porotwin_solver.effects.definition.candidate import Candidate
 
 RIDGE = 1e-6
 """Weight of the squared coefficients relative to the mean square of the responses: responses that
-are nearly equal must not need huge coefficients of opposite sign."""
+are nearly equal must not need huge coefficients of opposite sign. Finite differences are not more
+accurate."""
 
 Group = tuple[Candidate, ...]
 """Effects, each with a start that the regression gives."""

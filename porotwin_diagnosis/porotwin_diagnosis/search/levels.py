@@ -24,6 +24,7 @@ from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import COARSER
 from porotwin_diagnosis.data.misfit import misfit
+from porotwin_diagnosis.data.noise_estimation import POINT_SPREAD_TOLERANCE
 from porotwin_diagnosis.data.sample import Sample, coarsened
 from porotwin_diagnosis.model.effect_traits import is_slow_on_fine_grids
 from porotwin_diagnosis.model.fit import Fit
@@ -69,9 +70,6 @@ TYPICAL_POINT_SPREAD = 0.55
 
 POINT_SPREAD_RANGE = (0.3, 0.9)
 """Least and largest point spread width [cells] that is attributed to the camera."""
-
-POINT_SPREAD_TOLERANCE = 0.02
-"""Tolerance [cells] of the point spread width, a thirtieth of its range."""
 
 ROUGH_SANDS = 2
 """Number of rough sands for the fingering amplification."""

@@ -10,7 +10,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.progress import steps_of
-from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.levels import REFINING_ITERATIONS, Levels
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.search.ranking import (
     effect_and_well,
@@ -25,9 +25,6 @@ from porotwin_solver.effects.definition.effect import Scope
 
 PLACED_COARSE_ITERATIONS = 4
 """Iterations on coarse residuals for an effect with a place: its place is known to a few cells."""
-
-CONTINUED_ITERATIONS = 3
-"""Iterations on fine residuals of a fit that coarse ones have brought close."""
 
 SIZED_ITERATIONS = 6
 """Iterations on fine residuals of a fit of an effect at the place of another one."""
@@ -143,7 +140,7 @@ def _fit_from_best_start(levels: Levels, candidate: Candidate) -> Fit:
     return min(fits, key=score)
 
 
-def _continued(levels: Levels, fit: Fit, *, fine_steps: int = CONTINUED_ITERATIONS) -> Fit:
+def _continued(levels: Levels, fit: Fit, *, fine_steps: int = REFINING_ITERATIONS) -> Fit:
     return levels.screening.fit(
         fit.members, start=fit.scaled_parameters, coarse_steps=0, fine_steps=fine_steps
     )

@@ -47,7 +47,6 @@ from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
     CORRECTED_MISFIT,
     FAR_LESS,
-    HOPEFUL_TRIPLE,
     LEAST_REFIT_GAIN,
     PART_OF_A_TRIPLE,
     PENALTY_PER_PARAMETER,
@@ -103,7 +102,7 @@ def worth_keeping(triples: Sequence[Fit], pair: Fit, null: Fit) -> list[Fit]:
 
 def hopeful(refined: Sequence[Fit], pair: Fit) -> list[Fit]:
     """Return the `refined` triples that leave less than the best `pair` on the same cells."""
-    return [fit for fit in refined if score(fit) < HOPEFUL_TRIPLE * score(pair)]
+    return [fit for fit in refined if score(fit) < LEAST_REFIT_GAIN * score(pair)]
 
 
 def _converged(levels: Levels, fit: Fit) -> Fit:

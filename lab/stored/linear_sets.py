@@ -1,0 +1,199 @@
+"""The sets of effects of a stored recording near their best fits, as linear models.
+
+A set leaves the whitened residual r, and its parameters move it by their slopes J. Errors that no
+effect makes move it by modes of one standard deviation:
+
+| error | modes | deviation |
+| --- | --- | --- |
+| scheme | correction of the cells, in both parts of the recording | `SCHEME_SHARE` of it |
+| sand | response to the waves of log permeability that are believed | `ROUGHNESS`, long waves |
+| camera | level, bend, light, place (2), blur | `CAMERA` |
+
+*Something else* is a smooth random field of a source, of a displacement in x and z, or of a
+spreading: the modes `c`, dc/dx, dc/dz and the Laplacian of c times waves in time, height and width.
+"""
+
+import math
+import pickle
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lab.blind.blind_cases import BlindCase
+from lab.stored.ablation import REMEMBERED, ChangedDiagnosis
+from lab.stored.simulation_store import SimulationStore
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_solver.effects.wave import DEVIATION, believed
+
+STEPS = 10.0
+"""Prior deviation of a parameter without a range [scaled]: ten of its natural steps."""
+
+CAMERA = {'level': 0.01, 'bend': 0.01, 'light': 0.01, 'place': 0.1, 'blur': 0.1}
+"""Deviations of the camera's errors: shares of the stock, a tenth of a cell and of its square."""
+
+SOURCE, DISPLACEMENT, SPREADING = 0.1, 1.0, 1.0
+"""Deviations of the random fields at amplitude 1: share of the stock, cells, squares of cells."""
+
+WAVES = (3, 3, 4)
+"""Waves of a random field in time, height and width."""
+
+
+class FittedSet(NamedTuple):
+    """A set near its best fit.
+
+    Attributes:
+        names: its effects.
+        residual: whitened residual r, (nt, nz, nx).
+        slopes: minus its derivatives by the scaled parameters, (p, nt, nz, nx).
+        scaled: scaled parameters, (p,).
+        deviations: their prior deviations, (p,).
+    """
+
+    names: tuple[str, ...]
+    residual: FloatArray
+    slopes: FloatArray
+    scaled: FloatArray
+    deviations: FloatArray
+
+
+class SetsOfRecording(NamedTuple):
+    """What the search computed about a recording.
+
+    Attributes:
+        sets: the judged sets, the one without effects first.
+        shared: modes of the shared errors at one deviation, (k, nt, nz, nx).
+        fields: modes of the random fields, (f, nt, nz, nx).
+        counted: cells that count for any set, (nt, nz, nx).
+        noise: mean square of the residual that noise alone leaves in them [-].
+        correlated: cells that share one independent error.
+        singles: number of single effects that the search tried.
+    """
+
+    sets: tuple[FittedSet, ...]
+    shared: FloatArray
+    fields: FloatArray
+    counted: FloatArray
+    noise: float
+    correlated: float
+    singles: int
+
+
+def sets_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> SetsOfRecording:
+    """Return the sets of the stored recording in `folder`; its search takes the stored runs."""
+    file = folder / REMEMBERED
+    memory = pickle.loads(file.read_bytes()) if file.exists() else {}
+    found = diagnosis.judged(case, folder, memory, SimulationStore(folder / 'simulations'))
+    findings, levels = found.evidence.findings, found.levels
+    sample, refining = levels.judging.samples[0], levels.refining
+    data = diagnosis.module('data.sample')
+    width = data.SMOOTHING_WIDTH
+    weight = sample.weight(width)
+    fits = [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
+    sets, corrections = [], []
+    for fit in fits:
+        near = levels.corrected_at(fit).judging
+        own = refining.residuals(fit.effects, width)
+        slopes = np.zeros((0, *own[0].shape))
+        if fit.members:
+            slopes = refining.slopes(fit.members, fit.scaled_parameters, own, fitted_only=False)[0]
+        sets.append(
+            FittedSet(
+                tuple(member.effect for member in fit.members),
+                near.residuals(fit.effects, width)[0],
+                slopes,
+                fit.scaled_parameters,
+                prior_deviations(fit),
+            )
+        )
+        corrections.append(near.forwards[0].correction)
+    known = [one for one in corrections if one is not None]
+    share = diagnosis.module('thresholds').SCHEME_SHARE
+    scheme = [data.at_compared_cells(share * one, width) * weight for one in known[:1]]
+    here = refining.residuals((), width)[0]
+    rough = diagnosis.module('model.rough_sand').ROUGHNESS / DEVIATION
+    sand = [
+        rough * (refining.residuals([wave.described([1.0])], width)[0] - here)
+        for wave in believed(sample.rig)
+    ]
+    counted = np.zeros(weight.shape, bool)
+    for one in sets:
+        counted |= diagnosis.module('data.misfit')._counted_cells(sample, one.residual)
+    c = np.clip(sample.smoothed_observed, 0.0, 1.0)
+    return SetsOfRecording(
+        tuple(sets),
+        np.stack([*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight)]),
+        random_fields(c, weight, data.STRIDE),
+        counted,
+        float(np.mean(sample.expected_noise_squares[counted])),
+        correlated_cells(sample.noise.correlation, width, data.STRIDE),
+        len({(f.members[0].effect, f.members[0].fixed.get('well')) for f in findings.screened}),
+    )
+
+
+def in_parts(modes: Sequence[FloatArray], fitted: int) -> list[FloatArray]:
+    """Return each of `modes` (nt, ...) in the first `fitted` frames, and in the others."""
+    early = [np.where(np.arange(len(mode))[:, None, None] < fitted, mode, 0.0) for mode in modes]
+    return [part for mode, one in zip(modes, early, strict=True) for part in (one, mode - one)]
+
+
+def camera_modes(c: FloatArray, weight: FloatArray) -> list[FloatArray]:
+    """Return the modes of the camera's errors for the maps `c` (nt, nz, nx)."""
+    slope_z, slope_x, bend = derivatives(c)
+    time = np.linspace(-1.0, 1.0, len(c))[:, None, None]
+    modes = (
+        CAMERA['level'] * c,
+        CAMERA['bend'] * 4.0 * c * (1.0 - c),
+        CAMERA['light'] * time * c,
+        CAMERA['place'] * slope_x,
+        CAMERA['place'] * slope_z,
+        CAMERA['blur'] * bend,
+    )
+    return [mode * weight for mode in modes]
+
+
+def derivatives(c: FloatArray, stride: int = 2) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return d/dz, d/dx and the Laplacian of `c` per cell of the recording."""
+    slope_z, slope_x = (np.gradient(c, stride, axis=axis) for axis in (1, 2))
+    bend = np.gradient(slope_z, stride, axis=1) + np.gradient(slope_x, stride, axis=2)
+    return np.asarray(slope_z), np.asarray(slope_x), np.asarray(bend)
+
+
+def random_fields(c: FloatArray, weight: FloatArray, stride: int) -> FloatArray:
+    """Return the modes of a source, of a displacement and of a spreading, (4 waves, nt, nz, nx)."""
+    slope_z, slope_x, bend = derivatives(c, stride)
+    kinds = (SOURCE, DISPLACEMENT * slope_x, DISPLACEMENT * slope_z, SPREADING * bend)
+    axes = [cosines(n, most) for n, most in zip(c.shape, WAVES, strict=True)]
+    waves = [np.einsum('t,z,x->tzx', *wave) for wave in product(*axes)]
+    return np.stack([kind * weight * wave for kind in kinds for wave in waves]).astype(np.float32)
+
+
+def cosines(points: int, most: int) -> list[FloatArray]:
+    """Return the first `most` cosines over `points` points, with a mean square of about 1."""
+    x = (np.arange(points) + 0.5) / points
+    return [np.sqrt(2.0 - (k == 0)) * np.cos(np.pi * k * x) for k in range(most)]
+
+
+def correlated_cells(grain_width: float, width: float, stride: int) -> float:
+    """Return how many compared cells of a map share one independent error.
+
+    Smoothed noise correlates over sqrt(4 pi (w^2 + g^2)) cells each way, with the widths w of the
+    smoothing and g of the noise.
+    """
+    return max(1.0, 4.0 * math.pi * (width**2 + grain_width**2) / stride**2)
+
+
+def prior_deviations(fit: Any) -> FloatArray:
+    """Return the prior deviations of the scaled parameters of `fit`, (p,).
+
+    A place is anywhere in its range; another parameter has `STEPS`, within its range.
+    """
+    found = []
+    for member in fit.members:
+        for parameter in member.parameters:
+            low, high = parameter.range
+            place = parameter.name in ('x', 'z')
+            found.append((high - low) / np.sqrt(12.0) if place else min(STEPS, 0.5 * (high - low)))
+    return np.array(found, dtype=float)
