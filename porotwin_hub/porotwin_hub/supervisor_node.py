@@ -27,7 +27,7 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
-from porotwin_core.ros.ros_environment import check_room
+from porotwin_core.ros.ros_environment import check_room, check_shared_memory
 from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
@@ -203,6 +203,7 @@ def _words_about_clock(ahead_s: int) -> list[str]:
 def _words_about_room() -> list[str]:
     """Return a line if a node that starts again would not fit into shared memory or domain."""
     try:
+        check_shared_memory()
         check_room(os.environ)
     except InputError as error:
         return [f'no node can start again: {error}']

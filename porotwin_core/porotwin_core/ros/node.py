@@ -57,7 +57,12 @@ from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node_health import NodeHealth
 from porotwin_core.ros.parameter_rule import LARGEST_WHOLE, ParameterRule
 from porotwin_core.ros.plain_log import PlainLogger
-from porotwin_core.ros.ros_environment import check_environment, check_keys, check_room
+from porotwin_core.ros.ros_environment import (
+    check_environment,
+    check_keys,
+    check_room,
+    check_shared_memory,
+)
 from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated
 
 DIAGNOSTICS = '/diagnostics'
@@ -425,10 +430,11 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     try:
         check_environment(os.environ)
         check_keys(os.environ, sys.argv)
+        check_room(os.environ)
     except InputError as error:
         _refuse(error)
     try:
-        check_room(os.environ)
+        check_shared_memory()
     except InputError as error:
         sys.exit(f'not started: {error}')  # with status 1: the launcher tries it again
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -132,12 +132,11 @@ def check_shared_memory(folder: Path = SHARED_MEMORY) -> None:
 
 
 def check_room(environ: Mapping[str, str]) -> None:
-    """Check that one more node can start in the domain of `environ`, and will be found.
+    """Check that one more node in the domain of `environ` will be found.
 
     Raises:
-        InputError: the shared memory is full, or so is the domain.
+        InputError: the domain is full.
     """
-    check_shared_memory()
     domain = domain_of(environ)
     first = FIRST_PORTS[-1] + DOMAIN_PORTS * domain
     if environ.get(RANGE) == 'LOCALHOST' and all(_is_taken(first + 2 * one) for one in PROGRAMS):

@@ -343,7 +343,7 @@ class GraphProcesses:
         else:
             if time.monotonic() - kept.started > STEADY_S:
                 kept.pause_s = self._restart_pause_s
-            why: object = self._last_line(name) if status > 0 else status
+            why: object = self._last_line(name) if status == WRONG_PARAMETERS else status
             why = 'somebody ended it' if status in (0, -signal.SIGTERM) else why
             self._report(f'{name} ended ({why}); starting it again in {kept.pause_s:g} s')
             kept.restart_at = time.monotonic() + kept.pause_s
