@@ -293,6 +293,16 @@ def test_an_odd_value_is_used_with_a_warning(
     assert all('rig.yaml: ' in record.getMessage() for record in caplog.records)
 
 
+def test_fixed_wells_that_alternate_inject_as_one() -> None:
+    fixed = {
+        name: {'rate_ml_h': 400.0, 'on_min': 7, 'every_min': 14, 'from_min': begin}
+        for name, begin in (('first', 0), ('second', 7))
+    }
+    places = {'wells.first': {'x_m': 0.4, 'z_m': 0.4}, 'wells.second': {'x_m': 0.5, 'z_m': 0.4}}
+    data = described({**places, 'control.fixed': fixed, 'control.end_min': 63})
+    assert remarks_about(parse_rig(data, Path('rig.yaml'))) == ()
+
+
 def test_fixed_wells_may_outdo_the_control() -> None:
     fixed = {'producer2': {'rate_ml_h': 800.0, 'concentration': 1.0}}
     place = {'x_m': 0.4, 'z_m': 0.4}

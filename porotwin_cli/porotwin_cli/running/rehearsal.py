@@ -5,6 +5,7 @@ section 3.1: tracer injected into different wells). Their photographs are taken 
 experiment to come.
 """
 
+from collections.abc import Callable
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
@@ -102,15 +103,31 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     Raises:
         InputError: the folder is not empty, or the photographs do not suffice for a calibration.
     """
-    fit = calibration_fit(rig, folder, seed=seed, photo_width=photo_width)
+    with progress() as bar:
+        task = bar.add_task('running the virtual rig', total=1.0)
+        fit = calibration_fit(
+            rig,
+            folder,
+            seed=seed,
+            photo_width=photo_width,
+            done=lambda share: bar.update(task, completed=share),
+        )
     write_fit(fit, folder / 'calibration')
     return folder / 'calibration' / 'calibration.yaml'
 
 
-def calibration_fit(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> CalibrationFit:
+def calibration_fit(
+    rig: Rig,
+    folder: Path,
+    *,
+    seed: int,
+    photo_width: int,
+    done: Callable[[float], None],
+) -> CalibrationFit:
     """Photograph a known injection with the virtual camera; return the fitted calibration.
 
     The well of `injected_tracer` injects alone. The recording goes to `folder`/calibration_run.
+    `done` is told the share that the virtual rig has run.
 
     Raises:
         InputError: the folder is not empty, no fixed well injects tracer, or the photographs do not
@@ -127,6 +144,7 @@ def calibration_fit(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> C
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
         photo_width_px=photo_width,
+        progress=done,
     )
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']

@@ -22,6 +22,7 @@ from porotwin_cli.checking.rig_check import (
     effects_in_words,
     heads_in_words,
     in_words,
+    levels_in_words,
     maps_in_words,
     recorded_interval,
 )
@@ -31,6 +32,7 @@ from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
+from porotwin_core.rig.sections import LevelCourse
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
@@ -379,6 +381,17 @@ def test_water_levels_of_effects_count_as_heads(tmp_path: Path) -> None:
     described = check(changed(tmp_path, boundaries=BETWEEN, control=None))
     rates = [next(w for w in in_words(one) if 'heads: ' in w) for one in (checked, described)]
     assert rates[0] == rates[1]
+
+
+def test_levels_that_change_are_told_with_the_way_of_the_water() -> None:
+    sides = {'top': 'closed', 'left': 'open', 'right': 'open'}
+    heads = Boundaries.model_validate({**sides, 'heads_m': {'left': 0.60, 'right': 0.62}})
+    levels = {'left': LevelCourse(points=((10.0, 0.63),))}
+    rig = load_rig(small_rig()).model_copy(update={'boundaries': heads, 'levels': levels})
+    assert "from 'right' to 'left'" in heads_in_words(rig, rig.grid(40, 24))
+    (line,) = levels_in_words(rig, rig.grid(40, 24))
+    assert 'from 0.6 m (-' in line
+    assert 'to 0.63 m (+' in line
 
 
 def test_levels_that_effects_make_equal_drive_nothing(tmp_path: Path) -> None:

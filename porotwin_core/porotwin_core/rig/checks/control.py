@@ -30,7 +30,7 @@ def _control(rig: Rig) -> Iterator[Remark]:
         remark = rate_remark(key, rate, pores)
         if remark is not None:
             yield remark
-    injected = sum(max(rate, 0.0) for rate in fixed.values())
+    injected = control.most_fixed_ml_h
     if injected > control.max_total_rate_ml_h:
         yield Remark(
             'control.max_total_rate_ml_h',
