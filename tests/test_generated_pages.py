@@ -17,6 +17,15 @@ def test_a_generated_page_is_up_to_date(name: str) -> None:
     assert (DOCS / f'{name}.md').read_text('utf-8') == page, f'run python docs/{script}'
 
 
+def test_the_parameter_file_of_bringup_is_up_to_date() -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+    from porotwin_hub.launching.graph import parameter_template
+
+    file = DOCS.parent / 'porotwin_bringup' / 'config' / 'parameters.yaml'
+    told = 'run ./porotwin up --params-template > porotwin_bringup/config/parameters.yaml'
+    assert file.read_text('utf-8') == parameter_template(), told
+
+
 @pytest.fixture(scope='module')
 def script() -> dict[str, Any]:
     return runpy.run_path(str(DOCS / 'make_reliability.py'))

@@ -92,7 +92,8 @@ def test_the_graph_starts_with_paths_as_they_are(installed: Path, tmp_path: Path
     folder.mkdir()
     rig = folder / 'rig.yaml'
     rig.write_text(SMALL_RIG.read_text())
-    said = launched(installed, 20.0, rig=rig, photos=folder)
+    params = ROOT / 'porotwin_bringup' / 'config' / 'parameters.yaml'
+    said = launched(installed, 20.0, rig=rig, photos=folder, params=params)
     assert said.count('process started with pid') >= 8, said
     assert 'process has died' not in said.split('sending signal')[0], said
 
