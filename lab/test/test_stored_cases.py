@@ -10,8 +10,8 @@ from scipy.stats import gamma, multivariate_normal
 from lab.blind.blind_effects import equal_names
 from lab.stored import laplace
 from lab.stored.changed_numbers import PACKAGE, deciding_numbers, load_afresh
-from lab.stored.laplace import Model, SetEvidence, judged, log_evidence, posterior, spectrum_of
-from lab.stored.linear_sets import SOURCE, WAVES, random_fields
+from lab.stored.laplace import SetEvidence, judged, log_evidence, posterior, spectrum_of
+from lab.stored.linear_sets import SOURCE, WAVES, LinearSet, random_fields
 from lab.stored.simulation_store import SimulationStore, read_maps, write_maps
 from lab.stored.stored_cases import StoredVerdict, is_held_out
 from lab.stored.stored_draw import KINDS, WEAK, WEAK_SHARE, draw_stored, weakened
@@ -106,7 +106,7 @@ def test_a_verdict_is_sure_and_wrong_only_with_a_wrong_name():
 def model(residual, columns):
     matrix = np.array(columns, dtype=float).reshape(len(columns), len(residual))
     r = np.array(residual, dtype=float)
-    return Model(float(r @ r), matrix @ matrix.T, matrix @ r, np.zeros(len(matrix)))
+    return LinearSet((), float(r @ r), matrix @ matrix.T, matrix @ r, np.zeros(len(matrix)))
 
 
 def test_the_evidence_is_that_of_the_normal_distribution_with_all_modes(monkeypatch):

@@ -33,7 +33,6 @@ from porotwin_diagnosis.thresholds import (
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SURELY_SUFFICIENT_PAIR,
-    SURELY_UNRESOLVED_SHARE,
     SYSTEMATIC_MISFIT,
     UNRESOLVED_SHARE,
 )
@@ -103,14 +102,14 @@ def log_odds_against(misfit: float, best: float) -> float:
     return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
 
 
-def lack_of_fit(model: Fit, null: Fit, unresolved: float = UNRESOLVED_SHARE) -> float:
+def lack_of_fit(model: Fit, null: Fit) -> float:
     """Return the misfit of `model` relative to the largest misfit of a true model.
 
     lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
     and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
-    The limit is `SUFFICIENT_MISFIT`, u is `unresolved`, and e is `SCHEME_SHARE`.
+    The limit is `SUFFICIENT_MISFIT`, u is `UNRESOLVED_SHARE`, and e is `SCHEME_SHARE`.
     """
-    left = unresolved * normalised_misfit(null)
+    left = UNRESOLVED_SHARE * normalised_misfit(null)
     unknown = _unknown_of_the_scheme(model)
     return normalised_misfit(model) / math.hypot(SUFFICIENT_MISFIT, left, unknown)
 
@@ -118,7 +117,7 @@ def lack_of_fit(model: Fit, null: Fit, unresolved: float = UNRESOLVED_SHARE) -> 
 def surely_suffices(model: Fit, null: Fit) -> bool:
     """Return whether `model` leaves so little that no further effect is looked for."""
     limit = SURELY_SUFFICIENT_PAIR if len(model.members) > 1 else BARELY_SUFFICIENT
-    return lack_of_fit(model, null, SURELY_UNRESOLVED_SHARE) <= limit
+    return lack_of_fit(model, null) <= limit
 
 
 def simplicity(fit: Fit) -> float:
