@@ -28,13 +28,10 @@ enough to the observed ones for a multifidelity correction and an estimate of th
 only then is a search through more pairs worth its time."""
 
 CORRECTED_MISFIT = 2.5
-"""Normalised misfit below which a fit is judged with the errors of the scheme taken back at itself.
-On a large rig with layers of sand the scheme alone leaves 1.7 of the true effect."""
-
-CORRECTABLE_MISFIT = 4.0
-"""Misfit of a model below which runs on coarse cells are corrected by the difference to the judging
-cells. Above it fronts lie more than about half a cell apart, and the correction, which stays in
-place, would miss them."""
+"""Misfit below which a fit is judged with the errors of the scheme taken back at itself, and below
+which runs on coarse cells are corrected at it. On a large rig with layers of sand the scheme alone
+leaves 1.7 of the true effect. From about 4 on fronts lie more than half a cell apart, and the
+correction, which stays in place, would miss them."""
 
 # Selection of the fits that go on
 
