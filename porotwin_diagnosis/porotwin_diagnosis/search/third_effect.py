@@ -63,7 +63,7 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         InputError: the model cannot run with one of the fits.
     """
     pairs, null = findings.pairs, findings.null
-    if not pairs or surely_suffices(pairs[0], null):
+    if not pairs or surely_suffices(pairs[0]):
         return Judgement(levels, [])
     of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
     if normalised_misfit(pairs[0]) > max(CORRECTED_MISFIT, of_the_gap):
