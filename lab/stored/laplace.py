@@ -31,14 +31,14 @@ from scipy.special import gammaln, logsumexp
 
 from lab.blind.blind_table import SURE, expected_error
 from lab.stored.ablation import PRESENT, ChangedDiagnosis
-from lab.stored.linear_sets import WAVES, FittedSet, SetsOfRecording, sets_of
+from lab.stored.linear_sets import WAVES, LinearRecording, LinearSet, linear_recording
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 
-SETS = 'sets.pickle'
+SETS = 'linear.pickle'
 """File with the sets of a stored recording, beside its verdict."""
 
 SHAPE = 10.0
@@ -57,15 +57,6 @@ LISTED = 1.0 / 3.0
 """Share of the largest probability from which another set is listed beside the first."""
 
 
-class Model(NamedTuple):
-    """Normal equations of a set: r.r, A^T A (k, k), A^T r (k,) and the prior mean m (k,)."""
-
-    square: float
-    gram: FloatArray
-    moments: FloatArray
-    mean: FloatArray
-
-
 class SetEvidence(NamedTuple):
     """The names of a set, its log evidence alone, and with something else beside it."""
 
@@ -74,34 +65,24 @@ class SetEvidence(NamedTuple):
     beside: float
 
 
-def model_of(one: FittedSet, modes: FloatArray, counted: FloatArray) -> Model:
-    """Return the normal equations of a set with `modes` (k, n) at the `counted` cells."""
-    r = one.residual[counted].astype(float)
-    own = one.slopes[:, counted].astype(float) * one.deviations[:, None]
-    a = np.concatenate([own, modes])
-    mean = np.zeros(len(a))
-    mean[: len(own)] = -one.scaled / one.deviations
-    return Model(float(r @ r), a @ a.T, a @ r, mean)
-
-
 def log_evidence(
-    model: Model, scale: FloatArray | float, *, cells: float, correlated: float, variance: float
+    one: LinearSet, scale: FloatArray | float, *, cells: float, correlated: float, variance: float
 ) -> float:
-    """Return the log evidence of `model` with its amplitudes times `scale` (k,).
+    """Return the log evidence of the set `one` with its amplitudes times `scale` (k,).
 
     Args:
-        model: a set.
+        one: a set.
         scale: factors on the deviations of the amplitudes.
         cells: number n of cells.
         correlated: cells t that share an independent error.
         variance: prior mean of the variance of an error [-].
     """
-    factor = np.broadcast_to(scale, model.mean.shape)
-    values, vectors = np.linalg.eigh(factor[:, None] * model.gram * factor)
-    moments, mean = vectors.T @ (factor * model.moments), vectors.T @ model.mean
+    factor = np.broadcast_to(scale, one.mean.shape)
+    values, vectors = np.linalg.eigh(factor[:, None] * one.gram * factor)
+    moments, mean = vectors.T @ (factor * one.moments), vectors.T @ one.mean
     k = correlated * VARIANCES[:, None]
     inner = 1.0 + np.maximum(values, 0.0) / k
-    logs = -0.5 * (cells / correlated) * np.log(VARIANCES) - 0.5 * model.square / k[:, 0]
+    logs = -0.5 * (cells / correlated) * np.log(VARIANCES) - 0.5 * one.square / k[:, 0]
     logs += 0.5 * np.sum((moments / k + mean) ** 2 / inner - np.log(inner), axis=1)
     rate = (SHAPE - 1.0) * variance
     prior = SHAPE * np.log(rate / VARIANCES) - gammaln(SHAPE) - rate / VARIANCES
@@ -109,30 +90,23 @@ def log_evidence(
     return float(logsumexp(logs + prior) + np.log(step) - 0.5 * mean @ mean)
 
 
-def evidences(recording: SetsOfRecording, frames: float) -> list[SetEvidence]:
-    """Return the evidence of every set, alone and with something else beside it.
-
-    So many `frames` share an error.
-    """
-    counted = recording.counted
-    shared = recording.shared[:, counted].astype(float)
-    modes = np.concatenate([shared, recording.fields[:, counted].astype(float)])
+def evidences(recording: LinearRecording, frames: float) -> list[SetEvidence]:
+    """Return the evidence of every set, if so many `frames` share an error."""
     numbers = {
-        'cells': float(counted.sum()),
+        'cells': float(recording.cells),
         'correlated': recording.correlated * frames,
         'variance': recording.noise + SYSTEMATIC_MISFIT**2,
     }
     found = []
     for one in recording.sets:
-        model = model_of(one, modes, counted)
-        size = len(model.mean) - len(recording.fields)
-        alone = Model(model.square, model.gram[:size, :size], model.moments[:size],
-                      model.mean[:size])  # fmt: skip
+        size = len(one.mean) - recording.fields
+        own = slice(size)
+        alone = LinearSet(
+            one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own]
+        )
         beside = [
-            log_evidence(model, np.concatenate([np.ones(size), amplitude * spectrum]), **numbers)
-            for length in LENGTHS
-            for spectrum in [spectrum_of(length)]
-            for amplitude in AMPLITUDES
+            log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
+            for length, amplitude in product(LENGTHS, AMPLITUDES)
         ]
         mean = float(logsumexp(beside) - np.log(len(beside)))
         found.append(SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean))
@@ -237,8 +211,8 @@ def questions(folder: Path, seed: int) -> Iterator[Question]:
             continue
         file = job.file.with_name(SETS)
         if not file.exists():
-            file.write_bytes(pickle.dumps(sets_of(diagnosis, job.case, job.file.parent)))
-        recording: SetsOfRecording = pickle.loads(file.read_bytes())
+            file.write_bytes(pickle.dumps(linear_recording(diagnosis, job.case, job.file.parent)))
+        recording: LinearRecording = pickle.loads(file.read_bytes())
         sets = {frames: evidences(recording, frames) for frames in FRAMES}
         one = Question(job.found(), sets, recording.singles, is_held_out(number))
         yield one

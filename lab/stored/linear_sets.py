@@ -41,47 +41,45 @@ WAVES = (3, 3, 4)
 """Waves of a random field in time, height and width."""
 
 
-class FittedSet(NamedTuple):
-    """A set near its best fit.
+class LinearSet(NamedTuple):
+    """A set near its best fit: the normal equations of A = (J P, B, F), P its prior deviations.
 
     Attributes:
         names: its effects.
-        residual: whitened residual r, (nt, nz, nx).
-        slopes: minus its derivatives by the scaled parameters, (p, nt, nz, nx).
-        scaled: scaled parameters, (p,).
-        deviations: their prior deviations, (p,).
+        square: r.r of the whitened residual r (n,).
+        gram: A^T A, (k, k).
+        moments: A^T r, (k,).
+        mean: prior mean of the amplitudes of A, (k,).
     """
 
     names: tuple[str, ...]
-    residual: FloatArray
-    slopes: FloatArray
-    scaled: FloatArray
-    deviations: FloatArray
+    square: float
+    gram: FloatArray
+    moments: FloatArray
+    mean: FloatArray
 
 
-class SetsOfRecording(NamedTuple):
+class LinearRecording(NamedTuple):
     """What the search computed about a recording.
 
     Attributes:
         sets: the judged sets, the one without effects first.
-        shared: modes of the shared errors at one deviation, (k, nt, nz, nx).
-        fields: modes of the random fields, (f, nt, nz, nx).
-        counted: cells that count for any set, (nt, nz, nx).
+        fields: number of the last amplitudes, those of the random fields F.
+        cells: number n of cells that count for any set.
         noise: mean square of the residual that noise alone leaves in them [-].
-        correlated: cells that share one independent error.
+        correlated: cells of a map that share one independent error.
         singles: number of single effects that the search tried.
     """
 
-    sets: tuple[FittedSet, ...]
-    shared: FloatArray
-    fields: FloatArray
-    counted: FloatArray
+    sets: tuple[LinearSet, ...]
+    fields: int
+    cells: int
     noise: float
     correlated: float
     singles: int
 
 
-def sets_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> SetsOfRecording:
+def linear_recording(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
     """Return the sets of the stored recording in `folder`; its search takes the stored runs."""
     file = folder / REMEMBERED
     memory = pickle.loads(file.read_bytes()) if file.exists() else {}
@@ -89,27 +87,15 @@ def sets_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> SetsO
     findings, levels = found.evidence.findings, found.levels
     sample, refining = levels.judging.samples[0], levels.refining
     data = diagnosis.module('data.sample')
-    width = data.SMOOTHING_WIDTH
+    width, stride = data.SMOOTHING_WIDTH, data.STRIDE
     weight = sample.weight(width)
     fits = [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
-    sets, corrections = [], []
-    for fit in fits:
-        near = levels.corrected_at(fit).judging
-        own = refining.residuals(fit.effects, width)
-        slopes = np.zeros((0, *own[0].shape))
-        if fit.members:
-            slopes = refining.slopes(fit.members, fit.scaled_parameters, own, fitted_only=False)[0]
-        sets.append(
-            FittedSet(
-                tuple(member.effect for member in fit.members),
-                near.residuals(fit.effects, width)[0],
-                slopes,
-                fit.scaled_parameters,
-                prior_deviations(fit),
-            )
-        )
-        corrections.append(near.forwards[0].correction)
-    known = [one for one in corrections if one is not None]
+    near = [levels.corrected_at(fit).judging for fit in fits]
+    residuals = [one.residuals(fit.effects, width)[0] for one, fit in zip(near, fits, strict=True)]
+    counted = np.any(
+        [diagnosis.module('data.misfit')._counted_cells(sample, r) for r in residuals], axis=0
+    )
+    known = [one.forwards[0].correction for one in near if one.forwards[0].correction is not None]
     share = diagnosis.module('thresholds').SCHEME_SHARE
     scheme = [data.at_compared_cells(share * one, width) * weight for one in known[:1]]
     here = refining.residuals((), width)[0]
@@ -118,19 +104,39 @@ def sets_of(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> SetsO
         rough * (refining.residuals([wave.described([1.0])], width)[0] - here)
         for wave in believed(sample.rig)
     ]
-    counted = np.zeros(weight.shape, bool)
-    for one in sets:
-        counted |= diagnosis.module('data.misfit')._counted_cells(sample, one.residual)
     c = np.clip(sample.smoothed_observed, 0.0, 1.0)
-    return SetsOfRecording(
+    fields = random_fields(c, weight, stride)
+    shared = [*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight, stride)]
+    modes = np.stack([*shared, *fields])[:, counted]
+    sets = []
+    for fit, residual in zip(fits, residuals, strict=True):
+        slopes = np.zeros((0, *residual.shape))
+        if fit.members:
+            own = refining.residuals(fit.effects, width)
+            slopes = refining.slopes(fit.members, fit.scaled_parameters, own, fitted_only=False)[0]
+        names = tuple(member.effect for member in fit.members)
+        sets.append(linear_set(names, residual[counted], slopes[:, counted], modes, fit))
+    return LinearRecording(
         tuple(sets),
-        np.stack([*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight)]),
-        random_fields(c, weight, data.STRIDE),
-        counted,
+        len(fields),
+        int(counted.sum()),
         float(np.mean(sample.expected_noise_squares[counted])),
-        correlated_cells(sample.noise.correlation, width, data.STRIDE),
+        # noise of the width g correlates over sqrt(4 pi (w^2 + g^2)) smoothed cells each way
+        max(1.0, 4.0 * math.pi * (width**2 + sample.noise.correlation**2) / stride**2),
         len({(f.members[0].effect, f.members[0].fixed.get('well')) for f in findings.screened}),
     )
+
+
+def linear_set(
+    names: tuple[str, ...], residual: FloatArray, slopes: FloatArray, modes: FloatArray, fit: Any
+) -> LinearSet:
+    """Return the normal equations of a `fit` with a residual (n,), slopes (p, n), modes (k, n)."""
+    deviations = prior_deviations(fit)
+    matrix = np.concatenate([slopes * deviations[:, None], modes]).astype(float)
+    mean = np.zeros(len(matrix))
+    mean[: len(slopes)] = -fit.scaled_parameters / deviations
+    r = residual.astype(float)
+    return LinearSet(names, float(r @ r), matrix @ matrix.T, matrix @ r, mean)
 
 
 def in_parts(modes: Sequence[FloatArray], fitted: int) -> list[FloatArray]:
@@ -139,9 +145,9 @@ def in_parts(modes: Sequence[FloatArray], fitted: int) -> list[FloatArray]:
     return [part for mode, one in zip(modes, early, strict=True) for part in (one, mode - one)]
 
 
-def camera_modes(c: FloatArray, weight: FloatArray) -> list[FloatArray]:
+def camera_modes(c: FloatArray, weight: FloatArray, stride: int) -> list[FloatArray]:
     """Return the modes of the camera's errors for the maps `c` (nt, nz, nx)."""
-    slope_z, slope_x, bend = derivatives(c)
+    slope_z, slope_x, bend = derivatives(c, stride)
     time = np.linspace(-1.0, 1.0, len(c))[:, None, None]
     modes = (
         CAMERA['level'] * c,
@@ -154,7 +160,7 @@ def camera_modes(c: FloatArray, weight: FloatArray) -> list[FloatArray]:
     return [mode * weight for mode in modes]
 
 
-def derivatives(c: FloatArray, stride: int = 2) -> tuple[FloatArray, FloatArray, FloatArray]:
+def derivatives(c: FloatArray, stride: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return d/dz, d/dx and the Laplacian of `c` per cell of the recording."""
     slope_z, slope_x = (np.gradient(c, stride, axis=axis) for axis in (1, 2))
     bend = np.gradient(slope_z, stride, axis=1) + np.gradient(slope_x, stride, axis=2)
@@ -174,15 +180,6 @@ def cosines(points: int, most: int) -> list[FloatArray]:
     """Return the first `most` cosines over `points` points, with a mean square of about 1."""
     x = (np.arange(points) + 0.5) / points
     return [np.sqrt(2.0 - (k == 0)) * np.cos(np.pi * k * x) for k in range(most)]
-
-
-def correlated_cells(grain_width: float, width: float, stride: int) -> float:
-    """Return how many compared cells of a map share one independent error.
-
-    Smoothed noise correlates over sqrt(4 pi (w^2 + g^2)) cells each way, with the widths w of the
-    smoothing and g of the noise.
-    """
-    return max(1.0, 4.0 * math.pi * (width**2 + grain_width**2) / stride**2)
 
 
 def prior_deviations(fit: Any) -> FloatArray:

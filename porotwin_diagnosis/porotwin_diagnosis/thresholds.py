@@ -28,13 +28,10 @@ enough to the observed ones for a multifidelity correction and an estimate of th
 only then is a search through more pairs worth its time."""
 
 CORRECTED_MISFIT = 2.5
-"""Normalised misfit below which a fit is judged with the errors of the scheme taken back at itself.
-On a large rig with layers of sand the scheme alone leaves 1.7 of the true effect."""
-
-CORRECTABLE_MISFIT = 4.0
-"""Misfit of a model below which runs on coarse cells are corrected by the difference to the judging
-cells. Above it fronts lie more than about half a cell apart, and the correction, which stays in
-place, would miss them."""
+"""Misfit below which a fit is judged with the errors of the scheme taken back at itself, and below
+which runs on coarse cells are corrected at it. On a large rig with layers of sand the scheme alone
+leaves 1.7 of the true effect. From about 4 on fronts lie more than half a cell apart, and the
+correction, which stays in place, would miss them."""
 
 # Selection of the fits that go on
 
@@ -103,9 +100,6 @@ UNRESOLVED_SHARE = 0.04
 a strong effect exactly. Of gaps above 4, true effects left 0.02 to 0.06 in 20 recordings, wrong
 ones 0.14 and more in 8; one imitation by settling tracer left 0.07."""
 
-SURELY_UNRESOLVED_SHARE = 0.01
-"""The same share for a fit that surely suffices: above it, a further effect is looked for."""
-
 SCHEME_SHARE = 0.3
 """Share of the correction of the scheme that is unknown: the extrapolation factor 1.6 lies between
 the 1 to 2.3 that the observed orders of convergence ask for."""
@@ -154,27 +148,20 @@ AT_THE_LIMIT, GAP_SLOPE = 1.0, 4.0
 """Log-odds of a statement whose misfit just meets its limit, such as `none` at `NO_GAP_MISFIT`, and
 the increase of the log-odds of a gap, or of none, with the misfit relative to its limit."""
 
-SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 14.0, 0.7
+SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 12.0, 0.7
 """Increase of the log-odds that a model misses nothing per unit of lack of fit below
 `SURELY_SUFFICIENT`; they are `AT_THE_LIMIT` from there to 1. Of 34 blinded cases above 0.7 eight
 were wrong, of 33 from 0.5 to 0.7 one, and of 250 below 0.5 one."""
 
-BESIDE_SHARED, SLOPE_BESIDE_SHARED, SURELY_BESIDE_SHARED = 0.4, 12.0, 0.6
-"""The same three numbers for maps with errors that all maps share, as photographs have them. The
-model may choose these errors, so that a true effect fits better. In 80 cases a single effect that
-was wrong although the true maps fit better had 0.60 to 0.75; true effects that the calibration does
-not hide had 0.37 at most, but one with 0.52."""
+BESIDE_SHARED, SURELY_BESIDE_SHARED = 0.4, 0.6
+"""`AT_THE_LIMIT` and `SURELY_SUFFICIENT` for maps with errors that all maps share, as photographs
+have them. The model may choose these errors, so that a true effect fits better. In 80 cases a
+single effect that was wrong although the true maps fit better had 0.60 to 0.75; true effects that
+the calibration does not hide had 0.37 at most, but one with 0.52."""
 
 CALIBRATION_SLOPE = 8.0
 """Increase of the log-odds that effects make a gap per unit of log(misfit that they explain /
 misfit that the calibration explains); they are `BESIDE_SHARED` where both explain as much."""
-
-NEARLY_ALIKE = 0.2
-"""Whitened root mean square difference of two predictions below which the camera shows nearly the
-same. On maps without shared errors the log-odds against such a rival grow by `AT_THE_LIMIT`: the
-verdict is mostly true either way. Of 16 blinded cases with a stated 0.5 to 0.85 all were right;
-their rivals had 0.07 to 0.14, those that make other maps 0.26 to 0.58. On photographs they can be
-wrong."""
 
 RIVAL_SLOPE = 1.6
 """Factor on the log-odds against a rival, on maps without shared errors. Of 20 blinded cases that
@@ -203,10 +190,10 @@ WORSENED = 1.02
 them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both
 predictions hardly differ in the held-out part."""
 
-SCANT_CELLS, SCANT_FRAMES, SCANT_CONFIDENCE = 80, 4, 0.7
+SCANT_CELLS, SCANT_FRAMES = 80, 4
 """A recording with fewer cells along the longer side of the rig, or fewer frames to fit to, is
-scant: no verdict on it has a higher confidence. On 47 columns a shifted picture passed for a wrong
-rate, on 70 columns a wrong rate passed for unexplained."""
+scant: no verdict on it has more than `OPEN_CONFIDENCE`. On 47 columns a shifted picture passed for
+a wrong rate, on 70 columns a wrong rate passed for unexplained."""
 
 SHARPER_SCHEME_GAIN = 0.75
 """Ratio of the misfits of the accurate and the configured scheme below which numerical diffusion is

@@ -181,7 +181,7 @@ def test_a_calibration_that_hides_a_part_of_an_effect_is_said(
 
 def test_a_scant_recording_is_said_to_limit_the_confidence(denser):
     scant = replace(denser, evidence=replace(denser.evidence, cells_along=47))
-    assert 'more than 70 % here: maps of 47 cells along' in rows(scant)['How sure']
+    assert 'more than 60 % here: maps of 47 cells along' in rows(scant)['How sure']
     assert 'coarser than the 80' in rows(scant)['How sure']
     assert 'No answer gets more' not in rows(denser)['How sure']
 

@@ -297,7 +297,7 @@ def test_no_verdict_on_a_scant_recording_is_confident(scant):
     unexplained = findings(30.0, ('rate', 20.0), ('clock', 21.0))
     for found in (clear, unexplained, findings(0.41, ('rate', 0.4))):
         assert verdict_on(found).confidence > 0.8
-        assert verdict_on(found, **scant).confidence == 0.7
+        assert verdict_on(found, **scant).confidence == 0.6
         assert verdict_on(found, **scant).name == verdict_on(found).name
 
 

@@ -34,7 +34,7 @@ from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_abou
 from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
-from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_CONFIDENCE
+from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE, SCANT_CELLS
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_imaging.baseline.baseline import CORNER_SLACK
@@ -442,7 +442,7 @@ def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
     elif max(grid.shape) < SCANT_CELLS:
         words += (
             f'; below {SCANT_CELLS} cells along the longer side of the rig a diagnosis states at '
-            f'most {percent(SCANT_CONFIDENCE)}'
+            f'most {percent(OPEN_CONFIDENCE)}'
         )
     return words
 

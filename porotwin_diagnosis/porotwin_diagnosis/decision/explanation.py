@@ -95,7 +95,7 @@ def kept_model(findings: Findings) -> Fit:
     if normalised_misfit(null) < NO_GAP_MISFIT or _nothing_helps(findings):
         return null
     for combinations in (findings.pairs, findings.triples):
-        if surely_suffices(kept, null):
+        if surely_suffices(kept):
             break
         best = combinations[0] if combinations else kept
         if earns_its_place(best, kept, _gain(best, kept, null)):

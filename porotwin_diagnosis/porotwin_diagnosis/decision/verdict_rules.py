@@ -28,7 +28,6 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.thresholds import (
     CONFIDENCE_RANGE,
     OPEN_CONFIDENCE,
-    SCANT_CONFIDENCE,
 )
 
 Names = tuple[str, ...]
@@ -47,7 +46,7 @@ def decide(evidence: Evidence) -> Verdict:
        clock has `OPEN_CONFIDENCE` at most if tracer from before the recording makes the same
        maps, a shifted picture `OPEN_CONFIDENCE` if its size is far off.
 
-    On scant evidence no verdict has more than `SCANT_CONFIDENCE`.
+    On scant evidence no verdict has more than `OPEN_CONFIDENCE`.
     """
     explanation = evidence.explanation
     probabilities = effect_probabilities(evidence.findings)
@@ -66,8 +65,8 @@ def decide(evidence: Evidence) -> Verdict:
         for applies, reason, most in _open_questions(evidence):
             if applies and sure > most:
                 doubt, sure = reason, most
-    if evidence.scant and sure > SCANT_CONFIDENCE:
-        doubt, sure = Doubt.SCANT, SCANT_CONFIDENCE
+    if evidence.scant and sure > OPEN_CONFIDENCE:
+        doubt, sure = Doubt.SCANT, OPEN_CONFIDENCE
     if name == UNEXPLAINED:
         members, inseparable, alternatives = (), (), ()
     return Verdict(

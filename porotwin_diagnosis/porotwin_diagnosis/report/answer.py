@@ -14,7 +14,7 @@ from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, percent, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
-from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, OPEN_CONFIDENCE, SCANT_CONFIDENCE, WORSENED
+from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, OPEN_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
@@ -450,7 +450,7 @@ def _how_sure(result: Diagnosis, summary: Summary) -> list[str]:
         )
     if evidence.scant:
         lines.append(
-            f'No answer gets more than {100 * SCANT_CONFIDENCE:.0f} % here: {scant(evidence)}.'
+            f'No answer gets more than {100 * OPEN_CONFIDENCE:.0f} % here: {scant(evidence)}.'
         )
     return lines
 

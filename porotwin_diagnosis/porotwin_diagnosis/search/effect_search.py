@@ -57,7 +57,7 @@ from porotwin_diagnosis.search.third_effect import (
     worth_keeping,
 )
 from porotwin_diagnosis.thresholds import (
-    CORRECTABLE_MISFIT,
+    CORRECTED_MISFIT,
     NO_GAP_MISFIT,
     WIDE_BEAM,
 )
@@ -109,7 +109,7 @@ def search_effects(
     levels = make_levels(samples, progress=progress, crew=crew)
     progress('running the model without effects', 0.0)
     null = levels.null()
-    if score(null) < CORRECTABLE_MISFIT:
+    if score(null) < CORRECTED_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
     corrected = levels.corrected_at(null)
     if max(normalised_misfit(fit) for fit in (null, corrected.null())) < NO_GAP_MISFIT:
@@ -230,7 +230,7 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     if one_effect_is_enough(best, pairs, null):
         return Judgement(levels, pairs)
     unexplained = not pairs or leaves_a_gap(pairs[0])
-    if unexplained and score(best) < CORRECTABLE_MISFIT:
+    if unexplained and score(best) < CORRECTED_MISFIT:
         levels.progress('fitting single effects again', 0.476)
         levels = levels.with_corrected_coarse_cells(best.effects)
         again = refitted_singles(levels, best, screened)

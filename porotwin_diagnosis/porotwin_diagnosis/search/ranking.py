@@ -33,7 +33,6 @@ from porotwin_diagnosis.thresholds import (
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SURELY_SUFFICIENT_PAIR,
-    SURELY_UNRESOLVED_SHARE,
     SYSTEMATIC_MISFIT,
     UNRESOLVED_SHARE,
 )
@@ -103,22 +102,24 @@ def log_odds_against(misfit: float, best: float) -> float:
     return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
 
 
-def lack_of_fit(model: Fit, null: Fit, unresolved: float = UNRESOLVED_SHARE) -> float:
+def lack_of_fit(model: Fit, null: Fit) -> float:
     """Return the misfit of `model` relative to the largest misfit of a true model.
 
     lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
     and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
-    The limit is `SUFFICIENT_MISFIT`, u is `unresolved`, and e is `SCHEME_SHARE`.
+    The limit is `SUFFICIENT_MISFIT`, u is `UNRESOLVED_SHARE`, and e is `SCHEME_SHARE`.
     """
-    left = unresolved * normalised_misfit(null)
-    unknown = _unknown_of_the_scheme(model)
-    return normalised_misfit(model) / math.hypot(SUFFICIENT_MISFIT, left, unknown)
+    left = UNRESOLVED_SHARE * normalised_misfit(null)
+    return normalised_misfit(model) / math.hypot(_limit(model), left)
 
 
-def surely_suffices(model: Fit, null: Fit) -> bool:
-    """Return whether `model` leaves so little that no further effect is looked for."""
-    limit = SURELY_SUFFICIENT_PAIR if len(model.members) > 1 else BARELY_SUFFICIENT
-    return lack_of_fit(model, null, SURELY_UNRESOLVED_SHARE) <= limit
+def surely_suffices(model: Fit) -> bool:
+    """Return whether `model` leaves so little that no further effect is looked for.
+
+    A large gap allows no more here.
+    """
+    share = SURELY_SUFFICIENT_PAIR if len(model.members) > 1 else BARELY_SUFFICIENT
+    return normalised_misfit(model) <= share * _limit(model)
 
 
 def simplicity(fit: Fit) -> float:
@@ -131,17 +132,15 @@ def leaves_a_gap(fit: Fit) -> bool:
 
     It does above `SUFFICIENT_MISFIT` and the unknown share of the errors of the scheme.
     """
-    return normalised_misfit(fit) > math.hypot(SUFFICIENT_MISFIT, _unknown_of_the_scheme(fit))
+    return normalised_misfit(fit) > _limit(fit)
 
 
 def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
     """Return whether pairs are worth their time beside the best `single` effect.
 
-    They are if it leaves a gap, or does not surely suffice for the gap of the model `null`.
+    They are if the model without effects, `null`, leaves a gap, and it does not surely suffice.
     """
-    if normalised_misfit(null) < NO_GAP_MISFIT:
-        return False
-    return leaves_a_gap(single) or not surely_suffices(single, null)
+    return normalised_misfit(null) >= NO_GAP_MISFIT and not surely_suffices(single)
 
 
 def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
@@ -150,9 +149,9 @@ def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
     return lack_of_fit(single, null) <= 1.0 and not better
 
 
-def _unknown_of_the_scheme(fit: Fit) -> float:
-    """Return the misfit [-] of the unknown share of the correction of the scheme."""
-    return SCHEME_SHARE * max(fit.scheme_misfit)
+def _limit(fit: Fit) -> float:
+    """Return `SUFFICIENT_MISFIT` with the unknown share of the correction of the scheme [-]."""
+    return math.hypot(SUFFICIENT_MISFIT, SCHEME_SHARE * max(fit.scheme_misfit))
 
 
 def earns_its_place(more: Fit, fewer: Fit, gain: float = COMBINATION_GAIN) -> bool:

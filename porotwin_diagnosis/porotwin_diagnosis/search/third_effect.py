@@ -44,7 +44,6 @@ from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
     BEAM,
     COMBINATION_GAIN,
-    CORRECTABLE_MISFIT,
     CORRECTED_MISFIT,
     FAR_LESS,
     LEAST_REFIT_GAIN,
@@ -64,13 +63,13 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         InputError: the model cannot run with one of the fits.
     """
     pairs, null = findings.pairs, findings.null
-    if not pairs or surely_suffices(pairs[0], null):
+    if not pairs or surely_suffices(pairs[0]):
         return Judgement(levels, [])
     of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
     if normalised_misfit(pairs[0]) > max(CORRECTED_MISFIT, of_the_gap):
         return Judgement(levels, [])
     coarse = levels
-    if score(pairs[0]) < CORRECTABLE_MISFIT:
+    if score(pairs[0]) < CORRECTED_MISFIT:
         coarse = levels.with_corrected_coarse_cells(pairs[0].effects)
     best = distinct(_screened_triples(coarse, space, findings))[:BEAM]
     pair = coarse.refining.evaluate(pairs[0].members, pairs[0].scaled_parameters)
