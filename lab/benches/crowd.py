@@ -16,7 +16,7 @@ PER_PROCESS = 10
 """Programs in one process: a process for each would need more memory."""
 
 YIELDS = 10
-"""Niceness: what they compute shall not count."""
+"""Niceness: their work shall not count."""
 
 
 @contextmanager

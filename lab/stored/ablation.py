@@ -82,7 +82,7 @@ class ChangedDiagnosis:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a change does: its name, and the recordings whose verdicts it changes.
+    """The effect of a change: its name, and the recordings whose verdicts it changes.
 
     Attributes:
         name: name of the change.

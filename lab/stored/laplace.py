@@ -196,7 +196,7 @@ class Question(NamedTuple):
         return judged(self.right, self.posterior(frames, temper))
 
     def log_score(self, frames: float, temper: float) -> float:
-        """Return the log probability of what is right."""
+        """Return the log probability of the right sets."""
         found = self.posterior(frames, temper)
         right = sum(value for names, value in found.items() if {*names} & {*self.right})
         return math.log(max(right, 1e-6))

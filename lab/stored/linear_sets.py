@@ -60,7 +60,7 @@ class LinearSet(NamedTuple):
 
 
 class LinearRecording(NamedTuple):
-    """What the search computed about a recording.
+    """The computed responses of a recording.
 
     Attributes:
         sets: the judged sets, the one without effects first.

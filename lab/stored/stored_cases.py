@@ -169,7 +169,7 @@ HEADINGS = ['kind', 'recordings', 'right', 'all members', 'sure and wrong', 'CPU
 
 
 def main() -> None:
-    """Make what is missing, and print the table."""
+    """Make missing recordings, and print the table."""
     parser = argparse.ArgumentParser(prog='python -m lab.stored.stored_cases')
     parser.add_argument('folder', type=Path)
     parser.add_argument('--cases', type=int, default=60, help='number of recordings')
