@@ -1,6 +1,7 @@
 """The setup of `.venv`: an environment that was moved, or is of another Python, and its command."""
 
 import importlib.util
+import os
 import runpy
 import shutil
 import subprocess
@@ -77,14 +78,15 @@ def test_the_command_of_the_environment_runs_in_a_folder_with_a_space(
     assert found.stdout == '-m porotwin_cli check my rig\n'
 
 
-def test_a_link_to_the_command_finds_its_checkout(tmp_path: Path) -> None:
+def test_a_link_to_the_command_finds_its_checkout_and_its_own_python(tmp_path: Path) -> None:
     checkout = tmp_path / 'checkout'
     (checkout / 'setup').mkdir(parents=True)
     shutil.copy(ROOT / 'porotwin', checkout)
     (checkout / 'setup' / 'install.py').write_text('raise SystemExit(7)')
     link = tmp_path / 'porotwin'
     link.symlink_to(checkout / 'porotwin')
-    assert subprocess.run([link], check=False).returncode == 7
+    elsewhere = {**os.environ, 'PYTHONHOME': str(tmp_path)}
+    assert subprocess.run([link], check=False, env=elsewhere).returncode == 7
 
 
 def test_all_files_state_one_version() -> None:

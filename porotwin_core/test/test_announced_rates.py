@@ -9,6 +9,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.announced_rates import uncontrolled_rates, with_plan
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, net_rate
 from porotwin_core.rig import Control, Rig, load_rig
+from porotwin_core.rig.control_section import FixedWell
 
 SMALL = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
 STOCK = WellRate(from_ml_h(500.0), 1.0)
@@ -104,3 +105,11 @@ def test_cycles_are_pauses_until_the_end() -> None:
     assert control.fixed['injector'].pauses_min == ((7, 14), (21, 28), (35, 42), (49, 56))
     assert control.fixed['other'].pauses_min == ((0, 7), (14, 21), (28, 35), (42, 49), (56, 63))
     assert Control.model_validate(control.model_dump(exclude_defaults=True)) == control
+
+
+@pytest.mark.parametrize('every', [0.3, 0.7, 1.1, 1.3, 9.7])
+def test_a_last_rest_reaches_the_end_in_spite_of_round_off(every: float) -> None:
+    well = FixedWell(rate_ml_h=500.0, on_min=every / 2, every_min=every)
+    for cycles in range(1, 30):
+        end = round(cycles * every, 1)
+        assert well.with_cycles_as_pauses(end).pauses_min[-1][1] == end

@@ -1,5 +1,6 @@
 """Extension points: modules of a folder found by themselves."""
 
+import importlib
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -74,13 +75,20 @@ def test_a_module_instead_of_a_package_is_refused() -> None:
         module_names('porotwin_core.basis.errors')
 
 
-def test_a_module_that_cannot_be_imported_is_refused_with_one_line(tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ('text', 'fault'), [('def (\n', 'SyntaxError'), ('raise SystemExit(0)', 'SystemExit')]
+)
+def test_a_module_that_cannot_be_imported_is_refused_with_one_line(
+    tmp_path, monkeypatch, text, fault
+) -> None:
     folder = tmp_path / 'broken_package'
     folder.mkdir()
     (folder / '__init__.py').write_text('')
-    (folder / 'typo.py').write_text('def (\n')
+    (folder / 'typo.py').write_text(text)
     monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(InputError, match=r'broken_package\.typo: SyntaxError') as refusal:
+    monkeypatch.delitem(sys.modules, 'broken_package', raising=False)
+    importlib.invalidate_caches()
+    with pytest.raises(InputError, match=rf'broken_package\.typo: {fault}') as refusal:
         discovered('broken_package', 'THING', str, 'guide.md')
     assert '\n' not in str(refusal.value)
 

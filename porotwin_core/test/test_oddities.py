@@ -139,6 +139,7 @@ def test_the_small_rig_is_not_odd() -> None:
                 (60, {'on_min': 7}, 'cycles need on_min and a longer every_min'),
                 (60, {'on_min': 7, 'every_min': 5}, 'a longer every_min'),
                 (60, {'on_min': 7, 'every_min': 9, 'pauses_min': [[1, 2]]}, 'keep one'),
+                (60, {'from_min': 7}, 'from_min begins the cycles'),
                 (None, {'on_min': 7, 'every_min': 9}, 'cycles need the end of the experiment'),
                 (60, {'on_min': 1e-6, 'every_min': 1e-5}, 'take at most 10000'),
             )

@@ -121,6 +121,8 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'partly': {**SEA, 'head_m': 0.3}}, {}, ['water.partly.head_m']),
         ({'partly': {**SEA, 'head_m': 0.3}}, TABLE, []),
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
+        (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
+        (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
         (
             {'rain': WATER['rain']},
             {

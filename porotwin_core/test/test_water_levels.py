@@ -7,7 +7,7 @@ import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.water_levels import WaterLevels
+from porotwin_core.rates.water_levels import Rises, WaterLevels
 from porotwin_core.rates.wells import RateStep, Schedule, WellRate, mean_rates
 from porotwin_core.rig import parse_rig
 
@@ -59,6 +59,13 @@ def test_a_cycle_begins_anew_by_the_clock_of_the_experiment() -> None:
     assert rises(levels, 0.0, 1000.0) == [(0.0, 1000.0, 0.0)]
 
 
+def test_a_long_log_is_divided_once() -> None:
+    course = Rises(tuple(60.0 * minute for minute in range(1000)), (0.0, 0.01) * 500)
+    levels = WaterLevels({'left': course})
+    assert course.edges is course.edges
+    assert levels.moments(30.0, 240.0) == [60.0, 120.0, 180.0]
+
+
 def test_a_schedule_and_a_plan_name_the_levels() -> None:
     announced = FixedPauses.of(rig_with([[1, 0.49], [2, 0.45]]))
     pumped = {'well': WellRate(1e-7, 1.0)}
@@ -78,6 +85,7 @@ def test_a_schedule_and_a_plan_name_the_levels() -> None:
         ([[5, '2 l']], None, 'write the number alone'),
         ([[0, 0.48]], 0.5, 'a cycle of a minute or more'),
         ([], None, 'give at least one'),
+        ([[5, 0.47], [1e12, 0.48]], None, 'no experiment is longer than a year'),
     ],
 )
 def test_a_course_that_cannot_be_is_refused(points, every, told: str) -> None:

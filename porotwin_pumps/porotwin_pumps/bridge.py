@@ -46,21 +46,23 @@ class _Channel:
             self.pump = self.pump or self.open()
             self.pump.set_rate(rate_ml_h)
             self.base_ml = self.pump.volume_ml()
-        except PumpError as error:
+        except Exception as error:
             self.fail(error)
         else:
             self.told_ml_h, self.fault = rate_ml_h, ''
 
-    def fail(self, error: PumpError) -> None:
-        self.pump, self.fault = None, str(error)
-        self.goes_on = isinstance(error, PumpSilent)
+    def fail(self, error: Exception) -> None:
+        """Note a fault: of the pump, or a mistake in its protocol, which may be anybody's."""
+        mistake = '' if isinstance(error, PumpError) else f'{type(error).__name__}: '
+        self.pump, self.fault = None, ' '.join(f'{mistake}{error}'.split())
+        self.goes_on = isinstance(error, PumpSilent) or bool(mistake)
 
     def check(self) -> None:
         """Note a fault if the pump does not run at its commanded rate."""
         try:
             if self.pump is not None:
                 self.pump.check()
-        except PumpError as error:
+        except Exception as error:
             self.fail(error)
 
     def begin_measurement(self) -> None:
@@ -77,7 +79,7 @@ class _Channel:
                 volume = self.pump.volume_ml()
                 pumped, self.base_ml = volume - self.base_ml, volume
                 return pumped * 3600.0 / seconds
-        except PumpError as error:
+        except Exception as error:
             self.fail(error)
         return self.told_ml_h if self.goes_on else 0.0
 

@@ -142,6 +142,23 @@ def test_a_pump_that_fails_sends_the_others_to_their_safe_rates(bench: Bench) ->
     assert bench.ml_h() == SAFE_ML_H
 
 
+@pytest.mark.parametrize('method', ['check', 'volume_ml', 'set_rate'])
+def test_a_mistake_in_a_protocol_counts_as_a_fault_of_its_pump(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    def wrong(*_: float) -> float:
+        raise ValueError('no number:\nE?')
+
+    bench.command(100.0)
+    bench.pass_time(5.0)
+    monkeypatch.setattr(bench.pumps['control1'], method, wrong)
+    bench.bridge.measure(bench.now)
+    bench.bridge.tick(bench.now)
+    with pytest.raises(PumpError, match="the pump of 'control1': ValueError: no number: E"):
+        bench.command(200.0)
+    assert bench.ml_h()['producer'] == SAFE_ML_H['producer']
+
+
 @pytest.mark.parametrize('next_is_a_setpoint', [True, False])
 def test_a_fault_that_a_measurement_finds_sends_the_others_to_their_safe_rates(
     bench: Bench, next_is_a_setpoint: bool

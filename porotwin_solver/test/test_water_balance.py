@@ -68,3 +68,10 @@ def test_open_water_in_the_picture_has_its_own_line() -> None:
 def test_a_closed_rig_with_rates_that_do_not_balance_has_none() -> None:
     rig = layered(boundaries={'top': 'closed'})
     assert water_balance(rig, rig.grid(50, 20), {'a': WellRate(1e-7)}) is None
+
+
+def test_water_stands_as_described_where_no_rate_tells_its_level() -> None:
+    rig = layered()
+    changing = layered(levels={'left': {'points': [[10, 0.5]]}})
+    found, usual = (water_balance(one, rig.grid(50, 20), {}) for one in (changing, rig))
+    assert found == usual

@@ -101,6 +101,6 @@ def loaded(place: str, where: str, guide: str) -> object:
         return getattr(found, name, None) if name else found
     except InputError:
         raise
-    except Exception as error:  # whatever is wrong in a new module, its author gets one line
+    except (Exception, SystemExit) as error:  # whatever is wrong in a new module: one line
         fault = ' '.join(f'{type(error).__name__}: {error}'.split())
         raise InputError(f'{where}: {fault}; see {guide}') from error

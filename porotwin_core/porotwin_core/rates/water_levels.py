@@ -5,6 +5,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Rises:
     rises: tuple[float, ...]
     period: float = math.inf
 
-    @property
+    @cached_property
     def edges(self) -> tuple[float, ...]:
         """Times [s] of one cycle between which the level counts as constant: minutes, and points.
 
@@ -86,7 +87,8 @@ class WaterLevels:
                 starts = [number * course.period for number in cycles]
             for start in starts:
                 low = bisect.bisect_right(edges, first - start)
-                found.update(start + edge for edge in edges[low:] if start + edge < last)
+                high = bisect.bisect_left(edges, last - start)
+                found.update(start + edge for edge in edges[low:high])
         return sorted(self.began + time for time in found)
 
     def parts(self, begin: float, end: float) -> Iterator[tuple[float, float, dict[str, float]]]:

@@ -63,6 +63,8 @@ class FixedWell(Section):
     @pydantic.model_validator(mode='after')
     def _has_whole_cycles(self) -> Self:
         if self.on_min is None and self.every_min is None:
+            if self.from_min:
+                raise ValueError('from_min begins the cycles of on_min and every_min; give both')
             return self
         if self.on_min is None or self.every_min is None or self.on_min >= self.every_min:
             raise ValueError('cycles need on_min and a longer every_min, such as 7 and 14')
@@ -82,6 +84,8 @@ class FixedWell(Section):
         begins = [self.from_min + number * self.every_min for number in range(cycles)]
         rests = [(0.0, self.from_min)] if self.from_min else []
         rests += [(begin + self.on_min, begin + self.every_min) for begin in begins]
+        # by round-off a rest may end just before the experiment, and then the well would run on
+        rests = [(low, end_min if math.isclose(high, end_min) else high) for low, high in rests]
         pauses = tuple((low, min(high, end_min)) for low, high in rests if low < end_min)
         told = {'on_min': None, 'every_min': None, 'from_min': 0.0, 'pauses_min': pauses}
         return self.model_copy(update=told)

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import (
     Level,
     NotNegative,
@@ -177,6 +178,10 @@ class LevelCourse(Section):
         for before, minute in pairwise(minutes):
             if minute < before:
                 raise ValueError(f'points: {minute:g} min follows {before:g} min; sort them')
+        if minutes[-1] * MINUTE_S > LONGEST_EXPERIMENT_S:
+            raise ValueError(
+                f'points: {minutes[-1]:g} min, but no experiment is longer than a year; correct it'
+            )
         if self.every_min is not None and self.every_min < 1:
             raise ValueError(
                 f'every_min {self.every_min:g}: models know the mean of each minute only; give its '

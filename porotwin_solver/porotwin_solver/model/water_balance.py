@@ -11,7 +11,7 @@ from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.rates.rates_in_force import SAME_RATE
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.wells import WellRates, with_rises
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
@@ -63,8 +63,10 @@ def _in_words(rates_ml_h: Mapping[str, float]) -> str:
 def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None:
     """Return the balance of `rig` with its effects at `rates` [m^3/s].
 
-    None where it has none: wells that do not balance in a closed rig.
+    Water whose level `rates` do not tell stands as described. None where it has none: wells that do
+    not balance in a closed rig.
     """
+    rates = {**with_rises({}, dict.fromkeys(rig.levels, 0.0)), **rates}
     physics = described_physics(rig, grid).at_levels(rates)
     delivered = {name: rate for name, rate in physics.delivered(rates).items() if rate}
     wells = {**delivered, **({'leaks': leaks} if (leaks := _leaks(physics)) else {})}

@@ -43,6 +43,7 @@ def _water(rig: Rig) -> Iterator[Remark]:
 
     if rig.water or rig.water_table:  # only then are heads heights above the lower edge
         for name, body in rig.water_bodies.items():
+            yield from _low_level(rig, name, body)
             yield from _level_at_side(rig, name, body)
     if rig.water_table and heads:
         yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
@@ -59,20 +60,45 @@ def _drawn_level(rig: Rig, key: str, body: WaterBody) -> Iterator[Remark]:
 
 
 def _level_at_side(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
-    """Yield a remark about water that does not reach its side, or not all of it."""
+    """Yield a remark about a side that reaches above the level of its water."""
     if body.side is None or body.head_m is None:
         return
     upright = body.side in ('left', 'right')
-    low = body.from_m if upright else rig.height_m if body.side == 'top' else 0.0
-    high = (body.to_m or rig.height_m) if upright else low
-    key = f'water.{name}.head_m' if name in rig.water else f'boundaries.heads_m.{name}'
-    shown, place = f'{body.head_m:g} m', f'{body.side} side'
-    if body.head_m < low:
-        why = f'its water stands below the {place}, which begins at {low:g} m'
-        yield Remark(key, shown, why, 'correct the head, in m above the lower edge of the sand')
-    elif body.head_m < high and rig.water_table is None:
-        why = f'the {place} reaches to {high:g} m, and the sand above the level counts as full'
-        yield Remark(key, shown, why, 'end it at the level (to_m), or give a water_table')
+    high = (body.to_m or rig.height_m) if upright else _foot(rig, body)
+    if _foot(rig, body) <= body.head_m < high and rig.water_table is None:
+        place = f'the {body.side} side reaches to {high:g} m'
+        why = f'{place}, and the sand above the level counts as full'
+        remedy = 'end it at the level (to_m), or give a water_table'
+        yield Remark(_head_key(rig, name), f'{body.head_m:g} m', why, remedy)
+
+
+def _head_key(rig: Rig, name: str) -> str:
+    """Return the key of the head of the water `name`."""
+    return f'water.{name}.head_m' if name in rig.water else f'boundaries.heads_m.{name}'
+
+
+def _foot(rig: Rig, body: WaterBody) -> float:
+    """Return the height [m] above the lower edge of the sand at which the water begins."""
+    if body.corners_m is not None:
+        return min(z for _, z in body.corners_m)
+    if body.side in ('left', 'right'):
+        return body.from_m
+    return rig.height_m if body.side == 'top' else 0.0
+
+
+def _low_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
+    """Yield a remark about water that stands below its place, at the start or later."""
+    if body.head_m is None:
+        return
+    course = rig.levels.get(name)
+    later = min(level for _, level in course.points) if course else body.head_m
+    foot, lowest = _foot(rig, body), min(body.head_m, later)
+    if lowest < foot:
+        place = 'open water' if body.side is None else f'{body.side} side'
+        key = f'levels.{name}' if later < body.head_m else _head_key(rig, name)
+        why = f'its water stands below the {place}, which begins at {foot:g} m'
+        remedy = 'correct it, in m above the lower edge of the sand'
+        yield Remark(key, f'{lowest:g} m', why, remedy)
 
 
 def _dry_wells(rig: Rig, wet_m: float) -> Iterator[Remark]:
