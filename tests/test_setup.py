@@ -109,6 +109,15 @@ def test_a_release_has_the_changes_of_each_package() -> None:
     assert len(items) >= text.count('\n- ')
 
 
+def test_the_command_runs_no_file_of_the_users_folder(tmp_path: Path) -> None:
+    for module in ('numpy', 'queue', 'typer'):
+        (tmp_path / f'{module}.py').write_text('raise SystemExit("foreign")')
+    command = [str(ROOT / 'porotwin'), '--help']
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 'calibrate' in done.stdout
+
+
 def test_a_folder_that_is_gone_is_named_as_such(tmp_path: Path) -> None:
     gone = tmp_path / 'gone'
     gone.mkdir()

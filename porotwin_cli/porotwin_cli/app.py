@@ -14,10 +14,10 @@ from types import ModuleType
 import typer
 
 from porotwin_cli import commands
-from porotwin_cli.terminal import WorkFailed, say, show_all_characters, show_warnings
+from porotwin_cli.terminal import WorkFailed, say, show_warnings
 from porotwin_core.basis.discovery import installed, loaded
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plain_text import plain
+from porotwin_core.basis.plain_text import plain, show_all_characters
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 DISK_FULL = 'no space left on a disk that this command writes to; remove something there'

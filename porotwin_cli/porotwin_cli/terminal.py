@@ -7,7 +7,6 @@ import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -247,13 +246,6 @@ class _ProgressLines(Progress):
         self._told_s, self._stage = self.get_time(), task.description
         left = left_in_words(task)
         say(f'{task.description}: {task.percentage:.0f} %{f", {left}" if left else ""}')
-
-
-def show_all_characters() -> None:
-    """Show characters that the terminal does not have by their number."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors='backslashreplace')
 
 
 def print_json(result: dict[str, Any]) -> None:

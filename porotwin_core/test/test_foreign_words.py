@@ -20,6 +20,13 @@ def test_no_character_acts_on_a_terminal() -> None:
         assert acts in ACTING
 
 
+@pytest.mark.parametrize('blank', '\u115f\u1160\u3164\uffa0\u2800\u034f\ufe0f\U000e0100')
+def test_a_letter_that_nobody_sees_is_shown_by_its_number(blank: str) -> None:
+    shown = plain(f'control{blank}1')
+    assert shown.isascii()
+    assert shown != 'control1'
+
+
 def test_what_a_person_writes_stays_as_it_is() -> None:
     text = 'Bjørn: Zuckerlösung 5 µl, 温度 21 °C -- it is "off"; \\ 100 %'
     assert plain(text) == text

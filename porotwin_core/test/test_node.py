@@ -1,7 +1,9 @@
 """Tests of the main loop of nodes: its health, its parameters, and a quiet end at any moment."""
 
 import math
+import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -202,6 +204,21 @@ def test_the_log_of_a_node_is_plain(twin_node: TwinNode, capfd: pytest.CaptureFi
     assert sum('seldom' in line for line in lines) == 1
     assert len(lines) == 4
     assert all(line.isprintable() for line in lines)
+
+
+def test_a_node_prints_every_letter_on_every_terminal() -> None:
+    source = """
+from porotwin_core.ros.node import run
+def refuse():
+    print('setpoint of br\u00f8nn')
+    raise KeyboardInterrupt
+run(refuse)
+"""
+    environment = os.environ | {'PYTHONIOENCODING': 'ascii'}
+    done = subprocess.run(
+        [sys.executable, '-c', source], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == 'setpoint of br\\xf8nn\n'
 
 
 def ask(node: TwinNode, kind: Any, name: str, request: Any) -> Any:

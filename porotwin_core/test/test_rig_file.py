@@ -248,7 +248,7 @@ def test_the_fingerprint_of_a_map_depends_on_its_numbers_alone(tmp_path: Path) -
     assert load_rig(tmp_path).physics_fingerprint == first
 
 
-@pytest.mark.parametrize('name', ['', ' ', 'a\nb', 'a\u202eb'])
+@pytest.mark.parametrize('name', ['', ' ', 'a\nb', 'a\u202eb', 'a\u3164'])
 def test_names_of_wells_fit_in_a_line(name: str) -> None:
     with pytest.raises(InputError, match='its name cannot be printed in a line; rename it'):
         parse_rig(SMALL | {'wells': {**SMALL['wells'], name: {'x_m': 0.3, 'z_m': 0.3}}}, Path('r'))

@@ -94,6 +94,20 @@ def test_no_node_outlives_its_graph(number: signal.Signals, bound: bool, tmp_pat
     assert until(lambda: not alive(node))
 
 
+def test_a_node_runs_no_file_of_the_users_folder_and_writes_utf_8(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / 'here'
+    here.mkdir()
+    (here / 'wave.py').write_text('print("foreign")')
+    monkeypatch.chdir(here)
+    monkeypatch.setenv('PYTHONIOENCODING', 'ascii')
+    node = pretend_node(tmp_path, 'import time, wave\nprint("br\u00f8nn")\ntime.sleep(60)')
+    with GraphProcesses([node], tmp_path, environment={'PYTHONPATH': str(tmp_path)}) as graph:
+        assert until(lambda: 'nn' in graph.log('sleeper').read_text(errors='replace'))
+    assert graph.log('sleeper').read_text() == 'br\u00f8nn\n'
+
+
 class FullDisk(GraphProcesses):
     """A graph whose logs lie on a full disk."""
 

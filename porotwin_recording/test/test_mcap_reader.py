@@ -49,6 +49,15 @@ def test_a_file_cut_at_any_byte_gives_every_complete_chunk(tmp_path: Path, compr
         assert 'has no end' in bag.remarks[0]
 
 
+def test_a_message_of_the_latest_time_is_read(tmp_path: Path) -> None:
+    latest = 2**64 - 1
+    with BagWriter(tmp_path / 'run.mcap') as bag:
+        bag.add_topic('/words', STRING)
+        bag.write('/words', Serializer().to_cdr(String(data='late')), log_time=latest)
+    (found,) = BagReader(tmp_path / 'run.mcap').messages(start=latest, stop=latest + 1)
+    assert found.log_time == latest
+
+
 def write_words(path: Path, chunks: int = 6, words: int = 5, *, compress: bool = True) -> list[int]:
     """Write chunks of words, one word per second; return the ends of the chunks [bytes]."""
     serializer = Serializer()

@@ -44,7 +44,7 @@ def run_node(
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f'{name}.yaml')
         file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
-        command = [sys.executable, '-m', module, '--ros-args', '--params-file', str(file)]
+        command = [sys.executable, '-P', '-m', module, '--ros-args', '--params-file', str(file)]
         command += ['-r', f'__ns:={namespace}', '-r', f'__node:={name}']
         process = subprocess.Popen(
             command, env={**os.environ, PARENT: str(os.getpid())}, start_new_session=True

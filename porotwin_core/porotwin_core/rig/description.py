@@ -12,6 +12,7 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.other_unit import was_percent
+from porotwin_core.basis.plain_text import plain
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import permeability_of
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
@@ -153,7 +154,7 @@ class Rig(Section):
     @pydantic.model_validator(mode='after')
     def _is_consistent(self) -> Self:
         for name, well in self.wells.items():
-            if not (name.isprintable() and name.strip()):
+            if not (name.isprintable() and name.strip() and plain(name) == name):
                 raise ValueError(f'well {name!r}: its name cannot be printed in a line; rename it')
             if not (0 < well.x_m < self.width_m and 0 < well.z_m < self.height_m):
                 where = 'on the edge of' if self._is_on_edge(well) else 'outside'

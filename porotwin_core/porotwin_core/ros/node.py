@@ -44,6 +44,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.heap import share_heap
 from porotwin_core.basis.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
+from porotwin_core.basis.plain_text import show_all_characters
 from porotwin_core.clock.photo_interval import (
     LONGEST_PHOTO_INTERVAL_S,
     SHORTEST_PHOTO_INTERVAL_S,
@@ -427,6 +428,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """
     end_with_parent()
     share_heap()
+    show_all_characters()
     try:
         check_environment(os.environ)
         check_keys(os.environ, sys.argv)

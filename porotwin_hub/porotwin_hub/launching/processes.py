@@ -120,6 +120,7 @@ class GraphProcesses:
         self._environment = {
             **os.environ,
             'PYTHONUNBUFFERED': '1',
+            'PYTHONIOENCODING': 'utf-8:backslashreplace',  # for `_tee`, and for readers of logs
             PARENT: str(os.getpid()),
             STEADY_CLOCK: str(MACHINE_START_S),
             **(environment or {}),
@@ -228,7 +229,9 @@ class GraphProcesses:
 
     def _started(self, node: NodeDescription) -> subprocess.Popen[bytes]:
         # logs go to the standard output, so ROS's second copy in the home folder is not needed
-        command = [sys.executable, '-m', node.module, '--ros-args', '--disable-external-lib-logs']
+        # without the user's folder on the path: a file there may have the name of a module
+        command = [sys.executable, '-P', '-m', node.module]
+        command += ['--ros-args', '--disable-external-lib-logs']
         command += ['-r', f'__ns:={node.namespace}', '-r', f'__node:={node.name}']
         command += ['--params-file', str(self._parameters(node))]
         command += [

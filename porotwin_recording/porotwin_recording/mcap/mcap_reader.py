@@ -155,9 +155,9 @@ class McapFile:
         order, starts, ends = self._order
         wanted = np.ones(len(order), dtype=bool)
         if start is not None:
-            wanted &= ends >= np.uint64(max(0, start))
+            wanted &= ends >= max(0, start)
         if stop is not None:
-            wanted &= starts < np.uint64(max(0, stop))
+            wanted &= starts < max(0, stop)
         return (order[number] for number in np.flatnonzero(wanted))
 
     def _wanted_in(

@@ -40,7 +40,7 @@ def _wells(rig: Rig) -> Iterator[Remark]:
 
 def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
     if _plain(one) == _plain(other):
-        why = 'the two names differ by capital letters or by the coding of accents only'
+        why = 'the two names look the same: they differ by capital letters, spaces or coding only'
         yield Remark(f'wells.{other}', '', f'{why}, as in {one}', 'rename one of them')
     distance = math.hypot(first.x_m - second.x_m, first.z_m - second.z_m)
     if distance < first.radius_m + second.radius_m:
@@ -55,8 +55,8 @@ def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
 
 
 def _plain(name: str) -> str:
-    """Return a name as a person reads it: small letters, each accent with its letter."""
-    return unicodedata.normalize('NFC', name).lower()
+    """Return a name as a person reads it: small, usual letters, each accent with its letter."""
+    return ' '.join(unicodedata.normalize('NFKC', name).lower().split())
 
 
 CHECK = Check(find=_wells)
