@@ -91,7 +91,9 @@ def test_a_release_checks_its_tag_and_runs_all_tests_first() -> None:
 def test_a_release_publishes_only_what_pip_builds() -> None:
     release = yaml.safe_load((ROOT / '.github' / 'workflows' / 'release.yml').read_text())
     steps = release['jobs']['release']['steps']
-    (published,) = [step['with']['packages-dir'] for step in steps if 'pypi' in step.get('uses', '')]
+    (published,) = [
+        step['with']['packages-dir'] for step in steps if 'pypi' in step.get('uses', '')
+    ]
     runs = [step['run'] for step in steps if f'{published}/' in step.get('run', '')]
     assert len(runs) == 1
     assert runs[0].startswith('gh release create')

@@ -72,7 +72,10 @@ def _level_at_side(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
         yield Remark(key, shown, why, 'correct the head, in m above the lower edge of the sand')
     elif body.head_m < high and rig.water_table is None:
         why = f'the {place} reaches to {high:g} m, and the sand above the level counts as full'
-        yield Remark(key, shown, why, 'end it at the level (to_m), or give a water_table')
+        end = 'end it at the level (to_m)'
+        if name not in rig.water:
+            end = f'close this side, and describe it in water, with to_m: {body.head_m:g}'
+        yield Remark(key, shown, why, f'{end}, or give a water_table')
 
 
 def _dry_wells(rig: Rig, wet_m: float) -> Iterator[Remark]:
