@@ -266,6 +266,17 @@ def test_keys_that_differ_are_named() -> None:
     assert one.keys_that_differ(other) == ['porosity']
 
 
+def test_sands_do_not_differ_from_their_drawn_maps() -> None:
+    sand = {'porosity': 0.4, 'permeability_m2': 1e-9}
+    plain = {key: SMALL[key] for key in SMALL if key not in sand}
+    places = {'sands': {'coarse': sand}, 'sand_layers': [{'sand': 'coarse'}]}
+    drawn = parse_rig(plain | places, Path('rig.yaml'))
+    again = rig_from_maps(plain, drawn.nominal_maps)
+    assert drawn.keys_that_differ(again) == again.keys_that_differ(drawn) == []
+    thinner = again.model_copy(update={'depth_m': 0.014})
+    assert drawn.keys_that_differ(thinner) == ['depth_m']
+
+
 def test_a_polygon_with_more_corners_than_a_person_draws_is_refused() -> None:
     zone = [[0.5 + 0.001 * i, 0.4] for i in range(1000)] + [[0.5, 0.5]]
     control = {**CONTROL, 'disallowed_zone_m': zone}

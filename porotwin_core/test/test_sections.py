@@ -108,6 +108,7 @@ def test_a_level_in_another_unit_is_odd_or_refused() -> None:
         rig_with({**water, 'a': {'side': 'left', 'head_m': 45.2}})
 
 
+OPEN = {'boundaries': {'top': 'closed', 'left': 'open', 'heads_m': {'left': 0.6}}}
 SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
 
 
@@ -123,6 +124,13 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
+        ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
+        ({'sea': {**SEA, 'head_m': 0.6}}, OPEN, ['boundaries.heads_m']),
+        (
+            {'sea': {**SEA, 'head_m': 0.6}},
+            {**OPEN, 'levels': {'sea': {'points': [[10, 0.61]]}}},
+            [],
+        ),
         (
             {'rain': WATER['rain']},
             {

@@ -38,6 +38,8 @@ def test_a_stamp_is_a_date_or_a_duration(stamp: float, words: str) -> None:
         (3e9, None, 2e9, 2e9),
         (0.0, 1.9e9, 2e9, 1.9e9),
         (2e9, 1.9e9, 2e9, 2e9),  # another experiment begins
+        (None, 0.0, 2e9, 2e9),  # a replay of a rig, in simulated time
+        (2e9, 0.0, 2e9 + 30.0, 2e9),
         (2e9, 1.9e9, 2e9 + 30.0, 1.9e9),  # its first photograph was not believed
     ],
 )

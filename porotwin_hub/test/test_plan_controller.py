@@ -313,3 +313,12 @@ def test_the_rates_stay_at_the_end_of_the_experiment_and_after_it(late: float) -
     assert decision.rates == previous
     assert [step.rates for step in decision.plan] == [previous]
     assert model.calls == 0
+
+
+def test_the_rates_that_stay_name_all_wells_beside_a_meter_of_one() -> None:
+    metered = {'injector': LIMITS.safe()['injector']}
+    open_side = dataclasses.replace(LIMITS, producer=None)
+    planner = dataclasses.replace(controller(TwoStages()), limits=open_side)
+    decision = planner.decide(ToyModel(), STATE, metered, now=END)
+    assert decision.rates.keys() == LIMITS.safe().keys()
+    assert decision.rates['injector'] == metered['injector']

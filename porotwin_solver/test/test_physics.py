@@ -66,7 +66,7 @@ def test_the_balance_is_that_of_the_moment(rig) -> None:
     *_, (_, _, rates) = announced(rig).intervals(0.0, 900.0)
     balance = water_balance(rig, rig.grid(24, 12), rates)
     assert balance is not None
-    np.testing.assert_allclose(balance.places['left'], darcy(rig) * 0.01, rtol=1e-6)
+    np.testing.assert_allclose(balance.places['sea'], darcy(rig) * 0.01, rtol=1e-6)
 
 
 def test_a_table_in_the_sand_follows_the_levels(make_rig) -> None:

@@ -62,7 +62,18 @@ def test_open_water_in_the_picture_has_its_own_line() -> None:
     rig = layered(boundaries={'top': 'closed'}, water={'canal': canal, 'sea': sea})
     found = water_balance(rig, rig.grid(50, 20), {})
     assert found is not None
-    assert found.places['canal'] == pytest.approx(-found.places['right'], rel=1e-6)
+    assert found.places['canal'] == pytest.approx(-found.places['sea'], rel=1e-6)
+
+
+def test_water_on_parts_of_one_side_keeps_its_names() -> None:
+    lower = {'side': 'left', 'to_m': 0.2, 'head_m': 0.41}
+    upper = {'side': 'left', 'from_m': 0.2, 'head_m': 0.41}
+    ends = {'top': 'closed', 'right': 'open', 'heads_m': {'right': 0.40}}
+    rig = layered(boundaries=ends, water={'lower': lower, 'upper': upper})
+    found = water_balance(rig, rig.grid(50, 20), {})
+    assert found is not None
+    assert found.places.keys() == {'lower', 'upper', 'right'}
+    assert found.places['lower'] == pytest.approx(3.0 * found.places['upper'], rel=1e-3)
 
 
 def test_a_closed_rig_with_rates_that_do_not_balance_has_none() -> None:

@@ -399,6 +399,18 @@ def test_levels_that_effects_make_equal_drive_nothing(tmp_path: Path) -> None:
     assert any('equal water levels, which drive no water' in word for word in in_words(checked))
 
 
+def test_levels_are_told_by_the_name_of_their_water(tmp_path: Path) -> None:
+    water = {'canal': {'side': 'left', 'head_m': 0.62}, 'sea': {'side': 'right', 'head_m': 0.6}}
+    levels = {'canal': {'points': [[10, 0.61]]}}
+    keys = {'boundaries': {'top': 'closed'}, 'water': water, 'control': None}
+    lines = in_words(check(changed(tmp_path, levels=levels, **keys)))
+    start = next(line for line in lines if line.startswith('heads at the start: '))
+    assert "from 'canal' to 'sea'" in start
+    (level,) = (line for line in lines if line.startswith('level of canal'))
+    low, high = (float(rate) for rate in re.findall(r'\(([+-].*?) ml/h', level))
+    np.testing.assert_allclose(high, 2.0 * low, rtol=1e-3)
+
+
 def test_a_level_in_millimetres_is_refused(tmp_path: Path) -> None:
     assert 'was this in mm' in told(reservoirs(tmp_path, 5.0))
 

@@ -85,6 +85,8 @@ def believed_start(told: float | None, began: float | None, stamp: float) -> flo
         began: the start that the node has believed so far [s]; None: it has used no state yet.
         stamp: of the state [s].
     """
+    if began is not None and began < SINCE_1970 <= stamp:
+        began = None  # time zero of a simulation, but a recording of a rig is replayed
     if told is not None:
         joined = began is None and 0.0 <= stamp - told <= EARLIEST_START_S
         if joined or abs(stamp - told) < SAME_STAMP_S:

@@ -406,16 +406,23 @@ class Rig(Section):
         return digest[:FINGERPRINT_LENGTH]
 
     def keys_that_differ(self, other: 'Rig') -> list[str]:
-        """Return the keys of rig.yaml, without the name, whose values or maps differ."""
+        """Return the keys of rig.yaml, without the name, whose values or maps differ.
+
+        A bag keeps the drawn maps of sands, which then do not differ.
+        """
         own, others = (rig.model_dump(mode='json', exclude={'name'}) for rig in (self, other))
-        differing = [key for key, value in own.items() if value != others[key]]
-        maps = [
-            key
+        maps = {
+            key: np.array_equal(values, other._nominal_maps.get(key, np.empty(0)))
             for key, values in self._nominal_maps.items()
-            if key not in differing
-            and not np.array_equal(values, other._nominal_maps.get(key, np.empty(0)))
+        }
+        same = {key for key, equal in maps.items() if equal}
+        if {'porosity', 'permeability_m2'} <= same and not (self.sands and other.sands):
+            same.update(SAND_KEYS)
+        return [
+            key
+            for key, value in own.items()
+            if key not in same and (value != others[key] or key in maps)
         ]
-        return differing + maps
 
     def with_effects(self, effects: Iterable[EffectDescription]) -> Self:
         """Return this rig with additional `effects`."""

@@ -199,7 +199,8 @@ class PlanController:
 
     def _kept(self, state: FloatArray, previous: WellRates) -> Decision:
         """Return the rates in force: at the end of the experiment no order is worth its cost."""
-        rates, cost = dict(previous), self.objective(state)
+        rates = {name: previous.get(name, WellRate()) for name in self.limits.all_wells}
+        cost = self.objective(state)
         if self.limits.violations(rates, previous):
             rates = self.limits.setpoint(self.limits.control_rates(previous), previous)
         plan = (RateStep(0.0, rates),)

@@ -154,14 +154,14 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool
             canal |= cells
             canal_head[cells], canal_stock[cells] = level, body.concentration
             continue
-        cover = _cover(grid, body.side, body.from_m, body.to_m)
+        cover = side_cover(grid, body.side, body.from_m, body.to_m)
         if body.head_m is None:
             assert body.rate_ml_h is not None
             getattr(rain, body.side)[:] += from_ml_h(body.rate_ml_h) * cover / cover.sum()
         else:
             if seeps and body.side in ('left', 'right'):
                 end = min(body.head_m, grid.height if body.to_m is None else body.to_m)
-                below = _cover(grid, body.side, body.from_m, end)
+                below = side_cover(grid, body.side, body.from_m, end)
                 getattr(seep, body.side)[:] += cover - below
                 cover = below
             getattr(share, body.side)[:] += cover
@@ -199,7 +199,7 @@ def canal_cells(grid: Grid, body: WaterBody) -> NDArray[np.bool_]:
     return found
 
 
-def _cover(grid: Grid, side: SideName, low: float, high: float | None) -> FloatArray:
+def side_cover(grid: Grid, side: SideName, low: float, high: float | None) -> FloatArray:
     """Return the share of each face of `side` between `low` and `high` [m]."""
     along_z = side in ('left', 'right')
     count, length = (grid.nz, grid.height) if along_z else (grid.nx, grid.width)

@@ -12,17 +12,17 @@ from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.rates.rates_in_force import SAME_RATE
 from porotwin_core.rates.wells import WellRates, with_rises
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Rig, SideName
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.coefficients.water_contact import entering
+from porotwin_solver.coefficients.water_contact import entering, side_cover
 from porotwin_solver.effects import described_physics
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.flow import SHARED_FLOWS
 from porotwin_solver.flow.water_table import TableFlow
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
-SIDES = ('left', 'right', 'bottom', 'top')
+SIDES: tuple[SideName, ...] = ('left', 'right', 'bottom', 'top')
 """The sides in the order of an `Outline`."""
 
 
@@ -32,7 +32,7 @@ class WaterBalance:
 
     Attributes:
         wells: of wells and leaks, by name.
-        places: of open sides and open water, by name.
+        places: of open sides and other water, by name.
         sands: through the sands of the middle of the rig, positive to the right; empty for one.
     """
 
@@ -73,17 +73,32 @@ def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None
     if rig.closed and abs(math.fsum(wells.values())) > SAME_RATE:
         return None
     flux = _flux(physics, rates)
-    sides = {
-        name: float(side.sum())
-        for name, side in zip(SIDES, entering(flux), strict=True)
-        if np.any(side)
-    }
     canals = {
         name: float(flux.divergence()[_within(body.corners_m, grid)].sum())
         for name, body in rig.water.items()
         if body.corners_m is not None
     }
-    return WaterBalance(wells, {**sides, **canals}, _through_sands(rig, grid, flux))
+    return WaterBalance(
+        wells, {**_at_sides(rig, grid, flux), **canals}, _through_sands(rig, grid, flux)
+    )
+
+
+def _at_sides(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
+    """Return the rates [m^3/s] into the sand by the water at its sides, else by the side."""
+    found: dict[str, float] = {}
+    for side, into in zip(SIDES, entering(flux), strict=True):
+        covers = {
+            name: side_cover(grid, side, body.from_m, body.to_m)
+            for name, body in rig.water_bodies.items()
+            if body.side == side
+        }
+        covered = np.sum([np.zeros_like(into), *covers.values()], axis=0)
+        if np.any(bare := into[covered == 0.0]):
+            found[side] = float(bare.sum())
+        for name, cover in covers.items():
+            share = np.divide(cover, covered, out=np.zeros_like(into), where=covered > 0.0)
+            found[name] = found.get(name, 0.0) + float((into * share).sum())
+    return found
 
 
 def _leaks(physics: Physics) -> float:
@@ -113,7 +128,7 @@ def _through_sands(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
         return {}
     middle = grid.nx // 2
     porosity, permeability = rig.nominal_map('porosity'), rig.nominal_map('permeability_m2')
-    found = {}
+    found: dict[str, float] = {}
     for name, sand in rig.sands.items():
         here = (porosity == sand.porosity) & (permeability == rig.permeability_of_sand(name))
         share = conservative_resample(np.asarray(here, dtype=float), grid.shape)

@@ -18,13 +18,16 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
     """Yield remarks about heads that drive no water, too much of it, or meet in a corner."""
     given, raised = rig.boundaries.heads_m, rig.boundaries.raised_heads
     key = 'boundaries.heads_m'
-    if given and len(given) == 1:
+    heads = [body.head_m for body in rig.water.values() if body.head_m is not None]
+    heads += (given or {}).values()
+    steady = given and not rig.levels
+    if steady and len(heads) == 1:
         why = 'only differences between open sides count, so that one head does nothing'
         remedy = 'remove it, or give the head of a second open side'
-        yield Remark(key, f'{min(given.values()):g} m', why, remedy)
-    elif given and not raised:
+        yield Remark(key, f'{heads[0]:g} m', why, remedy)
+    elif steady and min(heads) == max(heads):
         why = 'water flows only between open sides with different heads'
-        yield Remark(key, f'{min(given.values()):g} m everywhere', why, 'correct or remove it')
+        yield Remark(key, f'{heads[0]:g} m everywhere', why, 'correct or remove it')
     for one, other in rig.boundaries.corners_with_a_jump:
         apart = abs(raised[one] - raised[other])
         why = f'the {one} and the {other} side meet in a corner, where their heads jump'

@@ -68,7 +68,10 @@ def _level_at_side(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
     if _foot(rig, body) <= body.head_m < high and rig.water_table is None:
         place = f'the {body.side} side reaches to {high:g} m'
         why = f'{place}, and the sand above the level counts as full'
-        remedy = 'end it at the level (to_m), or give a water_table'
+        end = 'end it at the level (to_m)'
+        if name not in rig.water:
+            end = f'close this side, and describe it in water, with to_m: {body.head_m:g}'
+        remedy = f'{end}, or give a water_table'
         yield Remark(_head_key(rig, name), f'{body.head_m:g} m', why, remedy)
 
 
