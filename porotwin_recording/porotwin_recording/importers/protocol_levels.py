@@ -68,7 +68,8 @@ def _course(seconds: np.ndarray, levels: np.ndarray, where: str) -> LevelCourse:
     )
     if times[-1] < 0.0:
         raise InputError(f'{where}: ends before time zero; compare the clocks')
-    after = times > 0.0
-    first = (0.0, float(np.interp(0.0, times, means)))
-    later = zip((times[after] / MINUTE_S).tolist(), means[after].tolist(), strict=True)
-    return LevelCourse(points=(first, *later))
+    later = times > 0.0
+    # to a micrometre: no round-off in rig.yaml
+    known = np.array([np.interp(0.0, times, means), *means[later]]).round(6)
+    minutes = np.array([0.0, *times[later]]) / MINUTE_S
+    return LevelCourse(points=tuple(zip(minutes.tolist(), known.tolist(), strict=True)))
