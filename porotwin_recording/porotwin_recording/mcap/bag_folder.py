@@ -77,8 +77,8 @@ def bag_folder(path: Path) -> BagFolder:
         if bags := bags_in(path):
             return _together(path, bags)
         raise InputError(
-            f'{path}: not a bag; it has neither {METADATA} nor an .mcap file. ./porotwin import makes '
-            'a bag of an experiment folder'
+            f'{path}: not a bag; it has neither {METADATA} nor an .mcap file; '
+            './porotwin import makes a bag of an experiment folder'
         )
     try:
         information = metadata_of(path / METADATA)
