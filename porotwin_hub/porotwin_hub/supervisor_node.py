@@ -5,7 +5,10 @@ launcher itself is killed, this node sees to it that no other node outlives it.
 """
 
 import os
+import signal
+import time
 from datetime import timedelta
+from threading import Thread
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -230,16 +233,24 @@ def _launcher_has_ended() -> bool:
 
 
 def end_orphans() -> None:
-    """See to it that the other nodes of the launcher end; Linux has asked them already."""
+    """Wait for the end of the launcher, then see to it that no node outlives it.
+
+    Linux has asked the nodes to end. One may hang in the middleware, this one too.
+    """
+    while not _launcher_has_ended():
+        time.sleep(HEARTBEAT_S)
     others = [one.pid for one in _processes().values() if one.pid != os.getpid()]
     await_end(others, patience_s=END_PATIENCE_S)
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def main() -> None:
     """Run the node; after the launcher is gone, no node outlives this function."""
+    watch = Thread(target=end_orphans, daemon=True)
+    watch.start()
     run(SupervisorNode, threads=1)
     if _launcher_has_ended():
-        end_orphans()
+        watch.join()
 
 
 if __name__ == '__main__':

@@ -40,6 +40,17 @@ with GraphProcesses(nodes, Path(sys.argv[1])) as graph:
     time.sleep(600)
 """
 
+HANGS = """
+import signal, time
+from porotwin_hub import supervisor_node
+def hang(*_, **__):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    print('hangs', flush=True)
+    time.sleep(600)
+supervisor_node.END_PATIENCE_S, supervisor_node.run = 0.5, hang
+supervisor_node.main()
+"""
+
 
 class Ear:
     """Keeps the newest state of every node on /diagnostics."""
@@ -213,3 +224,16 @@ def test_a_stopped_node_does_not_outlive_a_launcher_that_is_killed(
     launcher.kill()
     launcher.communicate()
     until(lambda: process_of(operator) is None and process_of(supervisor) is None)
+
+
+def test_a_supervisor_that_hangs_does_not_outlive_the_launcher() -> None:
+    script = 'POROTWIN_PARENT=$$ "$0" -c "$1" & echo $!; wait'
+    launcher = subprocess.Popen(
+        ['sh', '-c', script, sys.executable, HANGS], stdout=subprocess.PIPE, text=True
+    )
+    assert launcher.stdout is not None
+    supervisor = int(launcher.stdout.readline())
+    assert launcher.stdout.readline() == 'hangs\n'
+    launcher.kill()
+    launcher.wait()
+    until(lambda: process_of(supervisor) is None)
