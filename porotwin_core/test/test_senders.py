@@ -1,7 +1,6 @@
 """Tests of the rules about who may send."""
 
 from dataclasses import dataclass
-from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +14,6 @@ from porotwin_core.ros.senders import (
     check_servers,
     goals_of,
     only,
-    refuse_others,
 )
 
 
@@ -203,22 +201,3 @@ def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch)
     assert callers(graph, 'asset/control')[0].node.endswith('_NODE_NAME_UNKNOWN_')
     with pytest.raises(InputError, match='a program without a name calls asset/control'):
         only(graph, callers(graph, 'asset/control'), ['guard'], 'calls asset/control')
-
-
-@pytest.mark.parametrize(
-    ('names', 'lost'),
-    [(['_NODE_NAME_UNKNOWN_'], True), (['_NODE_NAME_UNKNOWN_', 'imaging'], False)],
-)
-def test_a_sender_that_stays_without_a_name_in_place_of_a_node_is_noticed(
-    monkeypatch: pytest.MonkeyPatch, names: list[str], lost: bool
-) -> None:
-    senders = [Sender(f'/porotwin/{name}', name) for name in names]
-    monkeypatch.setattr('porotwin_core.ros.senders._in_place_since', {})
-    monkeypatch.setattr('porotwin_core.ros.senders.names_lost', noticed := Event())
-    graph: Any = Graph()
-    for lease_s in (20.0, -1.0):
-        assert not noticed.is_set()
-        monkeypatch.setattr('porotwin_core.ros.senders.LEASE_S', lease_s)
-        with pytest.raises(InputError, match='a program without a name publishes'):
-            refuse_others(graph, senders, ['imaging'], 'publishes asset/new_state')
-    assert noticed.is_set() is lost

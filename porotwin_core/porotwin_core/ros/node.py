@@ -64,7 +64,7 @@ from porotwin_core.ros.ros_environment import (
     check_room,
     check_shared_memory,
 )
-from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated, names_lost
+from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated
 
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
@@ -457,8 +457,11 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             for one in STOP_SIGNALS:
                 signal.signal(one, signal.SIG_IGN)  # the end is not interrupted
             end_in_order(executor, [] if node is None else [node])
-    if awake.why:
-        sys.exit(f'{awake.why}; it starts anew')  # with status 1: the launcher starts it
+    if awake.slept_s:
+        sys.exit(
+            f'stood still for {awake.slept_s:.0f} s, so that the other nodes have forgotten this '
+            'one; it starts anew'
+        )  # with status 1: the launcher starts it
 
 
 @contextmanager
@@ -487,10 +490,10 @@ class Awake:
     """Findings of `kept_awake`.
 
     Attributes:
-        why: the reason for which the process must start anew; empty: none.
+        slept_s: time for which the process stood still until the others forgot it [s]; 0: never.
     """
 
-    why: str = ''
+    slept_s: float = 0.0
 
 
 @contextmanager
@@ -502,8 +505,7 @@ def kept_awake(executor: Executor, asked: Event | None = None) -> Iterator[Awake
     raised inside a destructor, so that it is repeated while `asked` is set.
 
     A process that stood still for the lease of the middleware never learns the names of the other
-    nodes again, and one that started beside a node that was killed may not. It is asked to stop as
-    by a signal.
+    nodes again. It is asked to stop as by a signal.
     """
     ended, awake = Event(), Awake()
 
@@ -513,17 +515,10 @@ def kept_awake(executor: Executor, asked: Event | None = None) -> Iterator[Awake
             with until_shutdown(executor.context):
                 executor.wake()
             gap, before = time.monotonic() - before, time.monotonic()
-            if asked is None:
-                continue
-            if gap > LEASE_S:
-                awake.why = (
-                    f'stood still for {gap:.0f} s, so that the other nodes have forgotten it'
-                )
-            elif names_lost.is_set():
-                awake.why = 'never learnt the name of the node that sends to it'
-            if awake.why:
+            if asked is not None and gap > LEASE_S:
+                awake.slept_s = gap
                 asked.set()
-            if asked.is_set():
+            if asked is not None and asked.is_set():
                 interrupt_main()
 
     thread = Thread(target=wake, daemon=True)

@@ -7,9 +7,8 @@ writer of another type cannot: the middleware connects endpoints of one type onl
 
 import time
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from threading import Event
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
@@ -73,13 +72,6 @@ NAME_PERIOD_S = 0.05
 _nameless: set[str] = set()
 """Identities of senders whose name never came: a flood of theirs must not be waited for again."""
 
-_in_place_since: dict[str, float] = {}
-"""When a sender without a name was first seen in place of a node of the twin [s], by identity."""
-
-names_lost = Event()
-"""Is set when such a sender stays. The middleware then has lost the name of a node, which a new
-process learns: seen where a killed node started again on a busy machine."""
-
 
 @dataclass(frozen=True, order=True)
 class Sender:
@@ -124,7 +116,8 @@ def check_senders(node: Any, topic: str, *, replayed: bool | None = None) -> lis
         InputError: another node does so too; one line with its name.
     """
     allowed, present = may_send(node, topic, replayed=replayed), publishers(node, topic)
-    _refuse(node, present, allowed, SENDERS[topic], f'publishes {topic}')
+    others = [sender for sender in present if sender.node not in allowed]
+    refuse_others(node, others, SENDERS[topic], f'publishes {topic}')
     return present
 
 
@@ -209,21 +202,8 @@ def refuse_others(node: Any, found: Collection[Sender], names: Sequence[str], do
     Raises:
         InputError: another node does so too; one line with its name.
     """
-    _refuse(node, found, {full_name(node, name) for name in names}, names, doing)
-
-
-def _refuse(
-    node: Any, found: Collection[Sender], allowed: Set[str], names: Sequence[str], doing: str
-) -> None:
-    """Check as `refuse_others` that all are nodes of the full names `allowed`."""
-    present = {sender.node for sender in found}
-    nameless = [sender.identity for sender in found if UNKNOWN_NODE in sender.node]
-    now = time.monotonic()
-    if not present & allowed and any(
-        now - _in_place_since.setdefault(identity, now) > LEASE_S for identity in nameless
-    ):
-        names_lost.set()
-    others = sorted(present - allowed)
+    allowed = {full_name(node, name) for name in names}
+    others = sorted({sender.node for sender in found} - allowed)
     if others:
         name = others[0].replace(UNKNOWN_NODE, 'a program without a name')
         expected = full_name(node, ' or '.join(names))
