@@ -238,7 +238,7 @@ def decision(
 ) -> None:
     """Time from a photograph to its setpoint, with all nodes.
 
-    Example: ./porotwin bench decision --programs 120
+    Example: ./porotwin bench decision --programs 10
     """
     _measure('decision', as_json=as_json, photographs=photographs, programs=programs)
 

@@ -181,8 +181,8 @@ def test_a_program_without_a_name_is_waited_for_once(monkeypatch: pytest.MonkeyP
         with pytest.raises(InputError, match='a program without a name publishes'):
             check_senders(graph, 'wells/measured')
         looks.append(len(graph.asked))
-    assert looks[0] > looks[1]
-    assert looks[1:] == [2, 2]
+    assert looks[0] > 1
+    assert looks[1:] == [1, 1]
 
 
 def test_two_senders_of_one_name_are_refused() -> None:

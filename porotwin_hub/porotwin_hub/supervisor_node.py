@@ -229,7 +229,8 @@ def _launcher_has_ended() -> bool:
     A killed launcher with several threads remains the parent until its last thread has ended. It
     is a zombie meanwhile.
     """
-    return launcher_is_gone() or process_of(os.getppid()) is None
+    named = PARENT in os.environ  # others end their nodes themselves
+    return named and (launcher_is_gone() or process_of(os.getppid()) is None)
 
 
 def end_orphans() -> None:

@@ -372,7 +372,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
         return 'heads: no water flows through the rig; compare them with the levels of water bodies'
     seconds = float(physics.mobile_water.sum()) / rate
     start = ' at the start' if rig.levels else ''
-    balance = water_balance(rig, grid, with_rises({}, WaterLevels.of(rig).at(0.0)))
+    balance = water_balance(rig, grid, {})
     places = {} if balance is None else balance.places
     sources, drains = ([n for n, one in places.items() if sign * one > 0.0] for sign in (1, -1))
     way = f'from {quoted(sources)} to {quoted(drains)}, ' * bool(sources and drains)

@@ -1,5 +1,6 @@
 """The log of a node: one line per message, without characters that act on a terminal."""
 
+from collections import defaultdict
 from typing import Any
 
 from rclpy.impl import rcutils_logger
@@ -16,10 +17,9 @@ class PlainLogger(rcutils_logger.RcutilsLogger):
     def __init__(self, name: str) -> None:
         """Make the logger of this name."""
         super().__init__(name)
-        self._of_severity: dict[Any, Any] = {}
+        self._of_severity = defaultdict[Any, Any](lambda: rcutils_logger.RcutilsLogger(name))
 
     def log(self, message: Any, severity: Any, **kwargs: Any) -> bool:
         """Log a message, as rclpy does; one place in the code may log with any severity."""
         # rclpy raises ValueError at a second severity of a place
-        logger = self._of_severity.setdefault(severity, rcutils_logger.RcutilsLogger(self.name))
-        return bool(logger.log(plain(str(message)), severity, **kwargs))
+        return bool(self._of_severity[severity].log(plain(str(message)), severity, **kwargs))

@@ -232,25 +232,21 @@ def only(node: Any, found: Collection[Sender], names: Sequence[str], doing: str)
     return list(found)
 
 
-def _own_types(node: Any, topic: str, *, mangled: bool) -> set[str]:
-    """Return the types that `node` itself takes or sends on `topic`, an absolute name."""
-    endpoints = [
-        *node.get_subscriptions_info_by_topic(topic, no_mangle=mangled),
-        *node.get_publishers_info_by_topic(topic, no_mangle=mangled),
-    ]
-    own = full_name(node, node.get_name())
-    return {info.topic_type for info in endpoints if sender_name(info) == own}
-
-
 def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
-    """Return the writers of `topic`, of the types of `node`; of all types if it has none there."""
-    types = _own_types(node, topic, mangled=mangled)
+    """Return the writers of `topic`, an absolute name, of the types that `node` has there itself.
+
+    If it takes and sends nothing there, writers of all types count.
+    """
+    own = full_name(node, node.get_name())
+    readers = node.get_subscriptions_info_by_topic(topic, no_mangle=mangled)
     deadline = time.monotonic() + NAME_PATIENCE_S
     while True:
+        writers = node.get_publishers_info_by_topic(topic, no_mangle=mangled)
+        types = {one.topic_type for one in (*readers, *writers) if sender_name(one) == own}
         found = [
-            Sender(sender_name(info), bytes(info.endpoint_gid).hex())
-            for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
-            if not types or info.topic_type in types
+            Sender(sender_name(one), bytes(one.endpoint_gid).hex())
+            for one in writers
+            if not types or one.topic_type in types
         ]
         awaited = {one.identity for one in found if UNKNOWN_NODE in one.node} - _nameless
         if not awaited or time.monotonic() > deadline:

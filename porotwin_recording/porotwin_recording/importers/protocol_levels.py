@@ -61,11 +61,10 @@ def _course(seconds: np.ndarray, levels: np.ndarray, where: str) -> LevelCourse:
     Raises:
         InputError: the log ends before time zero.
     """
-    minutes = np.round(seconds / MINUTE_S)  # models know the mean of each minute only
-    times, means = (
-        np.array([values[minutes == minute].mean() for minute in np.unique(minutes)])
-        for values in (seconds, levels)
+    _, part, counts = np.unique(  # models know the mean of each minute only
+        np.round(seconds / MINUTE_S), return_inverse=True, return_counts=True
     )
+    times, means = (np.bincount(part, values) / counts for values in (seconds, levels))
     if times[-1] < 0.0:
         raise InputError(f'{where}: ends before time zero; compare the clocks')
     later = times > 0.0
