@@ -24,13 +24,18 @@ most CFL_LIMIT. A face is evaluated at the level of its upstream cell. Both side
 volume of tracer, so the scheme conserves tracer to round-off.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_solver.coefficients.cell_threads import THREADED_CELLS, in_blocks, in_rows
+from porotwin_solver.coefficients.cell_threads import (
+    BLOCK_CELLS,
+    THREADED_CELLS,
+    in_blocks,
+    in_rows,
+)
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.transport.awake_cells import (
     ASLEEP,
@@ -45,7 +50,6 @@ from porotwin_solver.transport.local_time_steps import (
     NO_TAPE,
     TimeStepLevels,
     assign_levels,
-    lowest_starting_level,
     substeps,
 )
 from porotwin_solver.transport.scheme import Scheme
@@ -53,6 +57,7 @@ from porotwin_solver.transport.transport_kernels import (
     advection,
     cfl_rates,
     evaluate_faces,
+    phase_count,
     update_cells,
 )
 
@@ -149,32 +154,38 @@ def advect(
     """
     lost = np.zeros(2) if tracer_lost is None else tracer_lost
     awake = awake_cells(concentration, flux, sources, storage, levels, accumulators)
-    if record or concentration.size < THREADED_CELLS:
-        tape = np.empty(substeps(awake.count_at_least)) if record else NO_TAPE
-        advection(
-            concentration,
-            flux,
-            sources,
-            storage,
-            levels,
-            awake,
-            int(scheme),
-            accumulators,
-            lost,
-            tape,
-        )
-        if not record:
-            return None
+    fields = (concentration, flux, sources, storage, levels, awake, int(scheme), accumulators, lost)
+    phases = 2 << (len(awake.count_at_least) - 1)
+    if record:
+        tape = np.empty(substeps(awake.count_at_least))
+        advection(*fields, tape, 0, phases)
         return AdvectionTape(awake.first_change < ASLEEP, awake.count_at_least, tape)
-    highest = len(awake.count_at_least) - 1
-    for substep in range(1 << highest):
-        starting = awake.count_at_least[lowest_starting_level(substep, highest)]
-        faces = (concentration, flux, sources, levels, awake, int(scheme), accumulators)
-        in_blocks(evaluate_faces, starting, faces)
-        ending = awake.count_at_least[lowest_starting_level(substep + 1, highest)]
-        cells = (concentration, sources, storage, levels, awake, accumulators)
-        in_blocks(update_cells, ending, cells, lost)
+    if concentration.size < THREADED_CELLS:
+        advection(*fields, NO_TAPE, 0, phases)
+    else:
+        _advect_in_threads(fields, phases)
     return None
+
+
+def _advect_in_threads(fields: tuple[Any, ...], phases: int) -> None:
+    """Do as `advection` to its `fields` in all `phases`.
+
+    Threads share a phase of many cells. One call does all phases between two of these.
+    """
+    concentration, flux, sources, storage, levels, awake, scheme, accumulators, lost = fields
+    faces = (concentration, flux, sources, levels, awake, scheme, accumulators)
+    cells = (concentration, sources, storage, levels, awake, accumulators)
+    begin = 0
+    for phase in range(phases + 1):
+        count = phase_count(phase, awake.count_at_least) if phase < phases else len(awake.order)
+        if phase < phases and count <= BLOCK_CELLS:
+            continue
+        advection(*fields, NO_TAPE, begin, phase)
+        if phase < phases and phase % 2 == 0:
+            in_blocks(evaluate_faces, count, faces)
+        elif phase < phases:
+            in_blocks(update_cells, count, cells, lost)
+        begin = phase + 1
 
 
 def awake_cells(

@@ -150,24 +150,34 @@ def corrections(c, near, cfl_out, cfl_in, cfl_well, well, low, high, scheme):
 
 
 @compiled
-def advection(c, flux, sources, storage, levels, awake, scheme, accumulators, tracer_lost, tape):
-    """Advance `c` in place by `levels.duration`.
+def phase_count(phase, count_at_least):
+    """Return the number of awake cells that take part in a phase; `advection` tells what it is."""
+    highest = len(count_at_least) - 1
+    return count_at_least[lowest_starting_level((phase + 1) // 2, highest)]
 
+
+@compiled
+def advection(
+    c, flux, sources, storage, levels, awake, scheme, accumulators, tracer_lost, tape, first, last
+):
+    """Advance `c` in place by the phases `first` to `last` - 1.
+
+    The finest substep s has two: phase 2 s evaluates faces, phase 2 s + 1 updates cells.
     `tape` receives the concentration of every awake cell before each of its substeps, unless it has
     no room at all. `tracer_lost` as in `update_cells`.
     """
-    highest = len(awake.count_at_least) - 1
     taped = 0
-    for substep in range(1 << highest):
-        starting = awake.count_at_least[lowest_starting_level(substep, highest)]
-        evaluate_faces(c, flux, sources, levels, awake, scheme, accumulators, 0, starting)
-        ending = awake.count_at_least[lowest_starting_level(substep + 1, highest)]
+    for phase in range(first, last):
+        count = phase_count(phase, awake.count_at_least)
+        if phase % 2 == 0:
+            evaluate_faces(c, flux, sources, levels, awake, scheme, accumulators, 0, count)
+            continue
         if len(tape) > 0:
-            for place in range(ending):
+            for place in range(count):
                 i = awake.row[place]
                 tape[taped] = c[i, awake.order[place] - i * c.shape[1]]
                 taped += 1
-        update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, 0, ending)
+        update_cells(c, sources, storage, levels, awake, accumulators, tracer_lost, 0, count)
 
 
 @compiled
