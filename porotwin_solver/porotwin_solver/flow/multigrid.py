@@ -109,24 +109,34 @@ class GridLevel:
         self._rows(kernels.outflow, p, *self.trans, self.diagonal, result)
         return result
 
-    def begun(self, b: FloatArray) -> FloatArray:
-        """Return the potential after one relaxation from zero, for the source `b` (nz, nx)."""
-        p = self.potential()
-        self._rows(kernels.begin, p, b, self.inverse)
-        self._rows(kernels.relax, p, b, *self.trans, self.inverse, 1)
-        return p
-
-    def relax(self, p: FloatArray, b: FloatArray) -> None:
-        """Relax `p` in place, in the opposite order: so the cycle is symmetric."""
-        for colour in (1, 0):
-            self._rows(kernels.relax, p, b, *self.trans, self.inverse, colour)
-
     def block_residuals(self, p: FloatArray, b: FloatArray, coarse: 'GridLevel') -> FloatArray:
-        """Return the residual of `p` for the source `b`, summed over the blocks."""
+        """Return the residual after one relaxation from zero for the source `b`, of each block.
+
+        The potential `p` is used as a work array.
+        """
         result = np.empty(coarse.shape)
-        where = (p, b, *self.trans, self.diagonal, result)
+        where = (p, b, *self.trans, self.inverse, result)
         in_rows(kernels.restricted, len(result), self.diagonal.size, *where)
         return result
+
+    def smoothed(self, p: FloatArray, b: FloatArray, correction: FloatArray) -> FloatArray:
+        """Return the potential of `block_residuals` after the `correction` and a relaxation."""
+        result = self.potential()
+        self._rows(kernels.smoothed, p, b, *self.trans, self.inverse, correction, result)
+        return result
+
+    def carried(self, p: FloatArray, b: FloatArray, out: FloatArray) -> tuple[float, float]:
+        """Fill `out` (nz, nx) with the matrix times `p`; return `p` times it, and `p` times `b`."""
+        sums = np.empty((self.shape[0], 2))
+        self._rows(kernels.carry, p, b, *self.trans, self.diagonal, out, sums)
+        energy, work = sums.sum(axis=0).tolist()
+        return energy, work
+
+    def reduced(self, residual: FloatArray, step: float, carried: FloatArray) -> float:
+        """Take `step` times `carried` from `residual`; return the sum of its squares."""
+        sums = np.empty(self.shape[0])
+        self._rows(kernels.reduce, residual, step, carried, sums)
+        return float(np.sum(sums))
 
     def product(self, p: FloatArray, b: FloatArray) -> float:
         """Return the scalar product of a potential and a source."""
@@ -159,12 +169,10 @@ class GridLevel:
             found: tuple[float, float] = kernels.conjugate_step(*fields, energy)
             return found
         _add_rows(kernels.turn, direction, -self.product(gradient, carried) / energy, gradient)
-        self._rows(kernels.outflow, direction, *self.trans, self.diagonal, carried)
-        energy = self.product(direction, carried)
-        step = self.product(direction, residual) / energy
+        energy, work = self.carried(direction, residual, carried)
+        step = work / energy
         _add_rows(kernels.add, p, step, direction)
-        _add_rows(kernels.add, residual, -step, carried)
-        return energy, self.square(residual)
+        return energy, self.reduced(residual, step, carried)
 
     def _rows(self, kernel: Callable[..., None], *args: object) -> None:
         in_rows(kernel, self.shape[0], self.diagonal.size, *args)
@@ -213,11 +221,9 @@ class Multigrid:
             exact = level.potential()
             exact[1:-1, 1:-1] = self._solve_coarsest(b.ravel()).reshape(level.shape)
             return exact
-        p = level.begun(b)
-        correction = self._inner(number + 1, level.block_residuals(p, b, self._levels[number + 1]))
-        in_rows(kernels.prolonged, level.shape[0], level.diagonal.size, p, correction)
-        level.relax(p, b)
-        return p
+        p, coarse = level.potential(), self._levels[number + 1]
+        correction = self._inner(number + 1, level.block_residuals(p, b, coarse))
+        return level.smoothed(p, b, correction)
 
     def _inner(self, number: int, b: FloatArray) -> FloatArray:
         """Return the result of at most two steps of conjugate gradients on the grid `number`."""
@@ -225,19 +231,17 @@ class Multigrid:
         first = self._cycle(number, b)
         if number == len(self._levels) - 1:
             return first
-        first_out = level.outflow(first)
-        first_energy = level.product(first, first_out)
-        step = level.product(first, b) / first_energy if first_energy > 0.0 else 0.0
-        left = b.copy()
-        _add_rows(kernels.add, left, -step, first_out)
-        if level.square(left) <= ENOUGH**2 * level.square(b):
+        first_out, left = np.empty(level.shape), b.copy()
+        first_energy, work = level.carried(first, b, first_out)
+        step = work / first_energy if first_energy > 0.0 else 0.0
+        if level.reduced(left, step, first_out) <= ENOUGH**2 * level.square(b):
             first *= step
             return first
-        second = self._cycle(number, left)
-        second_out = level.outflow(second)
+        second, second_out = self._cycle(number, left), np.empty(level.shape)
         common = level.product(second, first_out)
-        energy = level.product(second, second_out) - common**2 / first_energy
-        second_step = level.product(second, left) / energy
+        second_energy, work = level.carried(second, left, second_out)
+        energy = second_energy - common**2 / first_energy
+        second_step = work / energy
         first *= step - common * second_step / first_energy
         _add_rows(kernels.add, first, second_step, second)
         return first

@@ -25,19 +25,70 @@ def neighbours(p, x, z, i, j):
 
 
 @compiled
-def begin(p, b, inverse, first, last):
-    """Solve the equations of the even cells of a chessboard, with zero in all others."""
-    for i in range(first, last):
-        for j in range(i % 2, b.shape[1], 2):
-            p[i + 1, j + 1] = b[i, j] * inverse[i, j]
+def begin_row(p, b, inverse, i):
+    """Solve the equations of the even cells of row `i`, with zero in all others."""
+    for j in range(i % 2, b.shape[1], 2):
+        p[i + 1, j + 1] = b[i, j] * inverse[i, j]
 
 
 @compiled
-def relax(p, b, x, z, inverse, colour, first, last):
-    """Solve the equations of the cells of one `colour` of a chessboard, 0 or 1, in place."""
-    for i in range(first, last):
-        for j in range((i + colour) % 2, b.shape[1], 2):
-            p[i + 1, j + 1] = (b[i, j] + neighbours(p, x, z, i, j)) * inverse[i, j]
+def relax_row(p, b, x, z, inverse, colour, i, result):
+    """Solve the equations of the cells of one `colour` in row `i`, 0 or 1, into `result`."""
+    for j in range((i + colour) % 2, b.shape[1], 2):
+        result[i + 1, j + 1] = (b[i, j] + neighbours(p, x, z, i, j)) * inverse[i, j]
+
+
+@compiled
+def restricted(p, b, x, z, inverse, coarse, first, last):
+    """Relax even and odd cells from zero, and sum the residual over blocks of 2 x 2 cells.
+
+    The rows `first` to `last` - 1 are those of `coarse`. Odd cells have no residual, and even ones
+    what their neighbours have brought. The first rows of the next range are computed here too, to
+    the same values.
+    """
+    nz = len(b)
+    begun, relaxed = max(2 * first - 2, 0), max(2 * first - 1, 0)
+    for row in range(first, last):
+        for i in range(begun, min(2 * row + 4, nz)):
+            begin_row(p, b, inverse, i)
+        begun = min(2 * row + 4, nz)
+        for i in range(relaxed, min(2 * row + 3, nz)):
+            relax_row(p, b, x, z, inverse, 1, i, p)
+        relaxed = min(2 * row + 3, nz)
+        for column in range(coarse.shape[1]):
+            coarse[row, column] = 0.0
+        for i in range(2 * row, min(2 * row + 2, nz)):
+            for j in range(i % 2, b.shape[1], 2):
+                coarse[row, j // 2] += neighbours(p, x, z, i, j)
+
+
+@compiled
+def prolong_row(p, b, inverse, coarse, i):
+    """Give the even cells of row `i` what `begin_row` does and the potential of their block."""
+    for j in range(i % 2, b.shape[1], 2):
+        p[i + 1, j + 1] = b[i, j] * inverse[i, j] + coarse[i // 2 + 1, j // 2 + 1]
+
+
+@compiled
+def smoothed(p, b, x, z, inverse, coarse, result, first, last):
+    """Fill rows of `result` with the potential after `coarse`, relaxed at odd and at even cells.
+
+    This is the opposite order of `restricted`: so the cycle is symmetric. What odd cells had before
+    does not matter. `p` takes values in between, those of the neighbouring ranges too: the same
+    ones.
+    """
+    nz = len(b)
+    begun, relaxed = max(first - 2, 0), max(first - 1, 0)
+    for row in range(first, last):
+        for i in range(begun, min(row + 3, nz)):
+            prolong_row(p, b, inverse, coarse, i)
+        begun = min(row + 3, nz)
+        for i in range(relaxed, min(row + 2, nz)):
+            relax_row(p, b, x, z, inverse, 1, i, p)
+        relaxed = min(row + 2, nz)
+        relax_row(p, b, x, z, inverse, 0, row, result)
+        for j in range((row + 1) % 2, b.shape[1], 2):
+            result[row + 1, j + 1] = p[row + 1, j + 1]
 
 
 @compiled
@@ -49,25 +100,17 @@ def outflow(p, x, z, diagonal, result, first, last):
 
 
 @compiled
-def restricted(p, b, x, z, diagonal, coarse, first, last):
-    """Fill rows of `coarse` with the sums of the residual over blocks of 2 x 2 cells."""
-    nz, nx = b.shape
-    for row in range(first, last):
-        for column in range(coarse.shape[1]):
-            total = 0.0
-            for i in range(2 * row, min(2 * row + 2, nz)):
-                for j in range(2 * column, min(2 * column + 2, nx)):
-                    here = diagonal[i, j] * p[i + 1, j + 1]
-                    total += b[i, j] - here + neighbours(p, x, z, i, j)
-            coarse[row, column] = total
-
-
-@compiled
-def prolonged(p, coarse, first, last):
-    """Add to every cell of `p` the potential of its block in `coarse`, which has a frame too."""
+def carry(p, b, x, z, diagonal, result, sums, first, last):
+    """Fill `result` as `outflow`, and `sums` (nz, 2) with the products of `p` with it and `b`."""
     for i in range(first, last):
-        for j in range(p.shape[1] - 2):
-            p[i + 1, j + 1] += coarse[i // 2 + 1, j // 2 + 1]
+        energy, work = 0.0, 0.0
+        for j in range(result.shape[1]):
+            here = p[i + 1, j + 1]
+            carried = diagonal[i, j] * here - neighbours(p, x, z, i, j)
+            result[i, j] = carried
+            energy += here * carried
+            work += here * b[i, j]
+        sums[i, 0], sums[i, 1] = energy, work
 
 
 @compiled
@@ -92,10 +135,22 @@ def squares(b, sums, first, last):
 
 @compiled
 def add(values, factor, direction, first, last):
-    """Add `factor` times `direction` to `values`, both with a frame or both without."""
+    """Add `factor` times `direction` to `values`, both with a frame."""
     for i in range(first, last):
         for j in range(values.shape[1]):
             values[i, j] += factor * direction[i, j]
+
+
+@compiled
+def reduce(residual, factor, carried, sums, first, last):
+    """Take `factor` times `carried` from `residual`; `sums` (nz,) gets its squares, row by row."""
+    for i in range(first, last):
+        total = 0.0
+        for j in range(residual.shape[1]):
+            left = residual[i, j] - factor * carried[i, j]
+            residual[i, j] = left
+            total += left * left
+        sums[i] = total
 
 
 @compiled
@@ -114,15 +169,12 @@ def conjugate_step(p, residual, direction, carried, gradient, x, z, diagonal, en
     product, and the sum of squares of the new residual.
     """
     rows = len(residual)
-    sums = np.empty(rows)
+    sums, pairs = np.empty(rows), np.empty((rows, 2))
     products(gradient, carried, sums, 0, rows)
     turn(direction, -np.sum(sums) / energy, gradient, 0, rows + 2)
-    outflow(direction, x, z, diagonal, carried, 0, rows)
-    products(direction, carried, sums, 0, rows)
-    energy = np.sum(sums)
-    products(direction, residual, sums, 0, rows)
-    step = np.sum(sums) / energy
+    carry(direction, residual, x, z, diagonal, carried, pairs, 0, rows)
+    energy = np.sum(pairs[:, 0])
+    step = np.sum(pairs[:, 1]) / energy
     add(p, step, direction, 0, rows + 2)
-    add(residual, -step, carried, 0, rows)
-    squares(residual, sums, 0, rows)
+    reduce(residual, step, carried, sums, 0, rows)
     return energy, np.sum(sums)
