@@ -313,7 +313,7 @@ def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
         return float(seen.sum()), np.ones_like(seen)
 
     begin = time.process_time()
-    gradient(rig, schedule, times, cost, grid=grid, preset='fast')
+    gradient(rig, schedule, times, cost, grid=grid, preset='fast', by_concentration=False)
     return time.process_time() - begin
 
 

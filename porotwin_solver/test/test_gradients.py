@@ -96,7 +96,7 @@ class Problem:
         )
         return sum(self.part(index, seen)[0] for index, seen in enumerate(maps))
 
-    def gradient(self, parameters=()):
+    def gradient(self, parameters=(), *, by_concentration: bool = True):
         return gradient(
             self.rig,
             schedule(),
@@ -106,6 +106,7 @@ class Problem:
             preset=self.preset,
             effects=self.descriptions(self.effects),
             parameters=parameters,
+            by_concentration=by_concentration,
         )
 
 
@@ -230,6 +231,29 @@ def test_a_gradient_by_absent_dispersion_is_refused(rig, diffusion, name, compla
     problem = Problem(rig, 'fast', {'dispersion': {**neutral, 'diffusion': diffusion}})
     with pytest.raises(InputError, match=f'gradient by dispersion {name}: .*{complaint}'):
         problem.gradient([('dispersion', name)])
+
+
+SKIPPED = {
+    'plain': {},
+    'diffusion': {'numerical_diffusion': {'model_diffusion': 1e-8}},
+    'immobile water': {name: EFFECTS[name] for name in ('dual_porosity', 'decay')},
+    'tracer-driven flow': {name: EFFECTS[name] for name in ('buoyancy', 'viscosity')},
+}
+"""Effects beside which empty cells may be left out of a gradient by rates."""
+
+
+@pytest.mark.parametrize('preset', ['fast', 'sharp'])
+@pytest.mark.parametrize('effects', SKIPPED.values(), ids=SKIPPED)
+def test_empty_cells_do_not_change_the_gradient_by_rates(rig, preset, effects) -> None:
+    problem = Problem(rig, preset, effects)
+    whole, quick = problem.gradient(), problem.gradient(by_concentration=False)
+    for well, derivatives in whole.rate.items():
+        np.testing.assert_allclose(quick.rate[well], derivatives, rtol=1e-9, err_msg=well)
+    for well in ('injector', 'control3'):  # they inject tracer
+        np.testing.assert_allclose(
+            quick.concentration[well], whole.concentration[well], rtol=1e-9, err_msg=well
+        )
+    assert np.abs(quick.concentration['control1'] - whole.concentration['control1']).max() > 0.0
 
 
 def test_a_well_at_rest_has_the_gradient_of_a_starting_injection(rig) -> None:

@@ -34,9 +34,16 @@ class SweepDerivatives:
 
 
 def sweep_backward(
-    model: Model, times: FloatArray, forward: ForwardSweep, varied: Sequence[ParameterDifference]
+    model: Model,
+    times: FloatArray,
+    forward: ForwardSweep,
+    varied: Sequence[ParameterDifference],
+    *,
+    by_concentration: bool = True,
 ) -> SweepDerivatives:
     """Return the derivatives of the cost of `forward` at `times` [s]; its kept states are consumed.
+
+    Without `by_concentration`, those by concentrations are right for injected tracer alone.
 
     Raises:
         InputError: the iterative solver for large grids does not converge.
@@ -49,6 +56,8 @@ def sweep_backward(
         np.zeros(len(varied)),
     )
     by_parameter = found.parameters
+    everywhere = by_concentration or bool(varied)
+    empty_cells = everywhere or any(adds_tracer(each.rates) for each in forward.intervals)
     bar = AdjointState.equilibrium(np.zeros(engine.grid.shape))
     for index in range(count - 1, -1, -1):
         interval = forward.intervals[index]
@@ -62,7 +71,9 @@ def sweep_backward(
         while interval.states:
             first = interval.states.pop()
             record = interval.records.pop()
-            step = step_adjoint(engine, first, rates, length, bar, varied, record=record)
+            step = step_adjoint(
+                engine, first, rates, length, bar, varied, record=record, empty_cells=empty_cells
+            )
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
@@ -94,6 +105,11 @@ def _map_adjoint(
     return np.array([one.derivative(weighted) for one in varied])
 
 
+def adds_tracer(rates: WellRates) -> bool:
+    """Return whether a well at rest holds tracer: its derivative asks for tracer in empty cells."""
+    return any(well.rate == 0.0 and well.concentration > 0.0 for well in rates.values())
+
+
 def well_derivatives(
     engine: Engine,
     rates: WellRates,
@@ -107,9 +123,8 @@ def well_derivatives(
     """
     at, units = engine.sources_and_sinks, engine.flux_per_rate(rates)
     flux_bar, sources_bar, _ = derivatives.advection
-    # not np.vdot: its threads wait for each other, which takes longer than the sums
-    by_unit = np.einsum('kij,ij->k', units.x, flux_bar.x)
-    by_unit += np.einsum('kij,ij->k', units.z, flux_bar.z)
+    by_unit = units.x.reshape(len(at.all), -1) @ flux_bar.x.ravel()
+    by_unit += units.z.reshape(len(at.all), -1) @ flux_bar.z.ravel()
     found_rate, found_concentration = {}, {}
     for name, source_sink in engine.physics.wells.items():
         commanded = rates.get(name, WellRate())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -38,6 +39,7 @@ class Gradient:
     parameters: FloatArray
 
 
+@one_blas_thread()
 def gradient(
     rig: Rig,
     schedule: Schedule,
@@ -49,12 +51,14 @@ def gradient(
     effects: Iterable[EffectDescription] = (),
     parameters: Sequence[ParameterName] = (),
     start: float = 0.0,
+    by_concentration: bool = True,
 ) -> Gradient:
     """Return the sum of `cost` over the maps at `times` [s] of `simulate`, and its gradient.
 
     `parameters` are (effect, parameter) names among the effects of the rig and the given `effects`.
     The other arguments are as in `simulate`. The run time is a few simulations for any number of
-    rates; each parameter adds a fraction of one.
+    rates; each parameter adds a fraction of one. It is shorter without `by_concentration`: the
+    derivatives by injected concentrations are then right for wells that inject tracer alone.
 
     Raises:
         InputError: a parameter without a gradient (the offset of the clock; dispersivities that are
@@ -66,7 +70,7 @@ def gradient(
     varied = [ParameterDifference(rig, grid, preset, described, name) for name in parameters]
     moments = np.asarray(times, dtype=float)
     forward = sweep_forward(model, schedule, moments, start, cost, varied=bool(varied))
-    derivatives = sweep_backward(model, moments, forward, varied)
+    derivatives = sweep_backward(model, moments, forward, varied, by_concentration=by_concentration)
     by_well = (*derivatives.rate.values(), *derivatives.concentration.values())
     refuse_not_finite(forward.cost, *by_well, derivatives.parameters)
     return Gradient(

@@ -15,7 +15,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.rates.wells import RateStep, check_plan, plan_intervals
 from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
-from porotwin_solver.adjoint.backward_sweep import well_derivatives
+from porotwin_solver.adjoint.backward_sweep import adds_tracer, well_derivatives
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.adjoint.step_recorder import MOST_KEPT_BYTES, StepRecorder
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint, refine
@@ -148,12 +148,20 @@ class _Run:
         found = np.zeros((len(self.plan), len(wells)))
         bar = AdjointState.equilibrium(np.zeros(engine.grid.shape))
         self._add_cost_derivative(bar, last, len(kept))
+        empty_cells = any(adds_tracer(step.rates) for step in self.plan)
         while kept:
             engine.supervision.check()
             first, coefficients, length, number, record = kept.pop()
             rates = self.plan[number].rates
             step = step_adjoint(
-                engine, first, rates, length, bar, coefficients=coefficients, record=record
+                engine,
+                first,
+                rates,
+                length,
+                bar,
+                coefficients=coefficients,
+                record=record,
+                empty_cells=empty_cells,
             )
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
             by_rate, _ = well_derivatives(engine, rates, step.derivatives, by_source)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRates
@@ -19,6 +20,7 @@ from porotwin_solver.adjoint.transport_adjoint_kernels import (
     AdvectionDerivatives,
     advection_adjoint,
 )
+from porotwin_solver.coefficients.compiled import NEGLIGIBLE
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.water_contact import WaterContact
 from porotwin_solver.model.engine import Engine, State, StepCoefficients, StepRecord
@@ -85,13 +87,15 @@ def step_adjoint(
     *,
     coefficients: StepCoefficients | None = None,
     record: StepRecord | None = None,
+    empty_cells: bool = True,
 ) -> StepAdjoint:
     """Apply the adjoint of the step of `length` [s] from `first`, and consume its `record`.
 
     The derivatives by the parameters `varied` are part of the result. `rates` are [m^3/s] by well.
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
     part through the tracer-driven flow (`flow_adjoint`). Without a `record` the step is run again,
-    and without given `coefficients` those of the step are computed.
+    and without given `coefficients` those of the step are computed. Without `empty_cells`, `bar` is
+    zero where no tracer is: that is right if none may be added there.
 
     Raises:
         InputError: as `Engine.coefficients`.
@@ -116,6 +120,7 @@ def step_adjoint(
         derivatives,
         engine.contact(rates),
         with_tensor=with_tensor,
+        empty_cells=empty_cells,
     )
     by_parameter += _reaction_derivatives(varied, bar, first, half)
     engine.react_adjoint(bar, half)
@@ -132,6 +137,7 @@ def _transport_adjoint(
     contact: WaterContact,
     *,
     with_tensor: bool,
+    empty_cells: bool,
 ) -> None:
     """Apply the adjoint of `Engine.transport`; the last state of `record` becomes the first."""
     c = record.last.mobile
@@ -152,6 +158,10 @@ def _transport_adjoint(
         length = exchanges.levels.duration / exchanges.lines.steps
         exchange_along_lines_adjoint(*cells, exchanges.lines, length, tape, *bars)
 
+    if not empty_cells and exchanges.to_neighbours:
+        reached = _reached(c, record.advection.is_awake)
+        levels = levels.of(reached)
+        bar.mobile.ravel()[~reached] = 0.0
     diffusion_adjoint(record.second_diffusion)
     advection_adjoint(
         c,
@@ -169,6 +179,20 @@ def _transport_adjoint(
     with_water_adjoint(contact, flux, derivatives.advection.sources, derivatives.advection.flux)
     if with_tensor:
         _add_tensor_derivatives(engine, flux, exchanges, weight_bar, derivatives)
+
+
+def _reached(c: FloatArray, is_awake: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells (nz * nx,) that a step gives tracer, if neighbours exchange it.
+
+    `c` (nz, nx) is the concentration after the advection, `is_awake` (nz * nx,) as in its tape.
+    """
+    sends = is_awake.reshape(c.shape) | (c >= NEGLIGIBLE)
+    reached = sends.copy()
+    reached[1:] |= sends[:-1]
+    reached[:-1] |= sends[1:]
+    reached[:, 1:] |= sends[:, :-1]
+    reached[:, :-1] |= sends[:, 1:]
+    return reached.ravel()
 
 
 def _add_tensor_derivatives(

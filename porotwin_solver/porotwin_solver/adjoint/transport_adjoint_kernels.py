@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_solver.coefficients.compiled import compiled
+from porotwin_solver.coefficients.compiled import compiled, inlined
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.transport.awake_cells import differs
 from porotwin_solver.transport.local_time_steps import lowest_starting_level
@@ -101,7 +101,7 @@ def slope_adjoint(behind, ahead, cfl, scheme, bar):
     return bar * by_b, bar * by_a, bar * sign * by_cfl
 
 
-@compiled
+@inlined
 def corrections_adjoint(c, stencil, cfl_well, well, bar, scheme, stencil_bar, limited):
     """Apply the adjoint of `corrections` to the derivatives `bar` (4,) by the four corrections.
 
@@ -496,7 +496,7 @@ def flat_cell_adjoint(bar, i, j, water, cfl_per_flux, across, upward):
     bar[i, j] += own
 
 
-@compiled
+@inlined
 def fill_stencil(c, i, j, leaving, cfl_per_flux, stencil):
     """Fill the Stencil of cell (i, j), given the water `leaving` through its sides (4,) [m^3/s].
 
@@ -518,7 +518,7 @@ def fill_stencil(c, i, j, leaving, cfl_per_flux, stencil):
         stencil.cfl_in[k] = max(-leaving[k], 0.0) * cfl_per_flux
 
 
-@compiled
+@inlined
 def add_to_neighbours(bar, i, j, here_bar, stencil_bar):
     """Add the parts of `stencil_bar.near` and `.upstream` to `bar` (nz, nx) at the neighbours.
 

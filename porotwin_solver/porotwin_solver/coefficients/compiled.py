@@ -5,6 +5,9 @@ from numba import njit
 compiled = njit(cache=True, nogil=True, error_model='numpy')
 """Compile once per machine, release the interpreter's lock, divide by zero as NumPy does."""
 
+inlined = njit(inline='always', nogil=True, error_model='numpy')
+"""Compile into the calling kernel: a call with many arrays counts references to each of them."""
+
 NEGLIGIBLE = 1e-15
 """Concentration [-] below which a cell sends no tracer to its neighbours.
 

@@ -35,6 +35,12 @@ class TimeStepLevels(NamedTuple):
     order: NDArray[np.int32]
     count_at_least: NDArray[np.int64]
 
+    def of(self, chosen: NDArray[np.bool_]) -> 'TimeStepLevels':
+        """Return the substeps of the `chosen` cells (nz * nx,) alone."""
+        kept = chosen[self.order]
+        count = np.concatenate([[0], np.cumsum(kept)])[self.count_at_least]
+        return self._replace(order=self.order[kept], count_at_least=count)
+
 
 def tape_length(levels: TimeStepLevels) -> int:
     """Return the number of substeps of all cells together: the length of the tape of a run."""
