@@ -77,10 +77,10 @@ def sweep_backward(
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
-            by_rate, by_concentration = well_derivatives(engine, rates, step.derivatives, by_source)
+            by_well = well_derivatives(engine, rates, step.derivatives, by_source)
             for name in engine.physics.wells:
-                found.rate[name][index] += by_rate[name]
-                found.concentration[name][index] += by_concentration[name]
+                found.rate[name][index] += by_well[0][name]
+                found.concentration[name][index] += by_well[1][name]
     return found
 
 
