@@ -24,7 +24,6 @@ most CFL_LIMIT. A face is evaluated at the level of its upstream cell. Both side
 volume of tracer, so the scheme conserves tracer to round-off.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,10 +64,6 @@ from porotwin_solver.transport.transport_kernels import (
 CFL_LIMIT = 0.5
 """Largest CFL number [-] of a cell: the fraction of its storage that leaves or enters in one
 substep. The bounds hold up to 1, where no room for corrections remains; 0.5 leaves half of it."""
-
-
-_advection: Callable[..., None] = advection
-"""Numba's own type takes fewer arguments."""
 
 
 class Sources(NamedTuple):
@@ -173,10 +168,10 @@ def advect(
     phases = 2 << (len(awake.count_at_least) - 1)
     if record:
         tape = np.empty(substeps(awake.count_at_least))
-        _advection(*fields, tape, 0, phases)
+        advection(*fields, tape, 0, phases)
         return AdvectionTape(awake.first_change < ASLEEP, awake.count_at_least, tape)
     if concentration.size < THREADED_CELLS:
-        _advection(*fields, NO_TAPE, 0, phases)
+        advection(*fields, NO_TAPE, 0, phases)
     else:
         _advect_in_threads(fields, phases)
     return None
@@ -195,13 +190,13 @@ def _advect_in_threads(fields: tuple[Any, ...], phases: int) -> None:
         count = phase_count(phase, awake.count_at_least)
         if count <= BLOCK_CELLS:
             continue
-        _advection(*fields, NO_TAPE, begin, phase)
+        advection(*fields, NO_TAPE, begin, phase)
         if phase % 2 == 0:
             in_blocks(evaluate_faces, count, faces)
         else:
             in_blocks(update_cells, count, cells, lost)
         begin = phase + 1
-    _advection(*fields, NO_TAPE, begin, phases)
+    advection(*fields, NO_TAPE, begin, phases)
 
 
 def awake_cells(
@@ -233,7 +228,7 @@ def awake_cells(
         np.empty(count),
         np.empty(count, np.int16),
     )
-    fields: tuple[Any, ...] = (concentration, flux, sources, storage, levels, awake, accumulators)
+    fields = (concentration, flux, sources, storage, levels, awake, accumulators)
     if size < THREADED_CELLS:
         prepare(*fields, 0, count)
     else:
