@@ -38,6 +38,8 @@ ROS_SHELLS = {
     'porotwin_core/conversions.py': 'the one place that converts messages',
     'porotwin_recording/bag_conversion.py': 'makes the bag that a live run would have recorded',
     'porotwin_recording/player.py': 'turns recorded setpoints into measured rates',
+    'porotwin_recording/replay_audience.py': 'looks at the graph that a replay plays into',
+    'porotwin_recording/replay_topics.py': 'publishes the topics of a replay',
     'porotwin_hub/clients.py': 'service clients as callables',
     'porotwin_hub/cycle_report.py': 'turns cycles into reports',
     'porotwin_hub/planner_parameters.py': 'declares parameters of the hub',

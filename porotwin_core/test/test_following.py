@@ -26,7 +26,10 @@ RAW_LISTENERS = {
     'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
     'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
-    'porotwin_recording/porotwin_recording/player_node.py': {'DIAGNOSTICS', 'self._lockstep'},
+    'porotwin_recording/porotwin_recording/live/replay_audience.py': {
+        'DIAGNOSTICS',
+        'self._lockstep',
+    },
     'porotwin_recording/porotwin_recording/recorder_node.py': {'name'},  # records whatever is said
 }
 """What subscribes without `follow`, and to which topics, as the code names them."""

@@ -14,6 +14,7 @@ from refused_node import refusal
 
 from porotwin_recording import player_node
 from porotwin_recording.experiment.bag_conversion import IMPORT_START
+from porotwin_recording.live.replay_topics import ACKNOWLEDGE_TIMEOUT
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_records import BagMessage
 from porotwin_recording.mcap.bag_writer import BagWriter
@@ -236,7 +237,7 @@ def test_an_interrupt_ends_the_wait_for_a_subscriber_that_is_silent(
     with pytest.raises(SystemExit) as ended:
         player_node.main()
     assert ended.value.code == 0
-    assert sum(asked) < player_node.ACKNOWLEDGE_TIMEOUT
+    assert sum(asked) < ACKNOWLEDGE_TIMEOUT
     assert 'acknowledged' not in capfd.readouterr().err
 
 

@@ -95,7 +95,7 @@ def step_adjoint(
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
     part through the tracer-driven flow (`flow_adjoint`). Without a `record` the step is run again,
     and without given `coefficients` those of the step are computed. Without `empty_cells`, `bar` is
-    zero where no tracer is: that is right if none may be added there.
+    zero in cells without tracer. That is right if nothing adds tracer there.
 
     Raises:
         InputError: as `Engine.coefficients`.

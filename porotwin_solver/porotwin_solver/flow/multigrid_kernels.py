@@ -42,9 +42,9 @@ def relax_row(p, b, x, z, inverse, colour, i, result):
 def restricted(p, b, x, z, inverse, coarse, first, last):
     """Relax even and odd cells from zero, and sum the residual over blocks of 2 x 2 cells.
 
-    The rows `first` to `last` - 1 are those of `coarse`. Odd cells have no residual, and even ones
-    what their neighbours have brought. The first rows of the next range are computed here too, to
-    the same values.
+    `first` and `last` count rows of `coarse`. Odd cells have no residual. The residual of an even
+    cell is the part of its neighbours. This range computes the first rows of the next one too, with
+    the same result.
     """
     nz = len(b)
     begun, relaxed = max(2 * first - 2, 0), max(2 * first - 1, 0)
@@ -64,7 +64,7 @@ def restricted(p, b, x, z, inverse, coarse, first, last):
 
 @compiled
 def prolong_row(p, b, inverse, coarse, i):
-    """Give the even cells of row `i` what `begin_row` does and the potential of their block."""
+    """Set the even cells of row `i` as `begin_row`, and add the potential of their block."""
     for j in range(i % 2, b.shape[1], 2):
         p[i + 1, j + 1] = b[i, j] * inverse[i, j] + coarse[i // 2 + 1, j // 2 + 1]
 
@@ -73,9 +73,9 @@ def prolong_row(p, b, inverse, coarse, i):
 def smoothed(p, b, x, z, inverse, coarse, result, first, last):
     """Fill rows of `result` with the potential after `coarse`, relaxed at odd and at even cells.
 
-    This is the opposite order of `restricted`: so the cycle is symmetric. What odd cells had before
-    does not matter. `p` takes values in between, those of the neighbouring ranges too: the same
-    ones.
+    This is the opposite order of `restricted`: so the cycle is symmetric. Earlier values of odd
+    cells have no effect. `p` holds values in between. This range computes some rows of its
+    neighbours too, with the same result.
     """
     nz = len(b)
     begun, relaxed = max(first - 2, 0), max(first - 1, 0)
