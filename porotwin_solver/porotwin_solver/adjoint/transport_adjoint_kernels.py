@@ -1,7 +1,7 @@
 """Compiled kernels: the adjoint of `transport_kernels`.
 
 Arguments that recur: `c`, `flux`, `sources`, `storage`, `levels` and `accumulators` as in
-`transport_kernels`; `..._bar` is the derivative of the cost by what its name says, in its shape.
+`transport_kernels`; `..._bar` is the derivative of the cost by a quantity, in the shape of it.
 
 The sides of a cell are numbered west 0, east 1, south 2, north 3; `k ^ 1` is opposite to side k.
 """

@@ -28,7 +28,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 
 def phrase(values: Values) -> str:
-    """Say how far the clock of the camera is behind that of the pumps, or ahead of it."""
+    """Say by how much the camera's clock is behind the clock of the pumps, or ahead of it."""
     way = 'ahead of' if values['offset'] < 0 else 'behind'
     return f'the clock of the camera is {time_span(abs(values["offset"]))} {way} that of the pumps'
 

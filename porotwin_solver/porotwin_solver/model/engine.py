@@ -97,7 +97,7 @@ class StepCoefficients(NamedTuple):
 class StepRecord(NamedTuple):
     """The data of `Engine.step` for its adjoint.
 
-    coefficients: those of the step.
+    coefficients: of the step.
     last: the state after the last recorded part: after the second diffusion, or the advection.
     first_diffusion, advection, second_diffusion: the concentrations [-] before every substep. The
         tapes of diffusion have one number per cell and substep (see `tape_length`), or none.
