@@ -268,6 +268,34 @@ def test_a_well_at_rest_has_the_gradient_of_a_starting_injection(rig) -> None:
     assert found.rate['control2'].sum() == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.parametrize('table', [None, {'fringe_m': 0.0}], ids=['full', 'water table'])
+def test_a_rig_without_wells_has_a_gradient_by_parameters(make_rig, table) -> None:
+    sea = {'side': 'left', 'head_m': 0.45, 'concentration': 1.0}
+    tank = make_rig(
+        boundaries={'top': 'closed'},
+        control=None,
+        wells={},
+        water={'sea': sea, 'land': {'side': 'right', 'head_m': 0.40}},
+        water_table=table,
+    )
+    problem, still = Problem(tank, 'upwind', {'permeability': {'factor': 1.1}}), Schedule(())
+    found = gradient(
+        tank,
+        still,
+        TIMES,
+        problem.part,
+        grid=problem.grid,
+        preset='upwind',
+        effects=problem.descriptions(problem.effects),
+        parameters=[('permeability', 'factor')],
+    )
+    costs = [
+        problem.cost(still, {'permeability': {'factor': factor}}) for factor in (1.0999, 1.1001)
+    ]
+    assert not found.rate
+    assert found.parameters[0] == pytest.approx((costs[1] - costs[0]) / 0.0002, rel=1e-4)
+
+
 def test_the_gradient_by_the_clock_is_refused(rig) -> None:
     problem = Problem(rig, 'fast', {'clock': {'offset': 3.0}})
     with pytest.raises(InputError, match='gradient by clock offset: not available'):

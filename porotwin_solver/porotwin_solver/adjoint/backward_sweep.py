@@ -121,6 +121,8 @@ def well_derivatives(
     A rate acts through its unit flow, through the sources of its cells and, by `by_source`, through
     the tracer-driven flow. For a well at rest it is the derivative for the start of an injection.
     """
+    if not engine.physics.wells:
+        return {}, {}
     at, units = engine.sources_and_sinks, engine.flux_per_rate(rates)
     flux_bar, sources_bar, _ = derivatives.advection
     by_unit = units.x.reshape(len(at.all), -1) @ flux_bar.x.ravel()
