@@ -79,3 +79,25 @@ def test_shared_cells_give_the_map_of_cells_that_are_not_shared(
     model.engine.advance(shared, rates, 120.0)
     np.testing.assert_array_equal(alone.mobile, shared.mobile)
     np.testing.assert_allclose(alone.tracer_lost, shared.tracer_lost, rtol=1e-14)
+
+
+def test_an_interrupted_step_leaves_nothing_for_the_next_one(rig, rates, monkeypatch) -> None:
+    model = Model(rig, rig.grid(93, 56), preset='fast')
+    alone = State.equilibrium(model.initial_condition())
+    model.engine.advance(alone, rates, 120.0)
+    monkeypatch.setattr(transport, 'THREADED_CELLS', 0)
+    monkeypatch.setattr(transport, 'BLOCK_CELLS', 64)
+    phases = []
+
+    def interrupted(*args) -> None:
+        phases.append(args)
+        if len(phases) == 5:
+            raise KeyboardInterrupt
+        in_blocks(*args)
+
+    with monkeypatch.context() as key, pytest.raises(KeyboardInterrupt):
+        key.setattr(transport, 'in_blocks', interrupted)
+        model.engine.advance(State.equilibrium(model.initial_condition()), rates, 120.0)
+    again = State.equilibrium(model.initial_condition())
+    model.engine.advance(again, rates, 120.0)
+    np.testing.assert_array_equal(again.mobile, alone.mobile)

@@ -102,10 +102,12 @@ def side_by_side(kernel: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -
 
     others = min(most_threads(), len(calls)) - 1
     helpers = [_pool(most_threads()).submit(work) for _ in range(others)]
-    work()
-    for helper in helpers:
-        if not helper.cancel():  # one that has not begun has nothing left to do
-            helper.result()
+    try:
+        work()
+    finally:  # after Ctrl-C too: no thread writes later
+        for helper in helpers:
+            if not helper.cancel():  # one that has not begun has nothing left to do
+                helper.result()
 
 
 @cache

@@ -173,7 +173,12 @@ def advect(
     if concentration.size < THREADED_CELLS:
         advection(*fields, NO_TAPE, 0, phases)
     else:
-        _advect_in_threads(fields, phases)
+        try:
+            _advect_in_threads(fields, phases)
+        except BaseException:  # Ctrl-C: the sums of a part of a step must not enter the next one
+            accumulators.amount.x.fill(0.0)
+            accumulators.amount.z.fill(0.0)
+            raise
     return None
 
 
