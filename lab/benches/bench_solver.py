@@ -257,11 +257,11 @@ def run() -> list[Row]:
         row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
     )
     rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
-    rows.extend(_large_rows())
+    rows.extend(_large_rows(plain_seconds))
     return rows
 
 
-def _large_rows() -> list[Row]:
+def _large_rows(plain_seconds: float) -> list[Row]:
     """Return the cost of 100 frames of the large rig: with threads, and on a graphics processor."""
     missing = missing_device()
     rows = []
@@ -270,13 +270,14 @@ def _large_rows() -> list[Row]:
         for threads in sorted({1, most_threads()}) if threaded else [1]:
             with at_most(threads):
                 cost = large_grid_cost(*size)
-            rows.append(_large_row(size, f'{threads} threads', cost))
+            rows.append(_large_row(size, f'{threads} threads', cost, plain_seconds))
         if missing:
-            rows.append(_large_row(size, f'not run on {CUDA}: {missing}', None))
+            rows.append(_large_row(size, f'not run on {CUDA}: {missing}', None, plain_seconds))
         else:
             on_device = large_grid_cost(*size, device=CUDA)
             difference = float(np.abs(on_device.last - cost.last).max())
-            rows.append(_large_row(size, f'on {CUDA}, off by {difference:.1e}', on_device))
+            how = f'on {CUDA}, off by {difference:.1e}'
+            rows.append(_large_row(size, how, on_device, plain_seconds))
     return rows
 
 
@@ -291,14 +292,16 @@ def missing_device() -> str:
     return ''
 
 
-def _large_row(size: tuple[int, int], how: str, cost: LargeGridCost | None) -> Row:
+def _large_row(
+    size: tuple[int, int], how: str, cost: LargeGridCost | None, plain_seconds: float
+) -> Row:
     """Return the cost of 100 frames of the large rig; no figures where it was not run."""
     return {
         'model': f'fast, large rig, {LARGE_FRAMES} frames, {how}',
         'grid': f'{size[0]}x{size[1]}',
         'cpu_s': cost and round(cost.processor_s, 1),
         'wall_s': cost and round(cost.wall_s, 1),
-        'ratio_to_plain': None,
+        'ratio_to_plain': cost and round(cost.wall_s / plain_seconds, 3),
         'error_35_min': None,
         'error_80_min': None,
         'ns_per_cell_frame': cost and round(cost.nanoseconds, 1),

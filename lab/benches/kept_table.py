@@ -50,8 +50,11 @@ def keep_table(part: str, rows: Rows, folder: Path = FOLDER) -> list[str]:
     write_whole(file, json.dumps(table, indent=1))
     if not earlier:
         return [f'{file} holds the table; the next one is compared with it']
-    last = json.loads(earlier[-1].read_bytes())
-    found = slower_rows(rows, last['rows'])
+    try:
+        last = json.loads(earlier[-1].read_bytes())
+        found = slower_rows(rows, last['rows'])
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return [f'{file} holds the table; {earlier[-1]} is damaged: delete it']
     other = (
         '' if last['machine'] == table['machine'] else f', on another machine: {last["machine"]}'
     )

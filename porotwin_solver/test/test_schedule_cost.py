@@ -229,3 +229,26 @@ def test_a_cost_that_is_not_finite_is_refused(rig) -> None:
         schedule_cost(
             problem.model, problem.initial, plan(RATES_ML_H), horizon=HORIZON, terms=endless
         )
+
+
+@pytest.mark.parametrize('preset', ['upwind', 'fast', 'accurate'])
+@pytest.mark.parametrize('well', ['injector', 'control2'])
+def test_a_rig_at_rest_has_the_gradient_of_a_starting_well(rig, preset, well) -> None:
+    problem = Problem(rig, preset, {'rate': {'well': 'injector', 'factor': 0.8}})
+
+    def cost(rate: float, *, with_gradient: bool = False) -> ScheduleCost:
+        return schedule_cost(
+            problem.model,
+            problem.initial,
+            [RateStep(0.0, {well: WellRate(rate, 0.4)})],
+            horizon=HORIZON,
+            terms=problem.terms,
+            with_gradient=with_gradient,
+        )
+
+    rate = 1e-6 * from_ml_h(500.0)
+    expected = (cost(rate).cost - cost(0.0).cost) / rate
+    gradient = cost(0.0, with_gradient=True).gradient
+    assert gradient is not None
+    found = gradient[0, list(problem.model.engine.physics.wells).index(well)]
+    assert found == pytest.approx(expected, rel=1e-3)

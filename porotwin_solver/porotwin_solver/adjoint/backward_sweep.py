@@ -11,7 +11,7 @@ from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.forward_sweep import ForwardSweep
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.step_adjoint import (
-    StepDerivatives,
+    StepAdjoint,
     coefficient_derivatives,
     flow_adjoint,
     step_adjoint,
@@ -77,7 +77,7 @@ def sweep_backward(
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
-            by_well = well_derivatives(engine, rates, step.derivatives, by_source)
+            by_well = well_derivatives(engine, rates, step, by_source)
             for name in engine.physics.wells:
                 found.rate[name][index] += by_well[0][name]
                 found.concentration[name][index] += by_well[1][name]
@@ -113,7 +113,7 @@ def adds_tracer(rates: WellRates) -> bool:
 def well_derivatives(
     engine: Engine,
     rates: WellRates,
-    derivatives: StepDerivatives,
+    step: StepAdjoint,
     by_source: FloatArray | None,
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return dJ/drate and dJ/dconcentration of every well through one step under `rates`.
@@ -124,7 +124,7 @@ def well_derivatives(
     if not engine.physics.wells:
         return {}, {}
     at, units = engine.sources_and_sinks, engine.flux_per_rate(rates)
-    flux_bar, sources_bar, _ = derivatives.advection
+    flux_bar, sources_bar, _ = step.derivatives.advection
     by_unit = units.x.reshape(len(at.all), -1) @ flux_bar.x.ravel()
     by_unit += units.z.reshape(len(at.all), -1) @ flux_bar.z.ravel()
     found_rate, found_concentration = {}, {}
@@ -141,7 +141,7 @@ def well_derivatives(
             by_rate += by_inflow + commanded.concentration * by_tracer
         else:
             by_rate -= at.disc_mean(source_sink, sources_bar.outflow)
-        found_rate[name] = by_rate
+        found_rate[name] = step.starting.get(name, by_rate)
         found_concentration[name] = factor * max(commanded.rate, 0.0) * by_tracer
     return by_commands(engine.physics, rates, found_rate), found_concentration
 

@@ -164,7 +164,7 @@ class _Run:
                 empty_cells=empty_cells,
             )
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
-            by_rate, _ = well_derivatives(engine, rates, step.derivatives, by_source)
+            by_rate, _ = well_derivatives(engine, rates, step, by_source)
             found[number] += [by_rate[name] for name in wells]
             self._add_cost_derivative(bar, first, len(kept))
         return found

@@ -1,5 +1,6 @@
 """The adjoint of one splitting step of the engine."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.diffusion_adjoint_kernels import (
     exchange_adjoint,
@@ -69,12 +70,14 @@ class StepAdjoint(NamedTuple):
     """The coefficients of a step and the derivatives of the cost.
 
     `derivatives` are those by the coefficients; `by_parameter` (n,) are those by the parameters,
-    as far as they act through reactions.
+    as far as they act through reactions. `starting` holds those by the rate of each well that
+    starts alone, where no water moves: upstream then depends on the well.
     """
 
     coefficients: StepCoefficients
     derivatives: StepDerivatives
     by_parameter: FloatArray
+    starting: dict[str, float]
 
 
 def step_adjoint(
@@ -110,6 +113,8 @@ def step_adjoint(
         diffusion = not is_symmetric(engine, coefficients, varied=bool(varied))
         record = engine.recorded_step(first.copy(), coefficients, diffusion=diffusion)
     by_parameter = _reaction_derivatives(varied, bar, record.last, half)
+    rests = not (coefficients.flux.x.any() or coefficients.flux.z.any())
+    starting = _starting(engine, first, rates, length, bar, coefficients) if rests else {}
     engine.react_adjoint(bar, half)
     derivatives = StepDerivatives.zeros(engine.grid)
     _transport_adjoint(
@@ -125,7 +130,35 @@ def step_adjoint(
     by_parameter += _reaction_derivatives(varied, bar, first, half)
     engine.react_adjoint(bar, half)
     bar.mobile[np.abs(bar.mobile) < NEGLIGIBLE_DERIVATIVE] = 0.0
-    return StepAdjoint(coefficients, derivatives, by_parameter)
+    return StepAdjoint(coefficients, derivatives, by_parameter, starting)
+
+
+def _starting(
+    engine: Engine,
+    first: State,
+    rates: WellRates,
+    length: float,
+    bar: State,
+    at_rest: StepCoefficients,
+) -> dict[str, float]:
+    """Return the derivatives by delivered rates [m^3/s] of wells that start alone.
+
+    They are one-sided differences. A closed rig has none, because no well can start alone there.
+    """
+    if engine.physics.contact.closed:
+        return {}
+    # the root of round-off suits a one-sided difference
+    rate = math.sqrt(NEGLIGIBLE) * float(engine.storage.min()) / length
+    rest, found = first.copy(), {}
+    engine.step(rest, at_rest)
+    for name in engine.physics.wells:
+        concentration = rates.get(name, WellRate()).concentration
+        moved, started = first.copy(), {**rates, name: WellRate(rate, concentration)}
+        engine.step(moved, engine.coefficients(first, started, length))
+        gain = np.vdot(bar.mobile, moved.mobile - rest.mobile)
+        gain += np.vdot(bar.immobile, moved.immobile - rest.immobile)
+        found[name] = float(gain) / (rate * (engine.physics.rate_factors.get(name, 1.0) or 1.0))
+    return found
 
 
 def _transport_adjoint(

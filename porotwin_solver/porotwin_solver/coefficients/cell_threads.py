@@ -34,7 +34,7 @@ LIMIT = 'OMP_NUM_THREADS'
 def most_threads() -> int:
     """Return the threads of this process: one per core that it may use, or as `LIMIT` says."""
     limit = os.environ.get(LIMIT, '')
-    if limit.isdigit() and int(limit) > 0:
+    if limit.isdecimal() and int(limit) > 0:
         return int(limit)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 

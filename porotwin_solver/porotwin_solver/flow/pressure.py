@@ -76,7 +76,8 @@ class Pressures:
             rows, columns = self._level.shape
             raise InputError(
                 f'pressure on {columns} x {rows} cells: no convergence in {self._max_iterations} '
-                'iterations; the permeability varies too much for so fine a grid, make it coarser'
+                'iterations; the permeability varies too much for so fine a grid, or the cells are '
+                'long and thin: make it coarser, with cells as wide as high'
             )
         return pressure
 
