@@ -1,18 +1,21 @@
 """The tables of `bench` on disk, with machine, versions and date; each is compared with the last.
 
 Times of two runs differ by the load of the machine. So a row counts by its ratio to a baseline of
-the same run, or by its time relative to the other rows.
+the same run, or to the time of a fixed piece of work, the yardstick.
 """
 
 import datetime
 import json
 import math
 import platform
+import timeit
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
+
+import numpy as np
 
 from porotwin_core.basis.errors import writing
 from porotwin_core.basis.whole_file import write_whole
@@ -26,11 +29,22 @@ SLOWER = 1.2
 LIBRARIES = ('numpy', 'scipy', 'numba', 'opencv-python-headless', 'torch')
 """Libraries that take most of the time; their versions stand beside a table."""
 
+YARDSTICK_NUMBERS = 2_000_000
+"""Numbers that the yardstick sorts: a quarter of a second."""
+
 Rows = Sequence[Mapping[str, Any]]
 
 
-def keep_table(part: str, rows: Rows, folder: Path = FOLDER) -> list[str]:
+def last_duration(part: str, folder: Path = FOLDER) -> float | None:
+    """Return how long [s] the last measurement of `part` took; None: not known."""
+    last = _last(part, folder)
+    return None if last is None else last[1].get('seconds')
+
+
+def keep_table(part: str, rows: Rows, seconds: float, folder: Path = FOLDER) -> list[str]:
     """Write the table of `part` into `folder`; return a line for each row that became slower.
+
+    `seconds` is the time that its measurement took.
 
     Raises:
         InputError: the folder cannot be made or written.
@@ -38,39 +52,62 @@ def keep_table(part: str, rows: Rows, folder: Path = FOLDER) -> list[str]:
     now = datetime.datetime.now().astimezone()
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    earlier = sorted(folder.glob(f'{part}-*.json'))
+    last = _last(part, folder)
     table = {
         'part': part,
         'date': now.isoformat(timespec='seconds'),
+        'seconds': round(seconds, 1),
+        'yardstick_s': round(yardstick(), 4),
         'machine': _machine(),
         'versions': {'python': platform.python_version()} | {n: version(n) for n in LIBRARIES},
         'rows': rows,
     }
     file = folder / f'{part}-{now:%Y%m%d-%H%M%S}.json'
     write_whole(file, json.dumps(table, indent=1))
-    if not earlier:
-        return [f'{file} holds the table; the next one is compared with it']
-    try:
-        last = json.loads(earlier[-1].read_bytes())
-        found = slower_rows(rows, last['rows'])
-    except (ValueError, LookupError, TypeError, AttributeError):
-        return [f'{file} holds the table; {earlier[-1]} is damaged: delete it']
-    other = (
-        '' if last['machine'] == table['machine'] else f', on another machine: {last["machine"]}'
-    )
-    return [f'{file} holds the table; the last one is of {last["date"]}{other}', *found]
+    about = f'{file} holds the table, of {table["machine"]}'
+    if last is None:
+        return [f'{about}; the next one is compared with it']
+    name, before = last
+    if not {'date', 'machine', 'rows', 'yardstick_s'} <= before.keys():
+        return [f'{about}; {name} is damaged or of an older version: delete it']
+    found = slower_rows(rows, before['rows'], table['yardstick_s'] / before['yardstick_s'])
+    other = '' if before['machine'] == table['machine'] else f', of {before["machine"]}'
+    return [f'{about}; compared with {before["date"]}{other}', *found]
 
 
-def slower_rows(rows: Rows, earlier: Rows) -> list[str]:
-    """Return a line for each row whose time, in ratio, exceeds `SLOWER` times that of `earlier`."""
+def slower_rows(rows: Rows, earlier: Rows, usual: float) -> list[str]:
+    """Return a line for each row whose time, in ratio, exceeds `SLOWER` times that of `earlier`.
+
+    `usual` is the time of the yardstick divided by its earlier one. It does not matter where the
+    rows have a baseline of their own.
+    """
     before, after = _times(earlier), _times(rows)
-    changes = {name: after[name] / before[name] for name in after if name in before}
-    usual = 1.0 if _ratio_column(rows) else median(changes.values() or [1.0])
+    if _ratio_column(rows):
+        usual = 1.0
+    changes = {name: after[name] / before[name] / usual for name in after if name in before}
     return [
-        f'slower than last time: {name}, {100.0 * (change / usual - 1.0):.0f} % in ratio'
+        f'slower than last time: {name}, {100.0 * (change - 1.0):.0f} % in ratio'
         for name, change in changes.items()
-        if change > SLOWER * usual
+        if change > SLOWER
     ]
+
+
+def yardstick() -> float:
+    """Return the time [s] of a fixed piece of work, the median of five."""
+    numbers = np.random.default_rng(0).random(YARDSTICK_NUMBERS)
+    return median(timeit.repeat(lambda: np.sort(numbers), number=1, repeat=5))
+
+
+def _last(part: str, folder: Path) -> tuple[Path, dict[str, Any]] | None:
+    """Return the last table of `part` and its file; it is empty if the file is damaged."""
+    files = sorted(folder.glob(f'{part}-*.json'))
+    if not files:
+        return None
+    try:
+        read = json.loads(files[-1].read_bytes())
+    except ValueError:
+        read = {}
+    return files[-1], read if isinstance(read, dict) else {}
 
 
 def _ratio_column(rows: Rows) -> str | None:
@@ -82,7 +119,9 @@ def _times(rows: Rows) -> dict[str, float]:
     """Return the ratio of each row, or its first time, by the words that name the row."""
     found = {}
     for row in rows:
-        column = _ratio_column(rows) or next((name for name in row if name.endswith('_s')), '')
+        column = _ratio_column(rows) or next(
+            (name for name in row if name.endswith(('_s', '[s]'))), ''
+        )
         value = row.get(column)
         if isinstance(value, int | float) and math.isfinite(value) and value > 0.0:
             found[', '.join(word for word in row.values() if isinstance(word, str) and word)] = (

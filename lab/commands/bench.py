@@ -1,6 +1,7 @@
 """./porotwin bench: speed and accuracy on this machine; each part has options of its own."""
 
 import importlib
+import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from lab.benches.kept_table import keep_table
+from lab.benches.kept_table import keep_table, last_duration
 from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
@@ -102,11 +103,13 @@ def _measure(part: str, *, as_json: bool, **options: Any) -> None:
 
 def _figures(part: str, *, as_json: bool, **options: Any) -> Any:
     """Return the figures of a part; print them as a table unless they shall be JSON."""
-    say(f'measuring {part} ...')
+    before = last_duration(part)
+    say(f'measuring {part} ...' + (f' the last time took {before:.0f} s' if before else ''))
     module = importlib.import_module({**BENCHES, **LONG}[part])
+    begin = time.monotonic()
     figures = module.run(**options)
     if isinstance(figures, list):
-        for line in keep_table(part, figures):
+        for line in keep_table(part, figures, time.monotonic() - begin):
             say(line)
     if not as_json:
         getattr(module, 'show', partial(_show, part))(figures)
