@@ -47,6 +47,16 @@ def test_layers_share_the_flow_by_their_conductivity() -> None:
     assert found.places == pytest.approx({'left': total, 'right': -total}, rel=1e-3)
 
 
+def test_clay_in_shared_cells_takes_no_flow_of_the_sand_beside_it() -> None:
+    clay = {'porosity': 0.3, 'hydraulic_conductivity_m_s': 1e-9}
+    sand = {'porosity': 0.4, 'hydraulic_conductivity_m_s': 1e-3}
+    layers = [{'sand': 'clay', 'top_m': 0.21}, {'sand': 'sand'}]  # half a cell
+    rig = layered(sands={'clay': clay, 'sand': sand}, sand_layers=layers)
+    found = water_balance(rig, rig.grid(50, 20), {})
+    assert found is not None
+    assert found.sands['clay'] < 1e-5 * found.sands['sand']
+
+
 def test_wells_and_sides_balance() -> None:
     rig, rates = layered(), {'a': WellRate(from_ml_h(500.0)), 'b': WellRate(-from_ml_h(200.0))}
     found = water_balance(rig, rig.grid(50, 20), rates)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.geometry.grid import Grid, conservative_resample
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.rates.rates_in_force import SAME_RATE
 from porotwin_core.rates.wells import WellRates, with_rises
@@ -123,16 +123,23 @@ def _within(corners: object, grid: Grid) -> NDArray[np.bool_]:
 
 
 def _through_sands(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
-    """Return the flux [m^3/s] to the right through the middle of the rig, by sand."""
+    """Return the flux [m^3/s] to the right through the middle of the rig, by sand.
+
+    The sands of one cell share its flux by their area times their permeability.
+    """
     if len(rig.sands) < 2:
         return {}
     middle = grid.nx // 2
     porosity, permeability = rig.nominal_map('porosity'), rig.nominal_map('permeability_m2')
-    found: dict[str, float] = {}
+    conducts: dict[str, FloatArray] = {}
     for name, sand in rig.sands.items():
-        here = (porosity == sand.porosity) & (permeability == rig.permeability_of_sand(name))
-        share = conservative_resample(np.asarray(here, dtype=float), grid.shape)
-        column = share[:, max(middle - 1, 0) : middle + 1].mean(axis=1)
-        if column.any():
-            found[name] = float(flux.x[:, middle] @ column)
-    return found
+        own = rig.permeability_of_sand(name)
+        here = (porosity == sand.porosity) & (permeability == own)
+        share = conservative_resample(own * np.asarray(here, dtype=float), grid.shape)
+        conducts[name] = share[:, max(middle - 1, 0) : middle + 1].mean(axis=1)
+    total = np.sum(list(conducts.values()), axis=0)
+    return {
+        name: float(flux.x[:, middle] @ np.divide(part, total, out=0.0 * part, where=total > 0.0))
+        for name, part in conducts.items()
+        if part.any()
+    }
