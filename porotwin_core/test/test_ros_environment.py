@@ -3,6 +3,8 @@
 import os
 import shutil
 import socket
+import subprocess
+import sys
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -102,6 +104,23 @@ def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeyp
         monkeypatch.setattr(shutil, 'disk_usage', lambda _, usage=usage: usage)
         with nullcontext() if fits else pytest.raises(InputError, match='MB left, and nodes need'):
             check_shared_memory(tmp_path)
+
+
+@pytest.mark.graph
+def test_a_node_reads_no_messages_from_shared_memory(domain: int) -> None:
+    node = (
+        'from porotwin_core.ros.ros_environment import prepare_environment\n'
+        'prepare_environment()\n'
+        'import rclpy\n'
+        'rclpy.init()\n'
+        "node = rclpy.create_node('thing')\n"
+        "print(open('/proc/self/maps').read())\n"
+    )
+    environ = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
+    environ.pop('FASTRTPS_DEFAULT_PROFILES_FILE')
+    found = subprocess.check_output([sys.executable, '-c', node], text=True, env=environ)
+    assert 'librmw_fastrtps' in found
+    assert 'fastrtps_port' not in found
 
 
 def test_a_domain_with_more_programs_than_find_each_other_is_full(domain: int) -> None:
