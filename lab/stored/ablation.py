@@ -71,8 +71,8 @@ class ChangedDiagnosis:
             open_recording(folder / 'recording')
         )
         examine = self.module('examine')
-        question = examine.Question(excluded=case.withheld, crew=store)
-        found: Judged = examine.judge([recording], question)
+        settings = examine.DiagnosisSettings(excluded=case.withheld, crew=store)
+        found: Judged = examine.judge([recording], settings)
         return found
 
     def module(self, name: str) -> ModuleType:

@@ -10,7 +10,8 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
-from porotwin_diagnosis.kept_simulations import KeptSimulations, Maps
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_diagnosis.kept_simulations import KeptSimulations
 
 LEVELS_PER_UNIT = 60_000.0
 """Levels of the stored maps per unit of concentration: far finer than the noise of any camera."""
@@ -50,11 +51,11 @@ class SimulationStore(KeptSimulations):
         folder.mkdir(parents=True, exist_ok=True)
         super().__init__(InTurn(), folder)
 
-    def read(self, path: Path) -> Maps:
+    def read(self, path: Path) -> FloatArray:
         """Return the maps (nt, nz, nx) in the file `path`."""
         return maps_of(path.read_bytes())
 
-    def write(self, file: BinaryIO, maps: Maps) -> Maps:
+    def write(self, file: BinaryIO, maps: FloatArray) -> FloatArray:
         """Write `maps` (nt, nz, nx) from 0 to 1.09 to `file`, and return them rounded."""
         levels = np.rint(np.clip(maps, 0.0, 1.09) * LEVELS_PER_UNIT).astype('<u2')
         content = zlib.compress(np.array(levels.shape, HEADER).tobytes() + levels.tobytes(), 1)
@@ -62,7 +63,7 @@ class SimulationStore(KeptSimulations):
         return maps_of(content)
 
 
-def maps_of(content: bytes) -> Maps:
+def maps_of(content: bytes) -> FloatArray:
     """Return the maps (nt, nz, nx) that a file with `content` holds."""
     content = zlib.decompress(content)
     begin = 3 * HEADER.itemsize

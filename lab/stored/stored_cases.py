@@ -22,7 +22,7 @@ from lab.study import FiguresJob, Study
 from porotwin_cli.terminal import print_table
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.examine import Question, judge
+from porotwin_diagnosis.examine import DiagnosisSettings, judge
 from porotwin_diagnosis.report.evidence_json import write_evidence
 from porotwin_recording.experiment.recording import open_recording
 
@@ -110,7 +110,7 @@ class StoredJob(FiguresJob[StoredVerdict]):
         begin = time.process_time()
         store = SimulationStore(folder / 'simulations')
         recording = without_false_cells(open_recording(folder / 'recording'))
-        judged = judge([recording], Question(excluded=self.case.withheld, crew=store))
+        judged = judge([recording], DiagnosisSettings(excluded=self.case.withheld, crew=store))
         seconds = time.process_time() - begin
         write_evidence(folder / FINDINGS, judged.evidence)
         return stored_verdict(self.case, judged.verdict, judged.evidence.findings.runs, seconds)

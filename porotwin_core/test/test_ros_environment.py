@@ -14,6 +14,8 @@ import pytest
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.ros_environment import (
     LEAST_SHARED_BYTES,
+    OWN_PROFILES,
+    PROFILES,
     PROGRAMS,
     DomainClaim,
     check_environment,
@@ -108,19 +110,13 @@ def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeyp
 
 @pytest.mark.graph
 def test_a_node_reads_no_messages_from_shared_memory(domain: int) -> None:
-    node = (
-        'from porotwin_core.ros.ros_environment import prepare_environment\n'
-        'prepare_environment()\n'
-        'import rclpy\n'
-        'rclpy.init()\n'
-        "node = rclpy.create_node('thing')\n"
-        "print(open('/proc/self/maps').read())\n"
-    )
+    made = "import rclpy; rclpy.init(); node = rclpy.create_node('thing')"
+    node = f"{made}; print(open('/proc/self/maps').read())"
     environ = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
-    environ.pop('FASTRTPS_DEFAULT_PROFILES_FILE')
-    found = subprocess.check_output([sys.executable, '-c', node], text=True, env=environ)
-    assert 'librmw_fastrtps' in found
-    assert 'fastrtps_port' not in found
+    for profiles, ports in ({PROFILES: str(OWN_PROFILES)}, False), ({PROFILES: ''}, True):
+        command = [sys.executable, '-c', node]
+        found = subprocess.check_output(command, text=True, env={**environ, **profiles})
+        assert ('fastrtps_port' in found) is ports
 
 
 def test_a_domain_with_more_programs_than_find_each_other_is_full(domain: int) -> None:

@@ -49,7 +49,7 @@ SIMULATION_BYTES = 3e8
 
 
 @dataclass(frozen=True)
-class Question:
+class DiagnosisSettings:
     """How recordings are diagnosed, and who hears of it.
 
     Attributes:
@@ -74,12 +74,14 @@ class Question:
 
 
 @one_blas_thread()
-def examine(recordings: Sequence[Recording], question: Question = Question()) -> Diagnosis:
+def examine(
+    recordings: Sequence[Recording], settings: DiagnosisSettings = DiagnosisSettings()
+) -> Diagnosis:
     """Diagnose one recording, or several of the same rig together.
 
     Args:
         recordings: at least one recording; an effect has the same size in all of them.
-        question: how, and who hears of it.
+        settings: how, and who hears of it.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -87,10 +89,10 @@ def examine(recordings: Sequence[Recording], question: Question = Question()) ->
         SearchEnded: `progress` ended the search before there was an answer.
     """
     began = time.perf_counter()
-    preset_named(question.preset)
+    preset_named(settings.preset)
     _check_same_rig(recordings)
-    question = replace(question, progress=forward_only(question.progress))
-    excluded, progress, tell = question.excluded, question.progress, question.tell
+    settings = replace(settings, progress=forward_only(settings.progress))
+    excluded, progress, tell = settings.excluded, settings.progress, settings.tell
     progress('reading the recording', 0.0)
     odd = odd_lines(recordings, OF_MAPS)
     for line in odd:  # opening them told the others
@@ -102,12 +104,12 @@ def examine(recordings: Sequence[Recording], question: Question = Question()) ->
     ]
     for line in averaged:
         tell(line)
-    judged = judge(recordings, question)
+    judged = judge(recordings, settings)
     for line in judged.unmeasured:
         tell(line)
     recordings, samples, verdict = judged.recordings, judged.samples, judged.verdict
     findings, levels = judged.evidence.findings, judged.levels
-    gap = map_gap(*recordings, preset='fast' if question.preset == ACCURATE else question.preset)
+    gap = map_gap(*recordings, preset='fast' if settings.preset == ACCURATE else settings.preset)
     held_out = _as_judged(judged.held_out, samples, verdict)
     found = recordings[0].rig.with_effects(verdict.model.effects)
     unexplained = verdict.name == UNEXPLAINED
@@ -170,30 +172,32 @@ class Judged(NamedTuple):
     unmeasured: tuple[str, ...]
 
 
-def judge(recordings: Sequence[Recording], question: Question = Question()) -> Judged:
+def judge(
+    recordings: Sequence[Recording], settings: DiagnosisSettings = DiagnosisSettings()
+) -> Judged:
     """Search for effects, and make the verdict, as `examine` does.
 
     Raises:
         InputError: a recording is too short to judge.
         SearchEnded: `progress` ended the search before there was an answer.
     """
-    start = settled(recordings, crew=question.crew)
+    start = settled(recordings, crew=settings.crew)
     recordings, samples = tuple(start.recordings), start.samples
     findings, levels = search_effects(
         samples,
-        excluded=question.excluded,
-        prior=question.prior,
-        crew=question.crew,
-        progress=question.progress,
-        so_far=lambda null, best: question.so_far(_so_far(null, best)),
+        excluded=settings.excluded,
+        prior=settings.prior,
+        crew=settings.crew,
+        progress=settings.progress,
+        so_far=lambda null, best: settings.so_far(_so_far(null, best)),
     )
-    question.progress('measuring intervals', 0.92)
+    settings.progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
-    numerics = measure_numerics(samples, findings.null, explanation.model, preset=question.preset)
+    numerics = measure_numerics(samples, findings.null, explanation.model, preset=settings.preset)
     joint, rates = start.sources.beside(explanation.model)
     explanation = replace(explanation, model=beside_the_rates(explanation.model, joint))
     held_out = tuple(
-        measure_held_out(recording, sample, joint, numerics, question.crew)
+        measure_held_out(recording, sample, joint, numerics, settings.crew)
         for recording, sample in zip(recordings, samples, strict=True)
     )
     evidence = gather(samples, findings, explanation, numerics, held_out)

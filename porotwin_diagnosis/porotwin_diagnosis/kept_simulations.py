@@ -20,6 +20,7 @@ from uuid import uuid4
 import numpy as np
 
 from porotwin_core.basis.parallel import Crew, versions
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
 
 FOLDER = 'simulations'
@@ -31,12 +32,8 @@ OWN_NAME = re.compile(r'[0-9a-f]{32}\.(npy|begun)')
 KEPT_FROM_S = 0.3
 """Duration from which a simulation is kept [s]: a short one is made again as fast as it is read."""
 
-
 LEAST_FREE_BYTES = 100_000_000
 """Space that stays free for the report and for others [B]; with less, no simulation is kept."""
-
-Maps = np.ndarray[Any, Any]
-"""The maps of a simulation, (nt, nz, nx)."""
 
 
 class KeptSimulations(Crew):
@@ -75,16 +72,12 @@ class KeptSimulations(Crew):
             self._crew.submit(_timed, call).add_done_callback(partial(self._deliver, future, path))
         return future
 
-    def read(self, path: Path) -> Maps:
-        """Return the maps in the file `path`.
-
-        Raises:
-            OSError, ValueError, EOFError: there is no whole file.
-        """
-        maps: Maps = np.load(path)
+    def read(self, path: Path) -> FloatArray:
+        """Return the maps in `path`; OSError, ValueError or EOFError: there is no whole file."""
+        maps: FloatArray = np.load(path)
         return maps
 
-    def write(self, file: BinaryIO, maps: Maps) -> Maps:
+    def write(self, file: BinaryIO, maps: FloatArray) -> FloatArray:
         """Write `maps` to `file`, and return them as they will be read."""
         np.save(file, maps)
         return maps
@@ -114,7 +107,7 @@ class KeptSimulations(Crew):
         self.made += 1
         future.set_result(self._keep(path, maps) if seconds >= self.kept_from_s else maps)
 
-    def _keep(self, path: Path, maps: Maps) -> Maps:
+    def _keep(self, path: Path, maps: FloatArray) -> FloatArray:
         """Write `maps` so that a kill leaves the whole file or none; a full disk keeps nothing."""
         begun = path.with_name(f'{uuid4().hex}.begun')
         try:

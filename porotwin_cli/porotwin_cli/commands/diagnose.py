@@ -96,7 +96,12 @@ def command(
     from porotwin_cli.recorded.given_twice import refuse_twice
     from porotwin_core.basis.parallel import crew
     from porotwin_core.rig import load_rig
-    from porotwin_diagnosis.examine import SIMULATION_BYTES, Question, examine, untried_lines
+    from porotwin_diagnosis.examine import (
+        SIMULATION_BYTES,
+        DiagnosisSettings,
+        examine,
+        untried_lines,
+    )
     from porotwin_diagnosis.history.joint_belief import prior_from
     from porotwin_diagnosis.kept_simulations import FOLDER, KeptSimulations
     from porotwin_diagnosis.report.answer import sentence
@@ -150,7 +155,7 @@ def command(
             say(f'going on with {simulations.kept} simulations of an interrupted call')
         result = examine(
             opened,
-            Question(
+            DiagnosisSettings(
                 preset=preset,
                 prior=prior_from(past.before if past else ()),
                 crew=simulations,
