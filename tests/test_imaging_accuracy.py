@@ -24,7 +24,7 @@ from porotwin_rig.render import Conditions, Photographer
 WIDTH, HEIGHT = 0.934, 0.562
 FINE = (562, 934)
 STEADY = Conditions(light_drift=0.0, light_gradient=0.0, shake_px=0.0)
-ROUGH = Conditions(light_drift=0.1, light_gradient=0.05, shift_px=(9.0, 7.0))
+ROUGH = Conditions(light_drift=0.1, light_gradient=0.05, shift_px=(12.0, 9.0))
 GRIDS = [(280, 150), (187, 112)]
 
 
@@ -77,7 +77,7 @@ def errors() -> dict[bool, dict[tuple[int, int], Errors]]:
 
 def _errors(conditions: Conditions) -> dict[tuple[int, int], Errors]:
     described = rig()
-    camera = camera_before(described, 1200, 750)
+    camera = camera_before(described, 1600, 1000)
     photographer = Photographer(described, camera=camera, conditions=conditions, seed=7)
     empty = photographer.baseline()
     growths = (0.2, 0.6, 1.1, 1.6, 2.2, 3.0)
