@@ -13,6 +13,8 @@ from typing import TextIO
 import pytest
 from hypothesis import settings
 
+from porotwin_core.ros.ros_environment import leave_shared_memory
+
 for _threads in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
     # workers of xdist and nodes share the cores; threads of small products only wait for each other
     os.environ.setdefault(_threads, '1')
@@ -72,6 +74,7 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    leave_shared_memory()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -13,7 +13,7 @@ from picture import draw_map, picture_path
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import load_rig
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
@@ -44,7 +44,7 @@ with tempfile.TemporaryDirectory() as folder:
     )
     recording = open_recording(Path(folder) / 'recording')
     excluded = [name for name in EFFECTS if name not in CONSIDERED]
-    result = examine([recording], excluded=excluded)
+    result = examine([recording], DiagnosisSettings(excluded=excluded))
 
 verdict, part = result.verdict, result.held_out[0]
 (found,) = verdict.model.effects

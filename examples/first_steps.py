@@ -33,7 +33,8 @@ def imaged(recording: porotwin.Recording) -> porotwin.FloatArray:
 def diagnosed(recording: porotwin.Recording) -> str:
     """Return the cause of the gap, if it is the porosity or a rate; this takes a minute."""
     others = [name for name in porotwin.EFFECTS if name not in ('porosity', 'rate')]
-    return porotwin.diagnose([recording], preset='fast', excluded=others).verdict.name
+    settings = porotwin.DiagnosisSettings(preset='fast', excluded=others)
+    return porotwin.diagnose([recording], settings).verdict.name
 
 
 def trained(recording: porotwin.Recording) -> porotwin.CorrectiveModel:

@@ -12,13 +12,13 @@ setup(
     maintainer=ABOUT.findtext('maintainer'),
     maintainer_email=ABOUT.find('maintainer').get('email'),
     packages=find_packages(exclude=['test']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
         ('share/' + PACKAGE, ['package.xml']),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
-    zip_safe=True,
+    zip_safe=False,
     license=ABOUT.findtext('license'),
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 from lab.benches.sparse_regression import sparse_regression
 from lab.blind.blind_cases import BlindCase, draw_case
 from lab.blind.blind_study import make_recording
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_recording.experiment.recording import open_recording
 
 CASES = (0, 1, 3, 5, 7, 9)
@@ -25,7 +25,7 @@ def _compare(case: BlindCase, folder: Path) -> dict[str, object]:
     make_recording(case, folder / case.name)
     recording = open_recording(folder / case.name)
     begin = time.perf_counter()
-    verdict = examine([recording], excluded=case.withheld).verdict
+    verdict = examine([recording], DiagnosisSettings(excluded=case.withheld)).verdict
     middle = time.perf_counter()
     baseline = sparse_regression(recording)
     end = time.perf_counter()

@@ -6,7 +6,7 @@ python -m lab.blind.blind_process RECORDING OUTPUT [EXCLUDED ...]
 import sys
 
 from porotwin_core.basis.parent import end_with_parent
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
 from porotwin_recording.experiment.recording import open_recording
 
@@ -19,7 +19,9 @@ def main() -> None:
     end_with_parent()  # a case whose worker was killed begins anew
     recording, output, *excluded = sys.argv[1:]
     folder = checked_folder(output, [recording])
-    result = examine([open_recording(recording)], excluded=excluded, progress=_tell)
+    result = examine(
+        [open_recording(recording)], DiagnosisSettings(excluded=excluded, progress=_tell)
+    )
     write_diagnosis(result, folder)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lab.blind.blind_score import CaseScore
+from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 
 CONFIDENCE_EDGES = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
 """Bins of confidence for the calibration error: narrower where most verdicts are."""
@@ -34,7 +35,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
     strange = [
         score
         for score in chosen('outside', 'left out')
-        if score.verdict == 'unexplained' or not score.right
+        if score.verdict == UNEXPLAINED or not score.right
     ]
     errors = [error for score in scores for error in score.parameter_errors]
     held = sum(score.intervals_held for score in scores)
@@ -44,7 +45,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
         'right_or_listed': _share(scores, lambda score: score.confirmed),
         'imitated': _share(scores, lambda score: score.imitated),
         'wrong_although_visible': _share(scores, _is_wrong_although_visible),
-        'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
+        'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != NONE),
         'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
         'outside_called_unexplained': _share(strange, lambda score: score.right),
         **_shares_of_several('both_of_a_pair', chosen('pair')),
@@ -93,9 +94,13 @@ def _is_wrong_although_visible(score: CaseScore) -> bool:
     return not score.right and score.visible is not False
 
 
+def is_sure_and_wrong(verdict: str, confidence: float, *, confirmed: bool) -> bool:
+    """Return whether a name is stated with confidence that is not `confirmed`."""
+    return not confirmed and confidence >= SURE and verdict != UNEXPLAINED
+
+
 def _is_sure_and_wrong(score: CaseScore) -> bool:
-    sure = score.confidence >= SURE and score.verdict != 'unexplained'
-    return sure and not score.confirmed
+    return is_sure_and_wrong(score.verdict, score.confidence, confirmed=score.confirmed)
 
 
 def calibration_error(scores: Sequence[CaseScore]) -> float:
@@ -172,12 +177,12 @@ def _by_gap(scores: Sequence[CaseScore]) -> Iterator[str]:
         inside = [s for s in known if s.kind != 'none' and low <= (s.gap or 0.0) < high]
         right = sum(score.right for score in inside)
         wrong = Counter(
-            score.verdict if score.verdict in ('none', 'unexplained') else 'name'
+            score.verdict if score.verdict in (NONE, UNEXPLAINED) else 'name'
             for score in inside
             if not score.right
         )
         span = f'{low:g} to {high:g}' if math.isfinite(high) else f'above {low:g}'
-        counts = (right, wrong['none'], wrong['unexplained'], wrong['name'])
+        counts = (right, wrong[NONE], wrong[UNEXPLAINED], wrong['name'])
         yield f'| {span} | {len(inside)} | ' + ' | '.join(str(n or '') for n in counts) + ' |'
 
 

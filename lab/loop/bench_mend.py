@@ -29,7 +29,7 @@ from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import EffectDescription, Rig, load_rig
 from porotwin_diagnosis.data.live_run import LiveRun
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.mending.finding import finding_of
 from porotwin_diagnosis.mending.mender import Effects, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
@@ -191,7 +191,9 @@ class _MendedRun:
     def _diagnose(self) -> None:
         recording = self._folder / f'run_{self._now:.0f}'
         self.live.write(recording)
-        result = examine([open_recording(recording)], preset=self._settings.preset)
+        result = examine(
+            [open_recording(recording)], DiagnosisSettings(preset=self._settings.preset)
+        )
         finding = finding_of(diagnosis_json(result))
         self.lines.append(f'{self._now / 60.0:.0f} min: {finding.verdict} {finding.confidence:.2f}')
         self.mender.found(finding, seen=self._now, now=self._now, given=self.mender.in_force)

@@ -21,7 +21,7 @@ from lab.scaling.task_trace import Away, Here, Strand, TraceCrew
 from porotwin_core.basis.parallel import crew
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.experiment.recording import open_recording
@@ -126,7 +126,7 @@ def _diagnosis(folder: Path, number: int, cell_m: float) -> Strand:
     make_recording(case, folder / case.name)
     recording = open_recording(folder / case.name)
     tracer = TraceCrew()
-    examine([recording], excluded=case.withheld, crew=tracer)
+    examine([recording], DiagnosisSettings(excluded=case.withheld, crew=tracer))
     return tracer.finish()
 
 

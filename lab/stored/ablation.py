@@ -70,9 +70,9 @@ class ChangedDiagnosis:
         recording = self.module('data.false_cells').without_false_cells(
             open_recording(folder / 'recording')
         )
-        found: Judged = self.module('examine').judge(
-            [recording], excluded=case.withheld, crew=store
-        )
+        examine = self.module('examine')
+        settings = examine.DiagnosisSettings(excluded=case.withheld, crew=store)
+        found: Judged = examine.judge([recording], settings)
         return found
 
     def module(self, name: str) -> ModuleType:

@@ -15,14 +15,14 @@ from typing import ClassVar
 
 from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_study import make_recording
-from lab.blind.blind_table import SURE
+from lab.blind.blind_table import is_sure_and_wrong
 from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_draw import HELD_OUT_EVERY, WEAK, draw_stored
 from lab.study import FiguresJob, Study
 from porotwin_cli.terminal import print_table
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.examine import judge
+from porotwin_diagnosis.examine import DiagnosisSettings, judge
 from porotwin_diagnosis.report.evidence_json import write_evidence
 from porotwin_recording.experiment.recording import open_recording
 
@@ -74,7 +74,7 @@ class StoredVerdict:
     @property
     def is_sure_and_wrong(self) -> bool:
         """Whether a wrong name is stated with confidence."""
-        return not self.is_right and self.confidence >= SURE and self.verdict != 'unexplained'
+        return is_sure_and_wrong(self.verdict, self.confidence, confirmed=self.is_right)
 
     @property
     def is_alone(self) -> bool:
@@ -110,7 +110,7 @@ class StoredJob(FiguresJob[StoredVerdict]):
         begin = time.process_time()
         store = SimulationStore(folder / 'simulations')
         recording = without_false_cells(open_recording(folder / 'recording'))
-        judged = judge([recording], excluded=self.case.withheld, crew=store)
+        judged = judge([recording], DiagnosisSettings(excluded=self.case.withheld, crew=store))
         seconds = time.process_time() - begin
         write_evidence(folder / FINDINGS, judged.evidence)
         return stored_verdict(self.case, judged.verdict, judged.evidence.findings.runs, seconds)

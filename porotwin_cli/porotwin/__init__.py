@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from porotwin_costa.data.frames import Frames as Frames
     from porotwin_costa.networks import architecture as architecture
     from porotwin_costa.training.training import train as train
+    from porotwin_diagnosis.examine import DiagnosisSettings as DiagnosisSettings
     from porotwin_diagnosis.examine import examine
     from porotwin_hub.control.controller import Controller as Controller
     from porotwin_hub.control.setpoint_limits import Limits as Limits
@@ -53,6 +54,7 @@ PLACES = {
     'build_dataset': 'porotwin_costa.data.dataset_builder',
     'Controller': 'porotwin_hub.control.controller',
     'diagnose': 'porotwin_diagnosis.examine:examine',
+    'DiagnosisSettings': 'porotwin_diagnosis.examine',
     'EFFECTS': 'porotwin_solver.effects',
     'export_dataset': 'porotwin_recording.experiment.dataset_export',
     'CorrectiveModel': 'porotwin_costa.correction.corrective_model',

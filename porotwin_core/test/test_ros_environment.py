@@ -3,6 +3,8 @@
 import os
 import shutil
 import socket
+import subprocess
+import sys
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +14,8 @@ import pytest
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros.ros_environment import (
     LEAST_SHARED_BYTES,
+    OWN_PROFILES,
+    PROFILES,
     PROGRAMS,
     DomainClaim,
     check_environment,
@@ -102,6 +106,17 @@ def test_a_full_shared_memory_is_told_before_ros_crashes_at_it(tmp_path, monkeyp
         monkeypatch.setattr(shutil, 'disk_usage', lambda _, usage=usage: usage)
         with nullcontext() if fits else pytest.raises(InputError, match='MB left, and nodes need'):
             check_shared_memory(tmp_path)
+
+
+@pytest.mark.graph
+def test_a_node_reads_no_messages_from_shared_memory(domain: int) -> None:
+    made = "import rclpy; rclpy.init(); node = rclpy.create_node('thing')"
+    node = f"{made}; print(open('/proc/self/maps').read())"
+    environ = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
+    for profiles, ports in ({PROFILES: str(OWN_PROFILES)}, False), ({PROFILES: ''}, True):
+        command = [sys.executable, '-c', node]
+        found = subprocess.check_output(command, text=True, env={**environ, **profiles})
+        assert ('fastrtps_port' in found) is ports
 
 
 def test_a_domain_with_more_programs_than_find_each_other_is_full(domain: int) -> None:

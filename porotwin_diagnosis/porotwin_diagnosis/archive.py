@@ -18,7 +18,7 @@ from porotwin_core.basis.parallel import Crew, SchedulerLost
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_core.rig import Rig
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.report.origin import (
     check_unchanged,
     files_mark,
@@ -110,7 +110,7 @@ class ArchiveTask:
         marks = {self.recording: files_mark(self.recording)}
         opened = open_recording(self.recording, rig=self.rig)
         folder = checked_folder(self.folder, [self.recording])
-        result = examine([opened], preset=self.preset)
+        result = examine([opened], DiagnosisSettings(preset=self.preset))
         check_unchanged(marks)
         write_diagnosis(result, folder)
 

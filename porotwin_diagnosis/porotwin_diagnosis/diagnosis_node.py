@@ -33,7 +33,7 @@ from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_diagnosis.archive import ArchiveTask
 from porotwin_diagnosis.data.live_run import RUN_FOLDER, LiveRun, forget_old_runs
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.progress import WorkClock
 from porotwin_diagnosis.report.named_rows import verdict_words
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
@@ -206,10 +206,12 @@ class DiagnosisNode(TwinNode):
         with crew(workers=self._workers, threads=True) as threads:
             found = examine(
                 [opened],
-                preset=self._preset,
-                crew=threads,
-                progress=progress,
-                tell=self.get_logger().warning,
+                DiagnosisSettings(
+                    preset=self._preset,
+                    crew=threads,
+                    progress=progress,
+                    tell=self.get_logger().warning,
+                ),
             )
         summary = write_diagnosis(found, folder, progress=progress)
         report, confidence = output / REPORT, found.verdict.confidence

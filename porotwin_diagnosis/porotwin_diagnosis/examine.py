@@ -8,7 +8,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
@@ -48,22 +48,11 @@ SIMULATION_BYTES = 3e8
 """Memory of a simulation on the finest cells of a diagnosis, with its comparison [B]."""
 
 
-@one_blas_thread()
-def examine(
-    recordings: Sequence[Recording],
-    *,
-    preset: str = ACCURATE,
-    excluded: Sequence[str] = (),
-    prior: Prior = NO_PRIOR,
-    crew: Crew | None = None,
-    progress: Progress = no_progress,
-    tell: Callable[[str], None] = lambda _line: None,
-    so_far: Callable[[str], None] = lambda _line: None,
-) -> Diagnosis:
-    """Diagnose one recording, or several of the same rig together.
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """How recordings are diagnosed, and who hears of it.
 
-    Args:
-        recordings: at least one recording; an effect has the same size in all of them.
+    Attributes:
         preset: preset of the solver whose gap is diagnosed.
         excluded: names of effects to leave out.
         prior: the belief that earlier recordings of this rig have left.
@@ -73,6 +62,26 @@ def examine(
         tell: called with a line for all that is odd in their rates and maps, before the search, and
             for every rate that nobody measured, after it.
         so_far: called with a line about the best effects so far, after each stage of the search.
+    """
+
+    preset: str = ACCURATE
+    excluded: Sequence[str] = ()
+    prior: Prior = NO_PRIOR
+    crew: Crew | None = None
+    progress: Progress = no_progress
+    tell: Callable[[str], None] = lambda _line: None
+    so_far: Callable[[str], None] = lambda _line: None
+
+
+@one_blas_thread()
+def examine(
+    recordings: Sequence[Recording], settings: DiagnosisSettings = DiagnosisSettings()
+) -> Diagnosis:
+    """Diagnose one recording, or several of the same rig together.
+
+    Args:
+        recordings: at least one recording; an effect has the same size in all of them.
+        settings: how, and who hears of it.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -80,9 +89,10 @@ def examine(
         SearchEnded: `progress` ended the search before there was an answer.
     """
     began = time.perf_counter()
-    preset_named(preset)
+    preset_named(settings.preset)
     _check_same_rig(recordings)
-    progress = forward_only(progress)
+    settings = replace(settings, progress=forward_only(settings.progress))
+    excluded, progress, tell = settings.excluded, settings.progress, settings.tell
     progress('reading the recording', 0.0)
     odd = odd_lines(recordings, OF_MAPS)
     for line in odd:  # opening them told the others
@@ -94,20 +104,12 @@ def examine(
     ]
     for line in averaged:
         tell(line)
-    judged = judge(
-        recordings,
-        preset=preset,
-        excluded=excluded,
-        prior=prior,
-        crew=crew,
-        progress=progress,
-        so_far=so_far,
-    )
+    judged = judge(recordings, settings)
     for line in judged.unmeasured:
         tell(line)
     recordings, samples, verdict = judged.recordings, judged.samples, judged.verdict
     findings, levels = judged.evidence.findings, judged.levels
-    gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
+    gap = map_gap(*recordings, preset='fast' if settings.preset == ACCURATE else settings.preset)
     held_out = _as_judged(judged.held_out, samples, verdict)
     found = recordings[0].rig.with_effects(verdict.model.effects)
     unexplained = verdict.name == UNEXPLAINED
@@ -171,38 +173,31 @@ class Judged(NamedTuple):
 
 
 def judge(
-    recordings: Sequence[Recording],
-    *,
-    preset: str = ACCURATE,
-    excluded: Sequence[str] = (),
-    prior: Prior = NO_PRIOR,
-    crew: Crew | None = None,
-    progress: Progress = no_progress,
-    so_far: Callable[[str], None] = lambda _line: None,
+    recordings: Sequence[Recording], settings: DiagnosisSettings = DiagnosisSettings()
 ) -> Judged:
-    """Search for effects, and make the verdict; the arguments are as in `examine`.
+    """Search for effects, and make the verdict, as `examine` does.
 
     Raises:
         InputError: a recording is too short to judge.
         SearchEnded: `progress` ended the search before there was an answer.
     """
-    start = settled(recordings, crew=crew)
+    start = settled(recordings, crew=settings.crew)
     recordings, samples = tuple(start.recordings), start.samples
     findings, levels = search_effects(
         samples,
-        excluded=excluded,
-        prior=prior,
-        crew=crew,
-        progress=progress,
-        so_far=lambda null, best: so_far(_so_far(null, best)),
+        excluded=settings.excluded,
+        prior=settings.prior,
+        crew=settings.crew,
+        progress=settings.progress,
+        so_far=lambda null, best: settings.so_far(_so_far(null, best)),
     )
-    progress('measuring intervals', 0.92)
+    settings.progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
-    numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)
+    numerics = measure_numerics(samples, findings.null, explanation.model, preset=settings.preset)
     joint, rates = start.sources.beside(explanation.model)
     explanation = replace(explanation, model=beside_the_rates(explanation.model, joint))
     held_out = tuple(
-        measure_held_out(recording, sample, joint, numerics, crew)
+        measure_held_out(recording, sample, joint, numerics, settings.crew)
         for recording, sample in zip(recordings, samples, strict=True)
     )
     evidence = gather(samples, findings, explanation, numerics, held_out)

@@ -14,12 +14,13 @@ from concurrent.futures import Executor, Future
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, ClassVar
 from uuid import uuid4
 
 import numpy as np
 
 from porotwin_core.basis.parallel import Crew, versions
+from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
 
 FOLDER = 'simulations'
@@ -31,30 +32,55 @@ OWN_NAME = re.compile(r'[0-9a-f]{32}\.(npy|begun)')
 KEPT_FROM_S = 0.3
 """Duration from which a simulation is kept [s]: a short one is made again as fast as it is read."""
 
-
 LEAST_FREE_BYTES = 100_000_000
 """Space that stays free for the report and for others [B]; with less, no simulation is kept."""
 
 
 class KeptSimulations(Crew):
-    """A crew that keeps the simulations of another one."""
+    """A crew that keeps the simulations of another one.
+
+    Attributes:
+        found: simulations that were read.
+        made: simulations that the other crew made.
+        suffix: end of the names of the files.
+        kept_from_s: duration from which a simulation is kept [s].
+    """
+
+    suffix: ClassVar = '.npy'
+    kept_from_s: ClassVar = KEPT_FROM_S
 
     def __init__(self, crew: Crew, folder: Path) -> None:
-        """Keep the simulations of `crew` in `folder`, the folder of a report."""
-        self._crew, self._folder = crew, folder / FOLDER
+        """Keep the simulations of `crew` in `folder`, which the first one makes."""
+        self._crew, self._folder = crew, folder
         self.workers = crew.workers
-        self.found = len(list(self._folder.glob('*.npy')))
+        self.found = self.made = 0
+
+    @property
+    def kept(self) -> int:
+        """Number of simulations in the folder."""
+        return len(list(self._folder.glob(f'*{self.suffix}')))
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Return the future of a simulation `function(*args, **kwargs)`, which returns an array."""
         call = partial(function, *args, **kwargs)
-        path = self._folder / f'{key_of(call)}.npy'
+        path = self._folder / f'{key_of(call)}{self.suffix}'
         future: Future[Any] = Future()
         try:
-            future.set_result(np.load(path))
+            future.set_result(self.read(path))
+            self.found += 1
         except (OSError, ValueError, EOFError):  # absent, or cut short with the power
-            self._crew.submit(_timed, call).add_done_callback(partial(_deliver, future, path))
+            self._crew.submit(_timed, call).add_done_callback(partial(self._deliver, future, path))
         return future
+
+    def read(self, path: Path) -> FloatArray:
+        """Return the maps in `path`; OSError, ValueError or EOFError: there is no whole file."""
+        maps: FloatArray = np.load(path)
+        return maps
+
+    def write(self, file: BinaryIO, maps: FloatArray) -> FloatArray:
+        """Write `maps` to `file`, and return them as they will be read."""
+        np.save(file, maps)
+        return maps
 
     def threads(self, count: int) -> Executor:
         """Return `count` threads here for work that waits for tasks of this crew."""
@@ -67,6 +93,33 @@ class KeptSimulations(Crew):
                 path.unlink(missing_ok=True)
         with suppress(OSError):  # absent, or it holds other files
             self._folder.rmdir()
+
+    def _deliver(self, future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:
+        """Pass on the end of `task`, and keep what it found."""
+        if task.cancelled():
+            future.cancel()
+            return
+        error = task.exception()
+        if error is not None:
+            future.set_exception(error)
+            return
+        seconds, maps = task.result()
+        self.made += 1
+        future.set_result(self._keep(path, maps) if seconds >= self.kept_from_s else maps)
+
+    def _keep(self, path: Path, maps: FloatArray) -> FloatArray:
+        """Write `maps` so that a kill leaves the whole file or none; a full disk keeps nothing."""
+        begun = path.with_name(f'{uuid4().hex}.begun')
+        try:
+            path.parent.mkdir(exist_ok=True)
+            if shutil.disk_usage(path.parent).free < LEAST_FREE_BYTES + maps.nbytes:
+                return maps
+            with begun.open('wb') as file:
+                maps = self.write(file, maps)
+            begun.replace(path)
+        except OSError:
+            begun.unlink(missing_ok=True)
+        return maps
 
 
 def key_of(call: 'partial[Any]') -> str:
@@ -94,32 +147,3 @@ def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
     begin = time.perf_counter()
     found = call()
     return time.perf_counter() - begin, found
-
-
-def _deliver(future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:
-    """Pass on the end of `task`, and keep what it found."""
-    if task.cancelled():
-        future.cancel()
-        return
-    error = task.exception()
-    if error is not None:
-        future.set_exception(error)
-        return
-    seconds, maps = task.result()
-    if seconds >= KEPT_FROM_S:
-        _keep(path, maps)
-    future.set_result(maps)
-
-
-def _keep(path: Path, maps: np.ndarray[Any, Any]) -> None:
-    """Write `maps` so that a kill leaves the whole file or none; a full disk keeps nothing."""
-    begun = path.with_name(f'{uuid4().hex}.begun')
-    try:
-        path.parent.mkdir(exist_ok=True)
-        if shutil.disk_usage(path.parent).free < LEAST_FREE_BYTES + maps.nbytes:
-            return
-        with begun.open('wb') as file:
-            np.save(file, maps)
-        begun.replace(path)
-    except OSError:
-        begun.unlink(missing_ok=True)

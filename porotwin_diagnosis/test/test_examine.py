@@ -9,7 +9,7 @@ from diagnosis_examples import SMALL, all_but, recorded, schedule
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription, write_rig
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.progress import SINGLES_JUDGED, SearchEnded
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.experiment.recording import open_recording
@@ -30,7 +30,10 @@ def test_diffusive_scheme_is_called_numerical_and_not_dispersion(tmp_path):
     path = recorded(tmp_path / 'recording', grid=SMALL.grid(62, 37))
     recording, told = with_a_glare(open_recording(path)), []
     result = examine(
-        [recording], preset='upwind', excluded=all_but('dispersion', 'clock'), tell=told.append
+        [recording],
+        DiagnosisSettings(
+            preset='upwind', excluded=all_but('dispersion', 'clock'), tell=told.append
+        ),
     )
     assert diagnosis_json(result)['remarks'] == told, 'its times are not odd'
     assert any('look for a glare' in line for line in told), 'the diagnosis takes it out'
@@ -56,9 +59,11 @@ def test_a_search_that_is_ended_gives_its_answer_so_far(tmp_path):
 
     result = examine(
         [open_recording(path)],
-        excluded=all_but('retardation', 'rate', 'decay'),
-        progress=enough,
-        so_far=told.append,
+        DiagnosisSettings(
+            excluded=all_but('retardation', 'rate', 'decay'),
+            progress=enough,
+            so_far=told.append,
+        ),
     )
     assert asked
     assert not result.evidence.findings.pairs
@@ -73,7 +78,10 @@ def test_a_search_that_is_ended_at_once_has_no_answer(injecting):
             raise SearchEnded
 
     with pytest.raises(SearchEnded):
-        examine([open_recording(injecting)], excluded=all_but('rate', 'decay'), progress=enough)
+        examine(
+            [open_recording(injecting)],
+            DiagnosisSettings(excluded=all_but('rate', 'decay'), progress=enough),
+        )
 
 
 @pytest.mark.slow
@@ -81,10 +89,10 @@ def test_a_search_that_is_ended_at_once_has_no_answer(injecting):
 def test_a_second_recording_separates_effects_that_one_cannot(injecting, chasing):
     one, two = open_recording(injecting), open_recording(chasing)
     excluded = all_but('porosity', 'rate', 'clock')
-    alone = examine([one], excluded=excluded).verdict
+    alone = examine([one], DiagnosisSettings(excluded=excluded)).verdict
     assert {alone.name, *alone.inseparable} >= {'porosity', 'rate'}
 
-    both = examine([one, two], excluded=excluded)
+    both = examine([one, two], DiagnosisSettings(excluded=excluded))
     assert both.verdict.name == 'porosity'
     assert 'rate' not in both.verdict.inseparable
     stated = diagnosis_json(both)
@@ -116,7 +124,9 @@ def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     )
     told = []
     with pytest.raises(InputError, match='too few'):
-        examine([with_a_glare(open_recording(tmp_path / 'short'))], tell=told.append)
+        examine(
+            [with_a_glare(open_recording(tmp_path / 'short'))], DiagnosisSettings(tell=told.append)
+        )
     assert any('look for a glare' in line for line in told), 'what is odd may be the reason'
 
 
@@ -124,7 +134,8 @@ def test_a_preset_that_does_not_exist_is_refused_before_the_search(quiet):
     stages = []
     with pytest.raises(InputError, match="preset 'fats': unknown"):
         examine(
-            [open_recording(quiet)], preset='fats', progress=lambda stage, _: stages.append(stage)
+            [open_recording(quiet)],
+            DiagnosisSettings(preset='fats', progress=lambda stage, _: stages.append(stage)),
         )
     assert stages == []
 

@@ -14,7 +14,6 @@ import pytest
 from porotwin_core.basis.parallel import ThreadCrew
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis import kept_simulations
 from porotwin_diagnosis.kept_simulations import FOLDER, LEAST_FREE_BYTES, KeptSimulations, key_of
 
 GRID = Grid(6, 4, 0.6, 0.4)
@@ -35,17 +34,17 @@ class Simulator:
 
 @pytest.fixture(autouse=True)
 def _keep_everything(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_simulations, 'KEPT_FROM_S', 0.0)
+    monkeypatch.setattr(KeptSimulations, 'kept_from_s', 0.0)
 
 
 def test_a_second_call_finds_the_simulations_of_the_first(tmp_path: Path) -> None:
     simulator = Simulator()
     for _ in range(2):
         with ThreadCrew(2) as threads:
-            crew = KeptSimulations(threads, tmp_path)
+            crew = KeptSimulations(threads, tmp_path / FOLDER)
             found = [crew.submit(simulator.maps, level, grid=GRID) for level in (0.1, 0.2)]
             assert [float(one.result()[0, 0]) for one in found] == pytest.approx([0.1, 0.2])
-    assert (simulator.count, crew.found) == (2, 2)
+    assert (simulator.count, crew.found, crew.made, crew.kept) == (2, 2, 0, 2)
     (tmp_path / FOLDER / 'mine.txt').write_text('precious')
     crew.remove()
     assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ['mine.txt']
@@ -60,7 +59,7 @@ def test_the_last_space_of_a_disk_is_left_to_the_report(
     little = SimpleNamespace(free=LEAST_FREE_BYTES)
     monkeypatch.setattr(shutil, 'disk_usage', lambda _: little)
     with ThreadCrew(1) as threads:
-        crew = KeptSimulations(threads, tmp_path)
+        crew = KeptSimulations(threads, tmp_path / FOLDER)
         crew.submit(Simulator().maps, 0.1, grid=GRID).result()
     assert not list((tmp_path / FOLDER).iterdir())
 
@@ -68,7 +67,7 @@ def test_the_last_space_of_a_disk_is_left_to_the_report(
 def test_a_damaged_file_is_made_again_and_an_error_is_passed_on(tmp_path: Path) -> None:
     simulator = Simulator()
     with ThreadCrew(1) as threads:
-        crew = KeptSimulations(threads, tmp_path)
+        crew = KeptSimulations(threads, tmp_path / FOLDER)
         crew.submit(simulator.maps, 0.1, grid=GRID).result()
         (file,) = (tmp_path / FOLDER).iterdir()
         file.write_bytes(file.read_bytes()[:140])
@@ -101,6 +100,8 @@ def test_a_cancelled_task_is_cancelled(tmp_path: Path) -> None:
             return task
 
     with Busy(1) as threads:
-        waiting = KeptSimulations(threads, tmp_path).submit(Simulator().maps, 0.1, grid=GRID)
+        waiting = KeptSimulations(threads, tmp_path / FOLDER).submit(
+            Simulator().maps, 0.1, grid=GRID
+        )
         task.cancel()
         assert waiting.cancelled()

@@ -13,7 +13,7 @@ from matplotlib.image import imsave
 from lab.blind.blind_cases import SMALL
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.page import write_report
 from porotwin_diagnosis.report.report_folder import write_diagnosis
@@ -180,7 +180,7 @@ def test_names_of_rig_wells_and_folder_are_escaped(tmp_path):
     table.write_text(table.read_text().replace('injector', f'{SCRIPT}well'))
     recording = open_recording(folder)
     assert f'{SCRIPT}well' in recording.rig.wells
-    found = examine([recording], excluded=all_but('porosity', 'rate'))
+    found = examine([recording], DiagnosisSettings(excluded=all_but('porosity', 'rate')))
     (tmp_path / 'out').mkdir()
     write_diagnosis(found, tmp_path / 'out', apply=True)
     page = (tmp_path / 'out' / 'report.html').read_text()

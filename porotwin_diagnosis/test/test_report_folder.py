@@ -15,7 +15,7 @@ from lab.blind.blind_cases import SMALL
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig, parse_rig, write_rig
 from porotwin_diagnosis.diagnosis import Diagnosis
-from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
 from porotwin_recording.experiment.recording import open_recording
 
@@ -31,7 +31,10 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(tmp_path):
 
     folder = checked_folder(tmp_path / 'out', [recording])
     recordings = [open_recording(recording)]
-    result = examine(recordings, excluded=all_but('porosity', 'rate', 'clock'), progress=progress)
+    result = examine(
+        recordings,
+        DiagnosisSettings(excluded=all_but('porosity', 'rate', 'clock'), progress=progress),
+    )
     assert list(folder.iterdir()) == [], 'examine writes nothing'
     summary = write_diagnosis(result, folder, apply=True, progress=progress)
 

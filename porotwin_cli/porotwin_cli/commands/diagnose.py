@@ -96,9 +96,14 @@ def command(
     from porotwin_cli.recorded.given_twice import refuse_twice
     from porotwin_core.basis.parallel import crew
     from porotwin_core.rig import load_rig
-    from porotwin_diagnosis.examine import SIMULATION_BYTES, examine, untried_lines
+    from porotwin_diagnosis.examine import (
+        SIMULATION_BYTES,
+        DiagnosisSettings,
+        examine,
+        untried_lines,
+    )
     from porotwin_diagnosis.history.joint_belief import prior_from
-    from porotwin_diagnosis.kept_simulations import KeptSimulations
+    from porotwin_diagnosis.kept_simulations import FOLDER, KeptSimulations
     from porotwin_diagnosis.report.answer import sentence
     from porotwin_diagnosis.report.origin import check_unchanged, files_mark
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
@@ -145,17 +150,19 @@ def command(
         progress() as bar,
         _answer_so_far(_shown_on(bar, quick=quick), quick=quick) as show,
     ):
-        simulations = KeptSimulations(pool, folder)
-        if simulations.found:
-            say(f'going on with {simulations.found} simulations of an interrupted call')
+        simulations = KeptSimulations(pool, folder / FOLDER)
+        if simulations.kept:
+            say(f'going on with {simulations.kept} simulations of an interrupted call')
         result = examine(
             opened,
-            preset=preset,
-            prior=prior_from(past.before if past else ()),
-            crew=simulations,
-            progress=show,
-            tell=say,
-            so_far=say,
+            DiagnosisSettings(
+                preset=preset,
+                prior=prior_from(past.before if past else ()),
+                crew=simulations,
+                progress=show,
+                tell=say,
+                so_far=say,
+            ),
         )
         check_unchanged(marks)
         untried = untried_lines(result.evidence.findings)

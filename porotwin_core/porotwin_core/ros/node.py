@@ -63,6 +63,7 @@ from porotwin_core.ros.ros_environment import (
     check_keys,
     check_room,
     check_shared_memory,
+    leave_shared_memory,
 )
 from porotwin_core.ros.senders import LEASE_S, hearers, is_simulated
 
@@ -439,6 +440,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         check_shared_memory()
     except InputError as error:
         sys.exit(f'not started: {error}')  # with status 1: the launcher tries it again
+    leave_shared_memory()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = executor_of(1 if threads == 1 else threads + 1)
     node = None

@@ -57,12 +57,21 @@ SHARED_MEMORY = Path('/dev/shm')
 LEAST_SHARED_BYTES = 16 << 20
 """Free space in it that a graph needs [B]: 0.7 MB for each of 16 nodes."""
 
+PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+OWN_PROFILES = Path(__file__).with_name('fast_dds.xml')
+"""Has messages sent through the network of the machine, and not through its shared memory.
+
+Fast DDS watches only those readers of shared memory that wait. If a process is killed or stopped
+while it reads, the others go on writing where nobody reads, and the one that starts in its place
+gets no message and learns no name of a node. A photograph of 12 MB takes 0.1 s longer so.
+"""
+
 RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
 """The nodes of a graph find each other in these discovery ranges."""
 
 
 def prepare_environment() -> None:
-    """Check the variables of ROS 2, and set two that are not set.
+    """Check the variables of ROS 2, and set those that are not set.
 
     Nodes find those of this machine only, and their lines have a readable date.
 
@@ -74,6 +83,12 @@ def prepare_environment() -> None:
     if not os.environ.get(RANGE):
         os.environ[RANGE] = 'LOCALHOST'
     os.environ.setdefault(CONSOLE_FORMAT, READABLE_LINES)
+    leave_shared_memory()
+
+
+def leave_shared_memory() -> None:
+    """Have Fast DDS send through the network of the machine, unless the user has own profiles."""
+    os.environ.setdefault(PROFILES, str(OWN_PROFILES))
 
 
 def check_environment(environ: Mapping[str, str]) -> None:
