@@ -53,7 +53,9 @@ class KeptSimulations(Crew):
         try:
             future.set_result(np.load(path))
         except (OSError, ValueError, EOFError):  # absent, or cut short with the power
-            self._crew.submit(_timed, call).add_done_callback(partial(_deliver, future, path))
+            task = self._crew.submit(_timed, call)
+            task.add_done_callback(partial(_deliver, future, path))
+            future.add_done_callback(lambda done: done.cancelled() and task.cancel())
         return future
 
     def threads(self, count: int) -> Executor:
@@ -97,18 +99,21 @@ def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def _deliver(future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:
-    """Pass on the end of `task`, and keep what it found."""
+    """Pass on the end of `task`, and keep what it found, also if nobody waits any more."""
     if task.cancelled():
         future.cancel()
         return
     error = task.exception()
+    if error is None:
+        seconds, maps = task.result()
+        if seconds >= KEPT_FROM_S:
+            _keep(path, maps)
+    if not future.set_running_or_notify_cancel():
+        return
     if error is not None:
         future.set_exception(error)
-        return
-    seconds, maps = task.result()
-    if seconds >= KEPT_FROM_S:
-        _keep(path, maps)
-    future.set_result(maps)
+    else:
+        future.set_result(maps)
 
 
 def _keep(path: Path, maps: np.ndarray[Any, Any]) -> None:

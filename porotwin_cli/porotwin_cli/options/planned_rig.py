@@ -1,7 +1,10 @@
 """The rig of a live experiment, with the plan of its pumps that lies beside it."""
 
+import logging
 from pathlib import Path
 
+from porotwin_checks.checks import announced_pauses
+from porotwin_checks.known import Known
 from porotwin_cli.terminal import say
 from porotwin_core.rates.announced_rates import with_plan
 from porotwin_core.rig import Rig, load_rig
@@ -12,6 +15,8 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
 )
 from porotwin_recording.tables.rates import read_rates
+
+LOG = logging.getLogger('porotwin')
 
 
 def planned_rig(path: Path) -> Rig:
@@ -30,6 +35,8 @@ def planned_rig(path: Path) -> Rig:
     if rig.control is None or not file.is_file() or recorded:
         return rig
     plan = read_rates(file, rig.wells)
+    for remark in announced_pauses.CHECK.find(Known(rig=rig, commanded=plan)):
+        LOG.warning('%s', remark)
     planned = with_plan(rig, plan, str(file))
     say(f'{file}: {_in_words(planned)}')
     return planned
