@@ -15,6 +15,7 @@ from porotwin_core.basis.units import MINUTE_S, ML
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, conservative_resample, relative_error
 from porotwin_core.rates.wells import Schedule
+from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_recording.experiment.catalogue import catalogue_entry
 from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 from porotwin_recording.experiment.recording import Recording, open_recording
@@ -79,11 +80,16 @@ def _figures(run: Recording) -> dict[str, Any]:
 
 
 def _zone_figures(run: Recording) -> dict[str, float]:
-    """Return the tracer that the maps show in the zone of the objective; nothing without one."""
+    """Return the tracer that the maps show in the zone of the objective; nothing without one.
+
+    The mean of the noise of clean sand, which is above zero in clipped maps, is taken away.
+    """
     if run.maps is None or run.rig.control is None:
         return {}
     zone = ZoneMeasure.of(run.rig, run.grid)
-    tracer = np.array([ML * zone.tracer(np.nan_to_num(values)) for values in run.maps])
+    seen = np.stack([run.maps[number] for number in run.known().looked_at])
+    (clean,) = measure_noise(seen).expected(np.zeros(1))
+    tracer = ML * np.array([max(zone.tracer(np.nan_to_num(one - clean)), 0.0) for one in run.maps])
     if not np.isfinite(tracer).all():
         return {}
     return {
