@@ -231,20 +231,20 @@ class _Told:
 
     def __call__(self, step: SearchStep) -> None:
         """Tell the findings of `step`, judged by the rules of a whole search."""
-        best = min(
-            (*step.findings.triples[:1], *step.findings.pairs[:1], *step.findings.singles[:1]),
-            key=score,
-        )
-        news = best.label, step.levels.refining
+        news = step.best.label, step.levels.refining
         if news == self._before:
             return
         self._before = news
-        levels, findings = step.completed()
-        explanation, null = explain(findings), findings.null
+        judged = step.completed()
+        findings, null, best = judged.findings, judged.findings.null, judged.best
+        explanation = explain(findings)
         numerics = Numerics(ACCURATE, score(null), score(null))
-        seen = [levels.judging.camera_error(fit) for fit in (null, explanation.model)]
-        evidence = gather(self._samples, findings, explanation, numerics, (seen[0], seen[1]))
-        verdict = decide(evidence)
+        without = step.levels.screening if step.is_coarse else step.levels.judging
+        errors = (
+            without.camera_error(null),
+            judged.levels.judging.camera_error(explanation.model),
+        )
+        verdict = decide(gather(self._samples, findings, explanation, numerics, errors))
         named = in_words(verdict.model.effects) if verdict.kept else verdict.name
         nearest = '' if verdict.kept else f'; nearest: {in_words(best.effects)}'
         self._tell(

@@ -211,7 +211,7 @@ class _Wish:
         def note(number: int, _frame: 'FrameType | None') -> None:
             signal.signal(number, before[number])
             self._wanted = True
-            say('the search ends here, and the answer so far follows; a second signal ends at once')
+            say('the answer so far follows; a second signal ends at once')
 
         numbers: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
         before = {number: signal.signal(number, note) for number in numbers}
@@ -236,7 +236,7 @@ def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
             number,
             completed=100 * clock.share,
             least_left=100 * clock.least_left,
-            latest_end=end.seen(task),
+            latest_end=end.seen(task, 100 * clock.share),
             description=stage,
         )
 

@@ -71,9 +71,27 @@ class SearchStep(NamedTuple):
     levels: Levels
     findings: Findings
 
+    @property
+    def is_coarse(self) -> bool:
+        """Whether no fit was judged on finer cells yet."""
+        return self.findings.null is self.findings.screened_null
+
+    @property
+    def best(self) -> Fit:
+        """The judged effects that leave the least."""
+        findings = self.findings
+        firsts = (*findings.triples[:1], *findings.pairs[:1], *findings.singles[:1])
+        return min(firsts, key=score)
+
     def completed(self) -> 'SearchStep':
-        """Return the step with the changes and distances that a verdict needs."""
+        """Return the step with the changes and distances that a verdict needs.
+
+        Fits on coarse cells are judged there, with the errors of the scheme taken back at the best
+        one, as on finer cells.
+        """
         levels, findings = self
+        if self.is_coarse:
+            levels, findings = _judged_on_coarse_cells(levels, findings)
         findings = replace(
             findings,
             part_changes=[levels.relative_change(part.effects) for part in findings.parts],
@@ -172,16 +190,21 @@ def _steps(levels: Levels, space: SearchSpace, prior: Prior) -> Iterator[SearchS
 def _on_coarse_cells(
     levels: Levels, null: Fit, fits: Sequence[Fit], left: Sequence[str], prior: Prior
 ) -> SearchStep:
-    """Return the findings so far, judged on the coarse cells on which all these `fits` were made.
-
-    `left` are the names of the effects that were not fitted yet.
-    """
+    """Return the findings so far, from `fits` on coarse cells; `left` effects have none yet."""
     best = close_to_best(first_of_each_effect(fits))[:WIDE_BEAM]
-    untried = [*left, 'finer cells', 'combinations of effects']
-    findings = Findings(
-        null, null, fits, levels.ranked(best), prior=prior, untried=', '.join(untried)
-    )
-    return _with_bounded_noise(levels.screened, findings)
+    untried = ', '.join([*left, 'finer cells', 'combinations of effects'])
+    findings = Findings(null, null, fits, levels.ranked(best), prior=prior, untried=untried)
+    return SearchStep(levels, findings)
+
+
+def _judged_on_coarse_cells(levels: Levels, findings: Findings) -> SearchStep:
+    """Return coarse levels that are corrected at the best fit, and the fits judged on them."""
+    best = findings.singles[0]
+    if score(best) < CORRECTED_MISFIT:
+        levels = levels.with_corrected_coarse_cells(best.effects)
+    levels = replace(levels, refining=levels.screening, judging=levels.screening)
+    singles = levels.ranked(list(map(levels.judging.evaluated_again, findings.singles)))
+    return _with_bounded_noise(levels, replace(findings, singles=singles))
 
 
 def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judgement:

@@ -133,11 +133,6 @@ class Levels:
                 yield made.result()
 
     @property
-    def screened(self) -> 'Levels':
-        """The levels for a judgement on coarse cells, before fits on finer ones are known."""
-        return replace(self, refining=self.screening, judging=self.screening)
-
-    @property
     def simulations(self) -> int:
         """Number of different simulations so far, without those on rough sand."""
         fitters = (self.screening, self.refining, self.judging)
