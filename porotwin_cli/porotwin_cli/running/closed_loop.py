@@ -53,7 +53,7 @@ from porotwin_solver.model.model import preset_named
 from porotwin_solver.model.prediction_cost import prediction_cost
 
 PREPARATION_S = 35.0
-"""Calibration of the camera, start of the nodes and pictures on two cores [s]."""
+"""Calibration of the camera, start of the nodes and pictures of the small rig on two cores [s]."""
 
 PREPARATION = 'the demo, which calibrates the camera and trains COSTA first'
 """The page waits for this before the graph runs."""
@@ -185,11 +185,12 @@ class DemoSettings:
     def expected_seconds(self) -> float:
         """Return about how long the demo takes on two cores [s]."""
         pace = parse_speed(self.speed)
-        loop = self.photographs * SECONDS_PER_PHOTOGRAPH * self._work
+        work = self._work
+        loop = work * self.photographs * SECONDS_PER_PHOTOGRAPH
         if pace is not None:
             loop = max(loop, self.minutes * 60.0 / pace)
         mended = MENDING_S if self.hidden is not None else 0.0
-        return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
+        return work * PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
 
     @property
     def _work(self) -> float:
