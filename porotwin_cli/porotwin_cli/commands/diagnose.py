@@ -140,7 +140,7 @@ def command(
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
-    wish = _Wish(quick=quick)
+    wish = Wish(quick=quick)
     with (
         only_writer(folder),
         pool,
@@ -182,7 +182,7 @@ def command(
     _tell_about_rig(result.verdict, output, apply=apply)
 
 
-class _Wish:
+class Wish:
     """The wish for the answer so far: Ctrl-C or SIGTERM, or, if it is `quick`, judged singles."""
 
     def __init__(self, *, quick: bool) -> None:
