@@ -70,8 +70,8 @@ def test_a_plan_that_pumps_in_a_pause_of_the_rig_is_told(
 
 def test_a_check_tells_the_plan_that_up_follows_or_refuses(folder: Path) -> None:
     (folder / 'rates.csv').write_text(RESTS)
-    checked = check(folder)
-    assert checked.planned == planned_rig(folder)
+    checked = check(folder / 'rig.yaml')
+    assert checked.planned == check(folder).planned == planned_rig(folder)
     assert any('injector rests from 10 to 20 min' in line for line in in_words(checked))
     (folder / 'rates.csv').write_text(RESTS.replace('1200,injector,300', '1200,injector,200'))
     checked = check(folder)

@@ -34,6 +34,7 @@ from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
 from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.rig_file import FILE_NAME
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE, SCANT_CELLS
 from porotwin_hub.control.setpoint_limits import Limits
@@ -134,6 +135,8 @@ def check(
     Raises:
         InputError: it cannot be read at all.
     """
+    if path.name == FILE_NAME and holds_plan(path.parent):  # as demo and up read it
+        path = path.parent
     rig, found, data, kind = _read(path)
     remarks = list(found)
     if data is not None:
