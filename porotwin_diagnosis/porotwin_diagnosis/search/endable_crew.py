@@ -35,6 +35,12 @@ class EndableCrew(Crew):
         finally:
             self._searching = False
 
+    def threads(self, count: int) -> Executor:
+        """Return `count` threads here for work that waits for tasks of this crew."""
+        if isinstance(self._crew, Crew):
+            return self._crew.threads(count)
+        return super().threads(count)
+
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Return the future of a simulation `function(*args, **kwargs)`.
 
