@@ -48,7 +48,7 @@ START_IS_WRONG = (
     'Pauses and end of the experiment still count from the first photograph: set the clock, and '
     'start the twin again'
 )
-"""What remains wrong after a small correction."""
+"""Said after a correction of less than a week."""
 
 
 @dataclass(frozen=True)
