@@ -171,7 +171,8 @@ def command(
         summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
         if not untried:
             simulations.remove()
-    told = [*summary['history'], *(past.remember(summary) if past else [])]
+    remembered = past.remember(summary) if past and not untried else []
+    told = [*summary['history'], *remembered]
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
