@@ -32,7 +32,6 @@ from porotwin_diagnosis.decision.numerics import ACCURATE, Numerics, measure_num
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Verdict
 from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
-from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.model.unknown_rates import SourceRate, beside_the_rates, settled
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
@@ -223,15 +222,15 @@ def judge(
 
 
 class _Told:
-    """Tells the best effects so far, with the confidence in them, whenever they are others."""
+    """Tells the best effects so far, with the confidence in them: others, or on finer cells."""
 
     def __init__(self, samples: Sequence[Sample], tell: Callable[[str], None]) -> None:
         self._samples, self._tell = samples, tell
-        self._before: tuple[str, Fitter] | None = None
+        self._before: tuple[str, bool] | None = None
 
     def __call__(self, step: SearchStep) -> None:
         """Tell the findings of `step`, judged by the rules of a whole search."""
-        news = step.best.label, step.levels.refining
+        news = step.best.label, step.is_coarse
         if news == self._before:
             return
         self._before = news
