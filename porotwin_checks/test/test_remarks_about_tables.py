@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
 
 
-def with_control(**changes: float | None) -> Rig:
+def with_control(**changes: Any) -> Rig:
     """Return the rig with `changes` of its control section."""
     rig = controlled_rig()
     assert rig.control is not None
@@ -277,3 +277,28 @@ def test_maps_that_are_late_as_a_whole_are_no_matter_of_units() -> None:
         data = Known(rig=RIG, commanded=Schedule(last), times=times)
         (found,) = found_in(data)
         assert (found.code, found.facts['first_s']) == ('other_times', 86400.0)
+
+
+@pytest.mark.parametrize(
+    ('pauses', 'told'),
+    [
+        ((), None),
+        (((30.0, 40.0),), None),  # the commands let it rest already
+        (((28.0, 40.0),), None),  # they end in the pause, as setpoints do
+        (((10.0, 20.0), (21.0, 22.0)), (10.0, 20.0)),
+    ],
+)
+def test_rates_through_an_announced_pause_are_told(
+    pauses: tuple[tuple[float, float], ...], told: tuple[float, float] | None
+) -> None:
+    assert RIG.control is not None
+    fixed = {'in': RIG.control.fixed['in'].model_copy(update={'pauses_min': pauses})}
+    rig = with_control(producer=None, fixed=fixed)
+    found = [one for one in found_in(replace(recording(), rig=rig)) if one.key == 'rates.csv']
+    if told is None:
+        assert not found
+    else:
+        (one,) = found
+        assert (one.facts['begin_min'], one.facts['end_min']) == told
+        assert one.facts['told_ml'] == pytest.approx(523.2 / 2)
+        assert one.facts['run_ml'] == pytest.approx(523.2 * (30.0 - 11.0) / 60.0)

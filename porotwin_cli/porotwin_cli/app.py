@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from unicodedata import category
 
 import typer
 
@@ -131,7 +132,7 @@ def refuse_empty_paths(arguments: Sequence[str]) -> None:
 
 
 def refuse_unreadable_names(arguments: Sequence[str]) -> None:
-    """Check that all arguments are UTF-8, which reports and pictures are written in.
+    """Check that all arguments are UTF-8, which reports and pictures are written in, on one line.
 
     Raises:
         InputError: one is not, such as the name of a file from another system.
@@ -140,6 +141,11 @@ def refuse_unreadable_names(arguments: Sequence[str]) -> None:
         shown = word.encode('utf-8', 'backslashreplace').decode()
         if shown != word:
             raise InputError(f'{shown}: this name is not UTF-8; rename the file or folder')
+        if any(category(character) == 'Cc' for character in word):
+            raise InputError(
+                f'{plain(word)}: this name holds a line break or another control character; rename '
+                'the file or folder'
+            )
 
 
 INSTALL_ALL = 'install what is missing: pip install ".[all]" in the checkout'

@@ -159,13 +159,16 @@ class LatestEnd:
         self._totals: list[tuple[float, float]] = []
         self._end: float | None = None
 
-    def seen(self, task: Task) -> float | None:
-        """Return the end [s since the begin of the task]; None as long as nothing tells it."""
-        elapsed, done = task.elapsed or 0.0, task.completed
+    def seen(self, task: Task, done: float) -> float | None:
+        """Return the end [s since the begin of the task]; None as long as nothing tells it.
+
+        `done` is the part of its total that is now done.
+        """
+        elapsed, total = task.elapsed or 0.0, float(task.total or 0.0)
         if not done:
             return None
-        self._totals.append((done, elapsed * float(task.total or 0.0) / done))
-        if task.percentage < KNOWN_FROM_PERCENT and elapsed < KNOWN_FROM_S:
+        self._totals.append((done, elapsed * total / done))
+        if 100.0 * done < KNOWN_FROM_PERCENT * total and elapsed < KNOWN_FROM_S:
             return None
         recent = [total for then, total in self._totals if 2.0 * then >= done]
         end = recent[-1] * max(recent) / min(recent)
@@ -174,33 +177,23 @@ class LatestEnd:
         return self._end
 
 
-def least_seconds_left(task: Task) -> float | None:
-    """Return the remaining time [s] if the field `least_left` of the task is all that is left.
-
-    The field has the unit of its total. The result is that of `seconds_left` without it.
-    """
-    most, least = seconds_left(task), task.fields.get('least_left')
-    if most is None or least is None or not task.remaining:
-        return most
-    return most * min(least / task.remaining, 1.0)
-
-
 def left_in_words(task: Task) -> str:
     """Return the remaining time of a task, such as "2 min left"; empty where it is unknown.
 
     Where work may be left out, the least time comes first: "2 min left, 9 min if no simple cause
-    suffices". The time is unknown at the very beginning, where the time to start would count as
-    slow work.
+    suffices". The field `least_left` of the task, in the unit of its total, tells the least work,
+    and `latest_end` the time of all of it. The time is unknown at the very beginning, where the
+    time to start would count as slow work.
     """
     if task.percentage < KNOWN_FROM_PERCENT and (task.elapsed or 0.0) < KNOWN_FROM_S:
         return ''
-    most, least = seconds_left(task), least_seconds_left(task)
-    if not most or least is None:
+    most, end = seconds_left(task), task.fields.get('latest_end')
+    if most is None or not task.remaining:
         return ''
-    end = task.fields.get('latest_end')
     if end is not None:
-        most = max(end - (task.elapsed or 0.0), least)
-    high, low = duration_in_words(most), duration_in_words(least)
+        most = max(end - (task.elapsed or 0.0), 0.0)
+    share = min(task.fields.get('least_left', task.remaining) / task.remaining, 1.0)
+    high, low = duration_in_words(most), duration_in_words(share * most)
     return f'{low} left' if low == high else f'{low} left, {high} if no simple cause suffices'
 
 

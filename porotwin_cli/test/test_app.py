@@ -208,6 +208,11 @@ def test_a_name_that_is_not_utf_8_is_refused_before_any_work() -> None:
         refuse_unreadable_names(['check', b'caf\xe9'.decode(errors='surrogateescape')])
 
 
+def test_a_name_of_two_lines_is_refused_before_any_work() -> None:
+    with pytest.raises(InputError, match=r'^my\\nrig: this name holds a line break'):
+        refuse_unreadable_names(['check', 'my\nrig'])
+
+
 def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
     (tmp_path / 'rig.yaml').touch()
     result = porotwin('export', tmp_path, tmp_path / 'out')

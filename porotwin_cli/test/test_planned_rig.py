@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from porotwin_cli.checking.rig_check import check, in_words
 from porotwin_cli.options.planned_rig import planned_rig
 from porotwin_cli.running.closed_loop import usual_minutes
 from porotwin_cli.workspace import ROOT
@@ -48,3 +49,31 @@ def test_a_plan_with_another_rate_than_the_rig_is_refused(folder: Path) -> None:
     (folder / 'rates.csv').write_text(RESTS.replace('1200,injector,300', '1200,injector,200'))
     with pytest.raises(InputError, match=r'rates\.csv: injector pumps 200 ml/h at 1200 s'):
         planned_rig(folder)
+
+
+def test_a_plan_that_pumps_in_a_pause_of_the_rig_is_told(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (folder / 'rates.csv').write_text(RESTS)
+    planned_rig(folder)
+    assert not caplog.messages
+    text = (folder / 'rig.yaml').read_text()
+    with_pause = text.replace('concentration: 1.0', 'concentration: 1.0, pauses_min: [[25, 30]]')
+    assert with_pause != text
+    (folder / 'rig.yaml').write_text(with_pause)
+    planned = planned_rig(folder)
+    assert planned.control is not None
+    assert planned.control.fixed['injector'].pauses_min == ((10.0, 20.0), (25.0, 30.0))
+    (told,) = caplog.messages
+    assert 'injector pumps from 25 to 30 min' in told
+
+
+def test_a_check_tells_the_plan_that_up_follows_or_refuses(folder: Path) -> None:
+    (folder / 'rates.csv').write_text(RESTS)
+    checked = check(folder / 'rig.yaml')
+    assert checked.planned == check(folder).planned == planned_rig(folder)
+    assert any('injector rests from 10 to 20 min' in line for line in in_words(checked))
+    (folder / 'rates.csv').write_text(RESTS.replace('1200,injector,300', '1200,injector,200'))
+    checked = check(folder)
+    assert checked.runs, 'rehearse runs it'
+    assert any('demo and up refuse' in one.key for one in checked.remarks)

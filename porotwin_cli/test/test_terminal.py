@@ -111,14 +111,14 @@ def test_the_latest_end_holds_while_stages_become_slower() -> None:
         number = bar.add_task('diagnosis', total=100)
         task = bar.tasks[-1]
         for now, done in course:  # noqa: B007
-            told.append(end.seen(task))
+            told.append(end.seen(task, done))
             bar.update(number, completed=done)
         assert told[0] is None
         known = [one for one in told if one is not None]
         assert known == sorted(known, reverse=True)
         assert known[-1] > 278.8 / 0.174
         now = 1e4
-        assert end.seen(task) > now  # it has passed
+        assert end.seen(task, done) > now  # it has passed
 
 
 @pytest.mark.parametrize(

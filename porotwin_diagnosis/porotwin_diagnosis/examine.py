@@ -17,7 +17,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
-from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
+from porotwin_diagnosis.advice.proposals import Proposal, propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.false_cells import without_false_cells
@@ -26,20 +26,20 @@ from porotwin_diagnosis.data.odd_heads import odd_heads
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.evidence import Evidence, gather
 from porotwin_diagnosis.decision.explanation import explain
-from porotwin_diagnosis.decision.held_out import HeldOut, measure_held_out
+from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors, measure_held_out
 from porotwin_diagnosis.decision.intervals import with_intervals
-from porotwin_diagnosis.decision.numerics import ACCURATE, measure_numerics
+from porotwin_diagnosis.decision.numerics import ACCURATE, Numerics, measure_numerics
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Verdict
 from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
-from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.model.unknown_rates import SourceRate, beside_the_rates, settled
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
-from porotwin_diagnosis.search.effect_search import search_effects
+from porotwin_diagnosis.search.effect_search import SearchStep, search_effects
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
+from porotwin_diagnosis.search.ranking import score
 from porotwin_recording.experiment.recording import Recording, odd_lines
 from porotwin_solver.model.model import preset_named
 from porotwin_solver.service.effects_in_force import in_words
@@ -57,11 +57,12 @@ class DiagnosisSettings:
         excluded: names of effects to leave out.
         prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
-        progress: called with the stage and its position in the work, below 0.98. It may raise
-            `SearchEnded` from SINGLES_JUDGED on: the result is then the answer so far.
+        progress: called with the stage and its position in the work, below 0.98.
         tell: called with a line for all that is odd in their rates and maps, before the search, and
             for every rate that nobody measured, after it.
-        so_far: called with a line about the best effects so far, after each stage of the search.
+        so_far: called with a line about the best effects so far, whenever the search finds others.
+        ended: asked before every simulation of the search. Once it is true, the search ends, and
+            the result is the answer so far.
     """
 
     preset: str = ACCURATE
@@ -71,6 +72,7 @@ class DiagnosisSettings:
     progress: Progress = no_progress
     tell: Callable[[str], None] = lambda _line: None
     so_far: Callable[[str], None] = lambda _line: None
+    ended: Callable[[], bool] = lambda: False
 
 
 @one_blas_thread()
@@ -86,7 +88,7 @@ def examine(
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
             is too short to judge.
-        SearchEnded: `progress` ended the search before there was an answer.
+        CancelledError: the search was ended before it fitted the first effect.
     """
     began = time.perf_counter()
     preset_named(settings.preset)
@@ -117,7 +119,10 @@ def examine(
     progress(next_stage, 0.95)
     screening = levels.screening
     remainder, partial = None, None
-    if unexplained:
+    proposals: tuple[Proposal, ...] = ()
+    if findings.untried:
+        pass  # the next step is to try it
+    elif unexplained:
         remainder = describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
         partial = partial_cause(recordings, levels, verdict.model, held_out, excluded=excluded)
         proposals = tell_kinds_apart(remainder, samples[0])
@@ -179,17 +184,18 @@ def judge(
 
     Raises:
         InputError: a recording is too short to judge.
-        SearchEnded: `progress` ended the search before there was an answer.
+        CancelledError: as `examine`.
     """
     start = settled(recordings, crew=settings.crew)
     recordings, samples = tuple(start.recordings), start.samples
-    findings, levels = search_effects(
+    levels, findings = search_effects(
         samples,
         excluded=settings.excluded,
         prior=settings.prior,
         crew=settings.crew,
         progress=settings.progress,
-        so_far=lambda null, best: settings.so_far(_so_far(null, best)),
+        so_far=_Told(samples, settings.so_far),
+        ended=settings.ended,
     )
     settings.progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
@@ -200,7 +206,7 @@ def judge(
         measure_held_out(recording, sample, joint, numerics, settings.crew)
         for recording, sample in zip(recordings, samples, strict=True)
     )
-    evidence = gather(samples, findings, explanation, numerics, held_out)
+    evidence = gather(samples, findings, explanation, numerics, camera_errors(held_out))
     return Judged(
         recordings,
         samples,
@@ -213,11 +219,36 @@ def judge(
     )
 
 
-def _so_far(null: Fit, best: Fit) -> str:
-    """Return the line about the best effects so far; how sure they are is known at the end."""
-    errors = f'{percent(null.held_out_error)} to {percent(best.held_out_error)}'
-    told = f'error of the held-out maps {errors}, on the grid of this stage'
-    return f'so far: {in_words(best.effects)}; {told}'
+class _Told:
+    """Tells the best effects so far, with the confidence in them: others, or on finer cells."""
+
+    def __init__(self, samples: Sequence[Sample], tell: Callable[[str], None]) -> None:
+        self._samples, self._tell = samples, tell
+        self._before: tuple[str, bool] | None = None
+
+    def __call__(self, step: SearchStep) -> None:
+        """Tell the findings of `step`, judged by the rules of a whole search."""
+        news = step.best.label, step.is_coarse
+        if news == self._before:
+            return
+        self._before = news
+        judged = step.completed()
+        findings, null, best = judged.findings, judged.findings.null, judged.best
+        explanation = explain(findings)
+        numerics = Numerics(ACCURATE, score(null), score(null))
+        without = step.levels.screening if step.is_coarse else step.levels.judging
+        errors = (
+            without.camera_error(null),
+            judged.levels.judging.camera_error(explanation.model),
+        )
+        verdict = decide(gather(self._samples, findings, explanation, numerics, errors))
+        named = in_words(verdict.model.effects) if verdict.kept else verdict.name
+        nearest = '' if verdict.kept else f'; nearest: {in_words(best.effects)}'
+        self._tell(
+            f'so far: {named}, confidence {percent(verdict.confidence)}{nearest}; error of the '
+            f'held-out maps {percent(null.held_out_error)} to {percent(best.held_out_error)}, on '
+            'the cells of this stage'
+        )
 
 
 def untried_lines(findings: Findings) -> list[str]:

@@ -69,7 +69,9 @@ class KeptSimulations(Crew):
             future.set_result(self.read(path))
             self.found += 1
         except (OSError, ValueError, EOFError):  # absent, or cut short with the power
-            self._crew.submit(_timed, call).add_done_callback(partial(self._deliver, future, path))
+            task = self._crew.submit(_timed, call)
+            task.add_done_callback(partial(self._deliver, future, path))
+            future.add_done_callback(lambda done: done.cancelled() and task.cancel())
         return future
 
     def read(self, path: Path) -> FloatArray:
@@ -95,17 +97,22 @@ class KeptSimulations(Crew):
             self._folder.rmdir()
 
     def _deliver(self, future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:
-        """Pass on the end of `task`, and keep what it found."""
+        """Pass on the end of `task`, and keep what it found, also if nobody waits any more."""
         if task.cancelled():
             future.cancel()
             return
-        error = task.exception()
+        error, maps = task.exception(), None
+        if error is None:
+            seconds, maps = task.result()
+            self.made += 1
+            if seconds >= self.kept_from_s:
+                maps = self._keep(path, maps)
+        if not future.set_running_or_notify_cancel():
+            return
         if error is not None:
             future.set_exception(error)
-            return
-        seconds, maps = task.result()
-        self.made += 1
-        future.set_result(self._keep(path, maps) if seconds >= self.kept_from_s else maps)
+        else:
+            future.set_result(maps)
 
     def _keep(self, path: Path, maps: FloatArray) -> FloatArray:
         """Write `maps` so that a kill leaves the whole file or none; a full disk keeps nothing."""

@@ -11,10 +11,6 @@ Progress = Callable[[str, float], None]
 positions into shares of time."""
 
 
-class SearchEnded(Exception):  # noqa: N818  a wish, no mistake
-    """Raised by a `Progress` to end the search: the answer so far is wanted."""
-
-
 POSITIONS = (
     0.0, 0.01, 0.08, 0.15, 0.25, 0.42, 0.476, 0.48, 0.53, 0.56, 0.64, 0.73, 0.78, 0.92, 0.95, 1.0,
 )  # fmt: skip
@@ -25,12 +21,12 @@ SHARES = (
 stages: 560 s for six minutes of the small rig, on two cores."""
 
 STAGE_ENDS = (0.25, 0.476, 0.48, 0.56, 0.78, 0.92)
-"""Positions at which the search may end: after single effects, pairs, pairs fitted again, pairs
-found in other ways, triples on coarse cells, and judged triples. What follows the last one is done
-in any case."""
+"""Positions at which nothing more may be needed: after single effects, pairs, pairs fitted again,
+pairs found in other ways, triples on coarse cells, and judged triples. What follows the last one is
+done in any case."""
 
 SINGLES_JUDGED = STAGE_ENDS[0]
-"""Position from which on the search may end with an answer."""
+"""Position at which every single effect is judged; a quick search ends there."""
 
 
 class WorkClock:

@@ -28,7 +28,7 @@ def test_a_search_names_the_effect_and_returns_its_levels(denser_sand):
     sample = sample_of(denser_sand)
     kept = {'porosity', 'saturation'}
     excluded = {each.effect for each in library([sample])} - kept
-    findings, levels = search_effects([sample], excluded=excluded)
+    levels, findings = search_effects([sample], excluded=excluded)
     assert findings.singles[0].label == 'porosity'
     assert findings.distances[0] == 0.0
     assert findings.runs == levels.simulations

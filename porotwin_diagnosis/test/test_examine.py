@@ -1,6 +1,7 @@
 """The diagnosis as a whole, on recordings of an independent simulator."""
 
 import shutil
+from concurrent.futures import CancelledError
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,14 @@ import pytest
 from diagnosis_examples import SMALL, all_but, recorded, schedule
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import ThreadCrew
 from porotwin_core.rig import EffectDescription, write_rig
 from porotwin_diagnosis.examine import DiagnosisSettings, examine
-from porotwin_diagnosis.progress import SINGLES_JUDGED, SearchEnded
+from porotwin_diagnosis.progress import SINGLES_JUDGED
+from porotwin_diagnosis.report.answer import sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_diagnosis.report.report_folder import REPORT, write_diagnosis
+from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 
@@ -50,37 +55,56 @@ def test_a_search_that_is_ended_gives_its_answer_so_far(tmp_path):
         EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.7}),
     )
     path = recorded(tmp_path / 'recording', *causes, grid=SMALL.grid(47, 28))
-    asked, told = [], []
-
-    def enough(stage, position):
-        if position >= SINGLES_JUDGED and not asked:
-            asked.append(stage)
-            raise SearchEnded
+    stages, told = [], []
 
     result = examine(
         [open_recording(path)],
         DiagnosisSettings(
             excluded=all_but('retardation', 'rate', 'decay'),
-            progress=enough,
+            progress=lambda _stage, position: stages.append(position),
             so_far=told.append,
+            ended=lambda: max(stages) >= SINGLES_JUDGED,
         ),
     )
-    assert asked
     assert not result.evidence.findings.pairs
     assert len(result.verdict.members) <= 1
+    assert result.verdict.confidence <= OPEN_CONFIDENCE
     assert any('before it tried pairs of effects' in line for line in result.remarks)
-    assert len(told) == 2, 'after the first fits, and when they are judged'
+    assert len(told) >= 2, 'after the first fits, and when they are judged'
+    assert all('confidence' in line for line in told)
+
+
+@pytest.mark.parametrize('workers', [1, 2])
+def test_a_search_that_is_ended_after_its_first_fit_has_a_preliminary_answer(
+    injecting, tmp_path, workers
+):
+    told = []
+    with ThreadCrew(workers) as crew:
+        result = examine(
+            [open_recording(injecting)],
+            DiagnosisSettings(
+                excluded=all_but('rate', 'decay', 'porosity'),
+                crew=crew,
+                so_far=told.append,
+                ended=lambda: bool(told),
+            ),
+        )
+    assert result.evidence.findings.untried.endswith('finer cells, combinations of effects')
+    assert result.verdict.confidence <= OPEN_CONFIDENCE
+    summary = write_diagnosis(result, tmp_path)
+    assert summary['untried'] == result.evidence.findings.untried
+    assert sentence(result, summary).startswith('**Preliminary**')
+    assert 'The search was ended before' in (tmp_path / REPORT).read_text()
 
 
 def test_a_search_that_is_ended_at_once_has_no_answer(injecting):
-    def enough(_stage, position):
-        if position > 0.0:
-            raise SearchEnded
-
-    with pytest.raises(SearchEnded):
+    with pytest.raises(CancelledError):
         examine(
             [open_recording(injecting)],
-            DiagnosisSettings(excluded=all_but('rate', 'decay'), progress=enough),
+            DiagnosisSettings(
+                excluded=all_but('rate', 'decay'),
+                ended=lambda: True,
+            ),
         )
 
 

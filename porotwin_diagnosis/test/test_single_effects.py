@@ -13,6 +13,7 @@ from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.place_scan import trials_at
 from porotwin_diagnosis.search.ranking import score
 from porotwin_diagnosis.search.single_effects import (
+    coarsely_fitted_singles,
     refitted_singles,
     screened_singles,
     search_space,
@@ -39,7 +40,7 @@ def test_the_true_effect_is_among_the_first_and_stays_when_fitted_again(denser_s
     kept = ('porosity', 'decay', 'saturation')
     excluded = {c.effect for c in library([sample])} - set(kept) | set(SLOW_EFFECTS)
     levels = make_levels([sample], progress=lambda _stage, _share: None)
-    screened = screened_singles(levels, search_space([sample], excluded))
+    screened = all_screened(levels, search_space([sample], excluded))
     assert screened[0].label == 'porosity'
     assert sorted(fit.label for fit in screened) == sorted(kept)
     again = refitted_singles(levels, screened[1], screened)
@@ -59,7 +60,17 @@ def test_a_zone_that_the_scan_has_missed_is_found_at_the_place_of_a_leak(tmp_pat
 
     monkeypatch.setattr(single_effects, 'place_starts', starts)
     excluded = {c.effect for c in library([sample])} - {'decay', 'leak', 'heterogeneity'}
-    best = screened_singles(levels, search_space([sample], excluded))[0]
+    best = all_screened(levels, search_space([sample], excluded))[0]
     assert best.label == 'heterogeneity'
     (found,) = best.effects
     assert math.hypot(found.parameters['x'] - 0.24, found.parameters['z'] - 0.3) < 0.06
+
+
+def all_screened(levels, space):
+    """Return the last fits on screening cells, and check that all others were less."""
+    *before, coarse = coarsely_fitted_singles(levels, space)
+    assert [len(tried.fits) for tried in before] == list(range(1, len(coarse.fits)))
+    assert coarse.left == space.local_effects
+    *_, last = screened_singles(levels, space, coarse.fits)
+    assert last.left == ()
+    return last.fits

@@ -172,7 +172,7 @@ class ImagingNode(TwinNode):
         cause = CleanState.INTERRUPTED
         if self._start.goes_on(state.time):
             reason = 'imaging was started again'
-        elif state.number == 0:
+        elif state.placement.is_new_experiment:
             cause = CleanState.START
             try:
                 self._start.note(state.time, [*map(digest_of, self._session.baseline_photos)])

@@ -9,6 +9,7 @@ import pytest
 from porotwin_imaging.photograph.photo_clock import (
     EARLIEST_S,
     OLD_INTERVALS,
+    START_IS_WRONG,
     ClockMemory,
     Stamp,
     TimeEvidence,
@@ -132,6 +133,7 @@ def test_a_clock_an_hour_behind_is_corrected_when_three_fresh_photographs_agree(
     assert [stamp.time for stamp in result[2:]] == [NOW + n * INTERVAL for n in range(2, 6)]
     (line,) = [remark for stamp in result for remark in stamp.remarks]
     assert line.startswith("the camera's clock is 3601 s behind this computer's clock")
+    assert line.endswith(START_IS_WRONG)
 
 
 def test_the_lag_of_a_clock_that_was_never_set_is_told_in_days() -> None:
@@ -139,6 +141,7 @@ def test_the_lag_of_a_clock_that_was_never_set_is_told_in_days() -> None:
     result = found([live(n, exif=NOW + n * INTERVAL - years) for n in range(4)])
     (line,) = [remark for stamp in result for remark in stamp.remarks if 'behind' in remark]
     assert '(1638.0 d) behind' in line
+    assert START_IS_WRONG not in line, 'another experiment begins by itself'
 
 
 def test_a_clock_an_hour_ahead_never_gives_a_time_in_the_future() -> None:

@@ -1,5 +1,7 @@
 """The place of each photograph in the sequence."""
 
+import pytest
+
 from porotwin_imaging.live.photo_sequence import SequenceState, accept, place
 
 
@@ -23,6 +25,16 @@ def test_missing_photographs_start_a_new_sequence() -> None:
     assert placements([0, 30, 60, 400, 430])[3:] == [('start', 0.0), ('next', 30.0)]
     assert placements([0, 30, 60, 240])[3] == ('next', 180.0)  # a few are missing
     assert placements([0, 30, 60, 120], longest_gap_s=40.0)[3] == ('start', 0.0)
+
+
+@pytest.mark.parametrize('wrong', [0.0, 4e9])
+def test_a_clock_that_was_wrong_by_more_than_a_week_begins_another_experiment(wrong: float) -> None:
+    state, found = SequenceState(), []
+    for time in (wrong, wrong + 30.0, 1.7e9, 1.7e9 + 30.0):
+        placement, state = place(time, f'{time}', state)
+        state = accept(time, f'{time}', placement, state)
+        found.append((placement.action, placement.is_new_experiment))
+    assert found == [('start', True), ('next', False)] * 2
 
 
 def test_a_late_photograph_is_left_out_and_the_next_one_follows() -> None:

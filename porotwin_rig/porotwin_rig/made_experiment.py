@@ -11,6 +11,7 @@ import numpy as np
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -117,7 +118,8 @@ def make_experiment(
     Args:
         folder: the experiment folder; must not hold an experiment yet.
         rig: the nominal rig; written as it is.
-        commanded: the commanded rates; later ones than the duration are left out.
+        commanded: the commanded rates, which run with the pauses and levels that `rig` announces;
+            later ones than the duration are left out.
         duration: length of the experiment [s].
         photo_interval: time between frames [s], the first at 0.
         seed: seed of the noise, and of the photographs.
@@ -138,6 +140,7 @@ def make_experiment(
     if not (duration > 0.0 and photo_interval > 0.0):
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
     grid = grid or rig.default_grid()
+    commanded = FixedPauses.of(rig).in_schedule(commanded)  # as whoever reads the folder will
     asset = VirtualRig(rig, effects=effects, pumps=pumps, cell=cell)
     photographer = None
     if photo_width_px is not None:

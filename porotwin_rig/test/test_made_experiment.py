@@ -9,6 +9,7 @@ from rig_examples import make_rig, rates
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule
+from porotwin_core.rig import Control, FixedWell
 from porotwin_recording.experiment.experiment_folder import read_folder
 from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.effects import parse_effects
@@ -51,6 +52,24 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
     gap = np.linalg.norm(found.maps[-1] - truth[-1]) / np.linalg.norm(truth[-1])
     assert gap == pytest.approx(made.noise_floor, rel=0.2)
     assert made.injected == pytest.approx(from_ml_h(500.0) * 230.0)
+
+
+def test_a_well_rests_in_the_pauses_that_the_folder_announces(tmp_path: Path) -> None:
+    well = FixedWell(rate_ml_h=500.0, concentration=1.0, pauses_min=((1.0, 2.0),))
+    control = Control(wells=(), producer='producer', fixed={'injector': well})
+    made = make_experiment(
+        tmp_path / 'run',
+        make_rig().model_copy(update={'control': control}),
+        commanded=Schedule.constant(PUMP),
+        duration=180.0,
+        photo_interval=60.0,
+        seed=4,
+        cell=CELL_M,
+    )
+    known = read_folder(tmp_path / 'run').known_rates
+    assert known is not None
+    assert made.injected == pytest.approx(known.injected_stock(0.0, 180.0))
+    assert made.injected == pytest.approx(120.0 * from_ml_h(500.0))
 
 
 def test_every_step_of_a_slow_experiment_is_told(tmp_path: Path) -> None:

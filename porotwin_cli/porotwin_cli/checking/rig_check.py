@@ -14,6 +14,7 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
+from porotwin_cli.options.planned_rig import holds_plan, plan_in_words
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
@@ -23,7 +24,7 @@ from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rates.announced_rates import uncontrolled_rates
+from porotwin_core.rates.announced_rates import uncontrolled_rates, with_plan
 from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, quoted, with_rises
@@ -33,6 +34,7 @@ from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
 from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.rig_file import FILE_NAME
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE, SCANT_CELLS
 from porotwin_hub.control.setpoint_limits import Limits
@@ -43,7 +45,7 @@ from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.jpeg_file import JPEG_START
 from porotwin_imaging.photograph.photo_file import PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
-from porotwin_recording.experiment.experiment_folder import FILES, folder_data
+from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, FILES, folder_data
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -92,6 +94,7 @@ class CheckedRig:
     cost: of a prediction to the next photograph; None where none can be made.
     data: the recording, if there is one.
     photograph: the pixels (rows, columns, 3) of the first baseline photograph, if there is one.
+    planned: the rig that demo and up run by the plan of its pumps, if it has one.
     """
 
     path: Path
@@ -103,6 +106,7 @@ class CheckedRig:
     cost: PredictionCost | None
     data: RecordedData | None = None
     photograph: np.ndarray | None = field(default=None, repr=False)
+    planned: Rig | None = None
 
     @property
     def runs(self) -> bool:
@@ -131,6 +135,8 @@ def check(
     Raises:
         InputError: it cannot be read at all.
     """
+    if path.name == FILE_NAME and holds_plan(path.parent):  # as demo and up read it
+        path = path.parent
     rig, found, data, kind = _read(path)
     remarks = list(found)
     if data is not None:
@@ -153,6 +159,14 @@ def check(
             pixels = np.ascontiguousarray(photograph[..., ::-1])
             off = odd_corners(rig, pixels, (columns, rows), reduction=1)
             remarks += [off] if off else []
+    planned = None
+    if rig.control is not None and data is not None and data.commanded and holds_plan(path):
+        try:
+            planned = with_plan(rig, data.commanded, COMMANDED_FILE)
+        except InputError as error:
+            remarks.append(
+                replace(_as_remark('demo and up refuse this plan', error), refused=False)
+            )
     levelled = _with_true_levels(rig)
     if levelled.boundaries != rig.boundaries:
         remarks += asked({'heads': RIG_CHECKS['heads']}, levelled)
@@ -160,7 +174,7 @@ def check(
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
-    return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph)
+    return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph, planned)
 
 
 def _with_true_levels(rig: Rig) -> Rig:
@@ -293,7 +307,9 @@ def in_words(checked: CheckedRig) -> list[str]:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
-    lines += control_words(checked.rig)
+    if checked.planned is not None:
+        lines.append(f'demo and up: {plan_in_words(checked.planned)}')
+    lines += control_words(checked.planned or checked.rig)
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
         lines.append(heads_in_words(checked.rig, checked.grid))
         lines += levels_in_words(checked.rig, checked.grid)

@@ -39,12 +39,12 @@ def command(
     if found.distances:
         last, worst = max(found.distances), max(found.distances, key=found.distances.__getitem__)
         print(
-            f'maps at {len(found.distances)} common times differ by '
+            f'maps with tracer at {len(found.distances)} common times differ by '
             f'{percent(found.distances[last], 1)} at the last, {last / MINUTE_S:.3g} min, and by '
             f'at most {percent(found.distances[worst], 1)} at {worst / MINUTE_S:.3g} min'
         )
     else:
-        print('no maps of the same times and size')
+        print('no maps with tracer of the same times and size')
 
 
 def _shown(value: Any) -> str:

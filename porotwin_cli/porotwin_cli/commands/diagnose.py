@@ -1,6 +1,7 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import signal
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,9 +83,9 @@ def command(
 
     The diagnosis finds where the gap arises, which effect causes it, and how much of it closes with
     this effect. Several recordings of one rig are diagnosed together, or with --each one by one.
-    The report is a page with pictures. Ctrl-C ends the search with the answer so far, as soon as
-    single effects are judged; the same command goes on. With --live the running twin makes the
-    report while it works.
+    The report is a page with pictures. Ctrl-C or SIGTERM ends the search with a preliminary report
+    on the answer so far; the same command goes on. With --live the running twin makes the report
+    while it works.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
 
@@ -144,33 +145,39 @@ def command(
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
+    wish = Wish(quick=quick)
     with (
         only_writer(folder),
         pool,
         progress() as bar,
-        _answer_so_far(_shown_on(bar, quick=quick), quick=quick) as show,
+        wish.on_signals(),
     ):
+        show = wish.beside(_shown_on(bar, quick=quick))
         simulations = KeptSimulations(pool, folder / FOLDER)
         if simulations.kept:
             say(f'going on with {simulations.kept} simulations of an interrupted call')
-        result = examine(
-            opened,
-            DiagnosisSettings(
-                preset=preset,
-                prior=prior_from(past.before if past else ()),
-                crew=simulations,
-                progress=show,
-                tell=say,
-                so_far=say,
-            ),
+        settings = DiagnosisSettings(
+            preset=preset,
+            prior=prior_from(past.before if past else ()),
+            crew=simulations,
+            progress=show,
+            tell=say,
+            so_far=say,
+            ended=wish.heard,
         )
+        try:
+            result = examine(opened, settings)
+        except CancelledError:
+            say('no effect was fitted yet, so that there is no answer')
+            raise KeyboardInterrupt from None
         check_unchanged(marks)
         untried = untried_lines(result.evidence.findings)
         compare = past.compare if past else lambda _: []
         summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
         if not untried:
             simulations.remove()
-    told = [*summary['history'], *(past.remember(summary) if past else [])]
+    remembered = past.remember(summary) if past and not untried else []
+    told = [*summary['history'], *remembered]
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
@@ -181,37 +188,44 @@ def command(
     _tell_about_rig(result.verdict, output, apply=apply)
 
 
-@contextmanager
-def _answer_so_far(show: 'Progress', *, quick: bool) -> 'Iterator[Progress]':
-    """Return `show`, which ends the search once: when Ctrl-C was pressed, or if it is `quick`.
+class Wish:
+    """The wish for the answer so far: Ctrl-C or SIGTERM, or, if it is `quick`, judged singles."""
 
-    Before single effects are judged there is no answer, and Ctrl-C ends the program as usual.
-    """
-    from porotwin_diagnosis.progress import SINGLES_JUDGED, STAGE_ENDS, SearchEnded
+    def __init__(self, *, quick: bool) -> None:
+        self._quick, self._wanted = quick, False
+        self._position = 0.0
 
-    position, wanted = 0.0, quick
+    def heard(self) -> bool:
+        """Return whether the search shall end."""
+        from porotwin_diagnosis.progress import SINGLES_JUDGED
 
-    def shown(stage: str, reached: float) -> None:
-        nonlocal position, wanted
-        position = max(position, reached)
-        show(stage, reached)
-        if wanted and SINGLES_JUDGED <= position < STAGE_ENDS[-1]:
-            wanted = False
-            raise SearchEnded
+        return self._wanted or (self._quick and self._position >= SINGLES_JUDGED)
 
-    def on_interrupt(number: int, frame: 'FrameType | None') -> None:
-        nonlocal wanted
-        signal.signal(signal.SIGINT, before)
-        if position < SINGLES_JUDGED and callable(before):
-            before(number, frame)
-        wanted = True
-        say('the search ends here, and the answer so far follows; Ctrl-C again ends at once')
+    def beside(self, show: 'Progress') -> 'Progress':
+        """Return `show`, which also tells how far the search is."""
 
-    before = signal.signal(signal.SIGINT, on_interrupt)
-    try:
-        yield shown
-    finally:
-        signal.signal(signal.SIGINT, before)
+        def shown(stage: str, position: float) -> None:
+            self._position = max(self._position, position)
+            show(stage, position)
+
+        return shown
+
+    @contextmanager
+    def on_signals(self) -> 'Iterator[None]':
+        """Take the first signal of the block as the wish; a second one ends the program."""
+
+        def note(number: int, _frame: 'FrameType | None') -> None:
+            signal.signal(number, before[number])
+            self._wanted = True
+            say('the answer so far follows; a second signal ends at once')
+
+        numbers: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
+        before = {number: signal.signal(number, note) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
@@ -228,7 +242,7 @@ def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
             number,
             completed=100 * clock.share,
             least_left=100 * clock.least_left,
-            latest_end=end.seen(task),
+            latest_end=end.seen(task, 100 * clock.share),
             description=stage,
         )
 

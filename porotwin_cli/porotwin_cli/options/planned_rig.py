@@ -1,7 +1,10 @@
 """The rig of a live experiment, with the plan of its pumps that lies beside it."""
 
+import logging
 from pathlib import Path
 
+from porotwin_checks.checks import announced_pauses
+from porotwin_checks.known import Known
 from porotwin_cli.terminal import say
 from porotwin_core.rates.announced_rates import with_plan
 from porotwin_core.rig import Rig, load_rig
@@ -12,6 +15,8 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
 )
 from porotwin_recording.tables.rates import read_rates
+
+LOG = logging.getLogger('porotwin')
 
 
 def planned_rig(path: Path) -> Rig:
@@ -26,16 +31,23 @@ def planned_rig(path: Path) -> Rig:
     rig = load_rig(path)
     folder = path if path.is_dir() else path.parent
     file = folder / COMMANDED_FILE
-    recorded = any((folder / name).exists() for name in (MEASURED_FILE, MAPS_FILE, IMAGING_FILE))
-    if rig.control is None or not file.is_file() or recorded:
+    if rig.control is None or not holds_plan(folder):
         return rig
     plan = read_rates(file, rig.wells)
+    for remark in announced_pauses.CHECK.find(Known(rig=rig, commanded=plan)):
+        LOG.warning('%s', remark)
     planned = with_plan(rig, plan, str(file))
-    say(f'{file}: {_in_words(planned)}')
+    say(f'{file}: {plan_in_words(planned)}')
     return planned
 
 
-def _in_words(rig: Rig) -> str:
+def holds_plan(folder: Path) -> bool:
+    """Return whether the rates.csv in `folder` is a plan, and not the past of a recording."""
+    recorded = any((folder / name).exists() for name in (MEASURED_FILE, MAPS_FILE, IMAGING_FILE))
+    return (folder / COMMANDED_FILE).is_file() and not recorded
+
+
+def plan_in_words(rig: Rig) -> str:
     """Return in words when the fixed wells of a plan pump, and who chooses all other rates."""
     assert rig.control is not None
     pauses = {

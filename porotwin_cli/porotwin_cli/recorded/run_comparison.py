@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.integrate import trapezoid
 
+from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_cli.recorded.run_account import read_account
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import MINUTE_S, ML
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, conservative_resample, relative_error
 from porotwin_core.rates.wells import Schedule
+from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_recording.experiment.catalogue import catalogue_entry
 from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 from porotwin_recording.experiment.recording import Recording, open_recording
@@ -29,7 +31,7 @@ class RunComparison:
         figures: of each run; a number, or a text. NaN and empty: not known.
         keys: keys of `rig.yaml` that differ.
         distances: the relative difference [-] of the maps of both runs at the times [s] of the
-            first run that the second one has too; empty without such maps.
+            first run that the second one has too, and that show tracer; empty without such maps.
     """
 
     figures: tuple[dict[str, Any], dict[str, Any]]
@@ -79,11 +81,16 @@ def _figures(run: Recording) -> dict[str, Any]:
 
 
 def _zone_figures(run: Recording) -> dict[str, float]:
-    """Return the tracer that the maps show in the zone of the objective; nothing without one."""
+    """Return the tracer that the maps show in the zone of the objective; nothing without one.
+
+    The mean of the noise of clean sand, which is above zero in clipped maps, is taken away.
+    """
     if run.maps is None or run.rig.control is None:
         return {}
     zone = ZoneMeasure.of(run.rig, run.grid)
-    tracer = np.array([ML * zone.tracer(np.nan_to_num(values)) for values in run.maps])
+    seen = np.stack([run.maps[number] for number in run.known().looked_at])
+    (clean,) = measure_noise(seen).expected(np.zeros(1))
+    tracer = ML * np.array([max(zone.tracer(np.nan_to_num(one - clean)), 0.0) for one in run.maps])
     if not np.isfinite(tracer).all():
         return {}
     return {
@@ -118,7 +125,7 @@ def _distances(one: Recording, other: Recording) -> dict[float, float]:
         match = int(np.argmin(np.abs(other.times - time)))
         if abs(other.times[match] - time) < SAME_STAMP_S:
             pair = (_on(one.maps[number], shape), _on(other.maps[match], shape))
-            if np.abs(pair[1]).sum() > 0.0:
+            if (pair[1] > VISIBLE_TRACER).any():  # noise alone differs by any share
                 found[float(time)] = relative_error(*pair)
     return found
 

@@ -50,9 +50,10 @@ from porotwin_rig.pumps import Pumps
 from porotwin_rig.session import parse_speed
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model.model import preset_named
+from porotwin_solver.model.prediction_cost import prediction_cost
 
 PREPARATION_S = 35.0
-"""Calibration of the camera, start of the nodes and pictures on two cores [s]."""
+"""Calibration of the camera, start of the nodes and pictures of the small rig on two cores [s]."""
 
 PREPARATION = 'the demo, which calibrates the camera and trains COSTA first'
 """The page waits for this before the graph runs."""
@@ -61,7 +62,7 @@ TRAINING_S = 50.0
 """Training of COSTA on two cores [s]."""
 
 SECONDS_PER_PHOTOGRAPH = 1.2
-"""One photograph, its map, setpoint and forecast on two cores [s]."""
+"""One photograph, its map, setpoint and forecast of the small rig on two cores [s]."""
 
 MENDED_GRID = '94x56'
 """Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
@@ -184,11 +185,25 @@ class DemoSettings:
     def expected_seconds(self) -> float:
         """Return about how long the demo takes on two cores [s]."""
         pace = parse_speed(self.speed)
-        loop = self.photographs * SECONDS_PER_PHOTOGRAPH
+        work = self._work
+        loop = work * self.photographs * SECONDS_PER_PHOTOGRAPH
         if pace is not None:
             loop = max(loop, self.minutes * 60.0 / pace)
         mended = MENDING_S if self.hidden is not None else 0.0
-        return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
+        return work * PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
+
+    @property
+    def _work(self) -> float:
+        """Time of a prediction on the rig over one on the small rig [-]; photographs cost 1."""
+        if self.rig is None:
+            return 1.0
+        own, usual = (
+            prediction_cost(
+                rig, rig.default_grid(), preset=self.preset, duration=USUAL_PHOTO_INTERVAL_S
+            ).seconds
+            for rig in (self.rig, load_rig(small_rig()))
+        )
+        return max(own / usual, 1.0)
 
 
 def usual_minutes(rig: Rig | None, *, hidden: bool) -> float:

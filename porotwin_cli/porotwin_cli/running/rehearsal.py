@@ -126,7 +126,8 @@ def calibration_fit(
 ) -> CalibrationFit:
     """Photograph a known injection with the virtual camera; return the fitted calibration.
 
-    The well of `injected_tracer` injects alone. The recording goes to `folder`/calibration_run.
+    The well of `injected_tracer` injects alone, without a pause. The recording goes to
+    `folder`/calibration_run.
     `done` is told the share that the virtual rig has run.
 
     Raises:
@@ -134,6 +135,9 @@ def calibration_fit(
             suffice for a calibration.
     """
     well, rate_ml_h, concentration = injected_tracer(rig)
+    assert rig.control is not None
+    without_pauses = rig.control.with_pauses({}, rig.control.end_min)
+    rig = rig.model_copy(update={'control': without_pauses})
     duration = CALIBRATED_SHARE * rig.pore_volume / from_ml_h(rate_ml_h)
     duration = max(1, round(duration / MINUTE_S)) * MINUTE_S
     make_experiment(

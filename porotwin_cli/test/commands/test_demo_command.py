@@ -1,11 +1,14 @@
 """./porotwin demo."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from cli_examples import porotwin
 
 from porotwin_cli.running.closed_loop import DemoSettings
+from porotwin_cli.workspace import small_rig
+from porotwin_core.rig import load_rig
 
 
 @pytest.mark.parametrize(
@@ -32,6 +35,17 @@ def test_a_short_demo_begins_when_the_tracer_comes_near_the_zone() -> None:
     assert (short.photographs, long.photographs) == (21, 161)
     assert short.expected_seconds() < long.expected_seconds()
     assert settings(minutes=80.0, speed='1').expected_seconds() > 80.0 * 60.0
+
+
+def test_a_rig_whose_water_flows_faster_takes_longer() -> None:
+    rig = load_rig(small_rig())
+    assert rig.control is not None
+    control = rig.control.model_copy(update={'max_total_rate_ml_h': 5000.0})
+    fast = rig.model_copy(update={'control': control})
+    usual, slow, more = (
+        replace(settings(minutes=60.0), rig=one).expected_seconds() for one in (None, rig, fast)
+    )
+    assert usual == slow < more
 
 
 def test_a_slow_demo_waits_for_its_photographs() -> None:

@@ -1,6 +1,7 @@
 """./porotwin diagnose."""
 
 import shutil
+import signal
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 import pytest
 from cli_examples import porotwin
 
-from porotwin_cli.commands.diagnose import _tell_about_rig
+from porotwin_cli.commands.diagnose import Wish, _tell_about_rig
+from porotwin_diagnosis.progress import SINGLES_JUDGED
 
 
 def test_diagnose_needs_recordings_or_the_running_twin(tmp_path: Path) -> None:
@@ -70,3 +72,24 @@ def test_an_improbable_effect_is_written_with_a_doubt(capsys: pytest.CaptureFixt
     )
     _tell_about_rig(verdict, Path('report'), apply=True)
     assert 'the confidence is only 36 %: check before you use it' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_asks_for_the_answer_so_far(number: signal.Signals) -> None:
+    before, wish = signal.getsignal(number), Wish(quick=False)
+    with wish.on_signals():
+        assert not wish.heard()
+        signal.raise_signal(number)
+        assert wish.heard()
+        assert signal.getsignal(number) is before, 'a second one ends the program'
+    assert signal.getsignal(number) is before
+
+
+def test_a_quick_search_ends_when_single_effects_are_judged() -> None:
+    wish, told = Wish(quick=True), []
+    show = wish.beside(lambda stage, position: told.append((stage, position)))
+    show('judging', SINGLES_JUDGED / 2)
+    assert not wish.heard()
+    show('pairs', SINGLES_JUDGED)
+    assert wish.heard()
+    assert len(told) == 2

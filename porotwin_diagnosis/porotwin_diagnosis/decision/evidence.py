@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.explanation import Explanation
-from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
@@ -94,14 +93,14 @@ def gather(
     findings: Findings,
     explanation: Explanation,
     numerics: Numerics,
-    held_out: Sequence[HeldOut],
+    held_out_errors: tuple[float, float],
 ) -> Evidence:
     """Return the evidence of a diagnosis of `samples`."""
     return Evidence(
         findings,
         explanation,
         numerics,
-        camera_errors(held_out),
+        held_out_errors,
         cells_along=max(max(sample.grid.shape) for sample in samples),
         fitted_frames=sum(sample.fitted_frames for sample in samples),
         place_uncertainty=place_uncertainty(explanation.model),

@@ -28,6 +28,7 @@ class Doubt(StrEnum):
     START = 'start'
     SIZE = 'size'
     SCANT = 'scant'
+    UNTRIED = 'untried'
 
 
 @dataclass(frozen=True)

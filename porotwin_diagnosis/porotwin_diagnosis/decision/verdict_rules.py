@@ -46,7 +46,8 @@ def decide(evidence: Evidence) -> Verdict:
        clock has `OPEN_CONFIDENCE` at most if tracer from before the recording makes the same
        maps, a shifted picture `OPEN_CONFIDENCE` if its size is far off.
 
-    On scant evidence no verdict has more than `OPEN_CONFIDENCE`.
+    On scant evidence, and after a search that was ended, no verdict has more than
+    `OPEN_CONFIDENCE`.
     """
     explanation = evidence.explanation
     probabilities = effect_probabilities(evidence.findings)
@@ -65,8 +66,10 @@ def decide(evidence: Evidence) -> Verdict:
         for applies, reason, most in _open_questions(evidence):
             if applies and sure > most:
                 doubt, sure = reason, most
-    if evidence.scant and sure > OPEN_CONFIDENCE:
-        doubt, sure = Doubt.SCANT, OPEN_CONFIDENCE
+    untried = bool(evidence.findings.untried)
+    for applies, reason in ((evidence.scant, Doubt.SCANT), (untried, Doubt.UNTRIED)):
+        if applies and sure > OPEN_CONFIDENCE:
+            doubt, sure = reason, OPEN_CONFIDENCE
     if name == UNEXPLAINED:
         members, inseparable, alternatives = (), (), ()
     return Verdict(

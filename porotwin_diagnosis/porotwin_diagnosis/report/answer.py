@@ -51,7 +51,16 @@ def answer(result: Diagnosis, summary: Summary) -> list[tuple[str, list[str]]]:
 
 
 def sentence(result: Diagnosis, summary: Summary) -> str:
-    """Return the verdict on `result` in one or two sentences; the **effects** are marked."""
+    """Return the verdict on `result` in one or two sentences; the **effects** are marked.
+
+    The verdict of a search that was ended is preliminary.
+    """
+    if result.evidence.findings.untried:
+        return f'**Preliminary**: {_sentence(result, summary)}'
+    return _sentence(result, summary)
+
+
+def _sentence(result: Diagnosis, summary: Summary) -> str:
     verdict, errors = result.verdict, summary['error']
     before, floor = percent(errors['before']), percent(errors['noise_floor'])
     sure = f'confidence {100 * verdict.confidence:.0f} %'

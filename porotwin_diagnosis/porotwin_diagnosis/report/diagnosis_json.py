@@ -58,6 +58,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'verdict': verdict.name,
         'confidence': round(verdict.confidence, 3),
         'doubt': doubt_words(result),
+        'untried': findings.untried,
         'not_separable_from': list(verdict.not_separable),
         'combination': list(verdict.members) if verdict.kept else [],
         'combination_alternatives': [list(names) for names in verdict.alternatives],

@@ -35,6 +35,7 @@ def doubt_words(result: Diagnosis) -> str:
         'show it. Compare them with a photograph; if they are right, several other effects act '
         'together',
         Doubt.SCANT: scant(result.evidence),
+        Doubt.UNTRIED: f'what the search did not try: {result.evidence.findings.untried}',
     }[verdict.doubt]
 
 

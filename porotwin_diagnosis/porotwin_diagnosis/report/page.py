@@ -55,6 +55,7 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         no_gap=result.verdict.name == NONE,
         unexplained=result.verdict.name == UNEXPLAINED,
         these=these(result),
+        untried=findings.untried,
         rig=_rig_in_words(result.recordings[0].rig.name),
         recordings=list(_recordings(result)),
         sentence=sentence(result, summary),

@@ -12,7 +12,8 @@ If the model without effects leaves no gap, the search ends early: effects witho
 are screened, and the best one is judged.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,12 +23,13 @@ from porotwin_core.basis.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.model.polishing import polished
-from porotwin_diagnosis.progress import Progress, SearchEnded, no_progress
+from porotwin_diagnosis.progress import Progress, no_progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
     judged_pairs,
 )
 from porotwin_diagnosis.search.effects_at_once import judged_couples
+from porotwin_diagnosis.search.endable_crew import EndableCrew
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
 from porotwin_diagnosis.search.noise_bound import (
@@ -62,22 +64,45 @@ from porotwin_diagnosis.thresholds import (
     WIDE_BEAM,
 )
 
-SoFar = Callable[[Fit, Fit], None]
-"""Called with the model without effects and the best effects so far, fitted on the same cells."""
-
-
-class SearchResult(NamedTuple):
-    """The findings of a search, and the levels with the corrections that were last in use."""
-
-    findings: Findings
-    levels: Levels
-
 
 class SearchStep(NamedTuple):
     """The levels that are in use, and the findings so far."""
 
     levels: Levels
     findings: Findings
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether no fit was judged on finer cells yet."""
+        return self.findings.null is self.findings.screened_null
+
+    @property
+    def best(self) -> Fit:
+        """The judged effects that leave the least."""
+        findings = self.findings
+        firsts = (*findings.triples[:1], *findings.pairs[:1], *findings.singles[:1])
+        return min(firsts, key=score)
+
+    def completed(self) -> 'SearchStep':
+        """Return the step with the changes and distances that a verdict needs.
+
+        Fits on coarse cells are judged there, with the errors of the scheme taken back at the best
+        one, as on finer cells.
+        """
+        levels, findings = self
+        if self.is_coarse:
+            levels, findings = _judged_on_coarse_cells(levels, findings)
+        findings = replace(
+            findings,
+            part_changes=[levels.relative_change(part.effects) for part in findings.parts],
+            distances=levels.distances(findings.singles),
+            pair_distances=levels.distances(findings.pairs),
+        )
+        return SearchStep(levels, replace(findings, runs=levels.simulations))
+
+
+SoFar = Callable[[SearchStep], None]
+"""Called with the findings so far, and the levels on which they can be judged."""
 
 
 def search_effects(
@@ -86,9 +111,10 @@ def search_effects(
     excluded: Collection[str] = (),
     prior: Prior = NO_PRIOR,
     progress: Progress = no_progress,
-    so_far: SoFar = lambda _null, _best: None,
+    so_far: SoFar = lambda _step: None,
+    ended: Callable[[], bool] = lambda: False,
     crew: Crew | None = None,
-) -> SearchResult:
+) -> SearchStep:
     """Search for effects that explain recordings of one rig.
 
     Args:
@@ -96,55 +122,89 @@ def search_effects(
         excluded: names of effects to leave out.
         prior: the belief before these recordings; it decides between close rivals.
         progress: called with the stage and the fraction done: about 0.25 when single effects are
-            judged, 0.55 with pairs, and 0.9 with triples. It may raise `SearchEnded`; from 0.25 on
-            the result is then that of the stage before.
-        so_far: called with the model without effects and the best effects after each stage.
+            judged, 0.55 with pairs, and 0.9 with triples.
+        so_far: called whenever an effect was fitted on coarse cells, and after each later stage.
+        ended: asked before every simulation; true ends the search with the findings so far.
         crew: runs the simulations; None: one at a time.
+
+    Returns:
+        The complete findings, and the levels with the corrections that were last in use: those of
+        coarse cells, if the search was ended before any effect was judged on finer ones.
 
     Raises:
         InputError: no effect without a place remains, or the model cannot run without effects.
-        SearchEnded: `progress` ended the search before single effects were judged.
+        CancelledError: the search was ended before the first effect was fitted.
     """
     space = search_space(samples, excluded)
-    levels = make_levels(samples, progress=progress, crew=crew)
-    progress('running the model without effects', 0.0)
+    endable = EndableCrew(crew, ended)
+    levels = make_levels(samples, progress=progress, crew=endable)
+    found: SearchStep | None = None
+    with endable.search():
+        for found in _steps(levels, space, prior):
+            so_far(found)
+    if found is None:
+        raise CancelledError
+    return found.completed()
+
+
+def _steps(levels: Levels, space: SearchSpace, prior: Prior) -> Iterator[SearchStep]:
+    """Yield the findings after each step; the last ones are whole.
+
+    All others name what is untried.
+    """
+    levels.progress('running the model without effects', 0.0)
     null = levels.null()
     if score(null) < CORRECTED_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
     corrected = levels.corrected_at(null)
-    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < NO_GAP_MISFIT:
-        found = _found_no_gap(corrected, space)
-        if normalised_misfit(found.findings.null) < NO_GAP_MISFIT:
-            return found
     screened_null = levels.screening.evaluate((), np.zeros(0))
-    screened = screened_singles(levels, space, lambda best: so_far(screened_null, best))
+    coarse: list[Fit] = []
+    for coarse, left in coarsely_fitted_singles(levels, space):
+        yield _on_coarse_cells(levels, screened_null, coarse, left, prior)
+    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < NO_GAP_MISFIT:
+        first, *_ = coarse
+        singles = [polished(corrected.judging, first, corrected.refining)]
+        found = _with_bounded_noise(
+            corrected, Findings(corrected.null(), screened_null, coarse, singles, prior=prior)
+        )
+        if normalised_misfit(found.findings.null) < NO_GAP_MISFIT:
+            yield found
+            return
+    screened: list[Fit] = []
+    for screened, left in screened_singles(levels, space, coarse):
+        yield _on_coarse_cells(levels, screened_null, screened, left, prior)
     levels, singles = _judged_singles(levels, screened, null)
     levels = levels.corrected_at(null)
-    levels, findings = _with_bounded_noise(
-        levels, Findings(levels.null(), screened_null, screened, singles)
-    )
-    so_far(findings.null, findings.singles[0])
+    findings = Findings(levels.null(), screened_null, screened, singles, prior=prior)
+    levels, findings = _with_bounded_noise(levels, findings)
     if may_need_a_second_effect(findings.singles[0], findings.null):
-        levels, findings = _with_combinations(levels, space, findings, so_far)
+        for untried, step in (('pairs of effects', _with_pairs), ('a third effect', _with_triples)):
+            yield SearchStep(levels, replace(findings, untried=untried))
+            levels, findings = step(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
+    yield SearchStep(levels, replace(findings, untried='close rivals on equal terms'))
     levels, singles = compared_rivals(levels, findings.singles, findings.null, prior)
-    findings = replace(findings, singles=singles, prior=prior)
-    return SearchResult(_with_distances(levels, findings), levels)
+    yield SearchStep(levels, replace(findings, singles=singles))
 
 
-def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
-    """Return the findings on a recording that the model without effects seems to explain.
+def _on_coarse_cells(
+    levels: Levels, null: Fit, fits: Sequence[Fit], left: Sequence[str], prior: Prior
+) -> SearchStep:
+    """Return the findings so far, from `fits` on coarse cells; `left` effects have none yet."""
+    best = close_to_best(first_of_each_effect(fits))[:WIDE_BEAM]
+    untried = ', '.join([*left, 'finer cells', 'combinations of effects'])
+    findings = Findings(null, null, fits, levels.ranked(best), prior=prior, untried=untried)
+    return SearchStep(levels, findings)
 
-    One effect is judged: it may leave so little that the noise must be smaller, and a gap shows.
-    """
-    screened = coarsely_fitted_singles(levels, space)
-    screened_null = levels.screening.evaluate((), np.zeros(0))
-    first, *_ = screened
-    singles = [polished(levels.judging, first, levels.refining)]
-    levels, findings = _with_bounded_noise(
-        levels, Findings(levels.null(), screened_null, screened, singles)
-    )
-    return SearchResult(_with_distances(levels, findings), levels)
+
+def _judged_on_coarse_cells(levels: Levels, findings: Findings) -> SearchStep:
+    """Return coarse levels that are corrected at the best fit, and the fits judged on them."""
+    best = findings.singles[0]
+    if score(best) < CORRECTED_MISFIT:
+        levels = levels.with_corrected_coarse_cells(best.effects)
+    levels = replace(levels, refining=levels.screening, judging=levels.screening)
+    singles = levels.ranked(list(map(levels.judging.evaluated_again, findings.singles)))
+    return _with_bounded_noise(levels, replace(findings, singles=singles))
 
 
 def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judgement:
@@ -161,23 +221,6 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
     fits = (findings.null, *findings.singles, *findings.pairs, *findings.triples)
     levels = with_bounded_levels(levels, fits)
     return SearchStep(levels, with_bounded_findings(levels, findings))
-
-
-def _with_combinations(
-    levels: Levels, space: SearchSpace, findings: Findings, so_far: SoFar
-) -> SearchStep:
-    """Return `findings` with pairs, triples and the members of the best combination.
-
-    If the progress ends the search, what was not tried is named in them.
-    """
-    for untried, step in (('pairs of effects', _with_pairs), ('a third effect', _with_triples)):
-        try:
-            levels, findings = step(levels, space, findings)
-        except SearchEnded:
-            return SearchStep(levels, replace(findings, untried=untried))
-        best = (*findings.triples[:1], *findings.pairs[:1], *findings.singles[:1])
-        so_far(findings.null, min(best, key=score))
-    return SearchStep(levels, findings)
 
 
 def _with_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
@@ -266,14 +309,3 @@ def fitted_again_alone(levels: Levels, findings: Findings, begin: float) -> Judg
     judged = levels.judged(levels.refined(better, begin), begin)
     levels, again = levels.judged_again(judged, findings.null, begin + 0.02)
     return Judgement(levels, levels.ranked([*again, *singles]))
-
-
-def _with_distances(levels: Levels, findings: Findings) -> Findings:
-    """Return complete `findings`: with changes, distances and the number of simulations."""
-    complete = replace(
-        findings,
-        part_changes=[levels.relative_change(part.effects) for part in findings.parts],
-        distances=levels.distances(findings.singles),
-        pair_distances=levels.distances(findings.pairs),
-    )
-    return replace(complete, runs=levels.simulations)

@@ -11,15 +11,15 @@
 simulations made so far.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from porotwin_core.basis.parallel import Crew, ThreadCrew
+from porotwin_core.basis.parallel import Crew
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import COARSER
@@ -99,7 +99,7 @@ class Levels:
         judging: fitter on fine cells.
         finest: forward models on the finest cells, one per recording.
         progress: called with the stage and the fraction done.
-        crew: runs the simulations; None for one at a time.
+        crew: runs the simulations; None: the thread that wants one does.
         pool: threads that compare these simulations; None for one at a time.
     """
 
@@ -115,13 +115,22 @@ class Levels:
     def side_by_side(self, function: Callable[[Item], Made], items: Sequence[Item]) -> list[Made]:
         """Return the results of `function` for all `items`, in their order.
 
-        With a crew, several calls run at the same time. They do not run in `pool`, because they
+        With several workers the calls run at the same time. They do not run in `pool`, because they
         wait for the slopes in it.
         """
-        if self.crew is None or len(items) < 2:
+        if self.crew is None or self.pool is None or len(items) < 2:
             return [function(item) for item in items]
         with self.crew.threads(len(items)) as threads:
             return list(threads.map(function, items))
+
+    def as_made(self, function: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
+        """Yield the results of `function` for all `items`, each as soon as it is there."""
+        if self.crew is None or self.pool is None:
+            yield from map(function, items)
+            return
+        with self.crew.threads(len(items)) as threads:
+            for made in as_completed([threads.submit(function, item) for item in items]):
+                yield made.result()
 
     @property
     def simulations(self) -> int:
@@ -317,9 +326,8 @@ def make_levels(
         progress: called with the stage and the fraction done.
         crew: runs the simulations; None: one at a time.
     """
-    if isinstance(crew, ThreadCrew) and crew.workers == 1:
-        crew = None
-    pool = crew.threads(THREADS_PER_WORKER * crew.workers) if crew is not None else None
+    alone = crew is None or crew.workers == 1
+    pool = None if crew is None or alone else crew.threads(THREADS_PER_WORKER * crew.workers)
     sands = [
         [Forward(on_rough_sand(sample, seed), refinement=JUDGING, crew=crew) for sample in samples]
         for seed in range(ROUGH_SANDS)

@@ -1,6 +1,6 @@
 """Fits of every single effect of the library on coarse cells."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,26 +52,23 @@ def search_space(samples: Sequence[Sample], excluded: Collection[str]) -> Search
     return SearchSpace(candidates, tuple(sorted(local - set(excluded))))
 
 
-def screened_singles(
-    levels: Levels, space: SearchSpace, so_far: Callable[[Fit], None] = lambda _best: None
-) -> list[Fit]:
-    """Return the fits of all single effects on the screening cells, the best score first.
+class Tried(NamedTuple):
+    """The fits of single effects so far, the best score first, and the names of the others."""
 
-    `so_far` is called with the best of those without a place, which is known early.
+    fits: list[Fit]
+    left: tuple[str, ...]
 
-    Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
-    residuals. An effect with a place is fitted from the most promising places.
 
-    Raises:
-        InputError: the model cannot run with any of them.
+def screened_singles(levels: Levels, space: SearchSpace, coarse: Sequence[Fit]) -> Iterator[Tried]:
+    """Yield the fits of single effects on the screening cells; the last ones are all.
+
+    The promising ones of the `coarse` fits, which have no place, go on to fine residuals. An effect
+    with a place is fitted from the most promising places.
+
     """
-    fits = coarsely_fitted_singles(levels, space)
-    if not fits:
-        raise InputError('the model cannot run with any effect of the library on this recording')
-    so_far(fits[0])
-    limit = CLOSE_TO_BEST * score(fits[0])
+    limit = CLOSE_TO_BEST * score(coarse[0])
 
-    step = steps_of(levels.progress, 0.08, 0.06, len(fits))
+    step = steps_of(levels.progress, 0.08, 0.06, len(coarse))
 
     def fitted(fit: Fit) -> Fit:
         if score(fit) >= limit:
@@ -79,27 +76,44 @@ def screened_singles(
         with step(f'fitting {fit.label}'):
             return _continued(levels, fit)
 
-    fits = levels.side_by_side(fitted, fits)
-    placed = []
-    for effect in space.local_effects:
+    fits = levels.side_by_side(fitted, coarse)
+    placed: list[Fit] = []
+    for number, effect in enumerate(space.local_effects):
+        yield Tried(_sorted([*fits, *placed]), space.local_effects[number:])
         levels.progress(f'looking for a place of {effect}', 0.14)
         placed += _best_placed(levels, place_starts(levels, effect))
     exchanged = [
         fit for one in placed if score(one) < limit for fit in _exchanged(levels, space, one)
     ]
-    return sorted(feasible([*fits, *_best_of_each(placed, exchanged)]), key=score)
+    yield Tried(_sorted([*fits, *_best_of_each(placed, exchanged)]), ())
 
 
-def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
-    """Return fits of the effects without a place to coarse residuals, the best score first."""
+def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> Iterator[Tried]:
+    """Yield fits of the effects without a place to coarse residuals; the last ones are all.
 
-    step = steps_of(levels.progress, 0.01, 0.07, len(space.candidates))
+    Raises:
+        InputError: the model cannot run with any of them.
+    """
+    candidates = space.candidates
+    step = steps_of(levels.progress, 0.01, 0.07, len(candidates))
 
-    def tried(candidate: Candidate) -> Fit:
-        with step(f'trying {candidate.label}'):
-            return _fit_from_best_start(levels, candidate)
+    def tried(number: int) -> tuple[int, Fit]:
+        with step(f'trying {candidates[number].label}'):
+            return number, _fit_from_best_start(levels, candidates[number])
 
-    fits = levels.side_by_side(tried, space.candidates)
+    found: dict[int, Fit] = {}
+    for number, fit in levels.as_made(tried, range(len(candidates))):
+        found[number] = fit
+        left = [one.effect for n, one in enumerate(candidates) if n not in found]
+        fits = [found[n] for n in sorted(found)]  # equal scores keep the order of the library
+        if feasible(fits):
+            yield Tried(_sorted(fits), tuple(dict.fromkeys([*left, *space.local_effects])))
+    if not feasible(list(found.values())):
+        raise InputError('the model cannot run with any effect of the library on this recording')
+
+
+def _sorted(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the feasible `fits`, the best score first."""
     return sorted(feasible(fits), key=score)
 
 

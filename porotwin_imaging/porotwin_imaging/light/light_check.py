@@ -59,7 +59,7 @@ def lit_as_baseline(
     if share > LIGHT.most_foreign_share:
         raise InputError(
             f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
-            'tracer cannot cause: another exposure, a flash or a lamp, or a shadow on the '
+            'tracer cannot cause: another exposure, a flash or a lamp, a shadow or tracer on the '
             'baseline; set exposure and lamps as for the baseline, or take another baseline'
         )
     if not brighter.any():

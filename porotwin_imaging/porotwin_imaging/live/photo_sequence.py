@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
-from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS, LONGEST_GAP_S
 from porotwin_core.clock.stamps import SAME_STAMP_S
 
 REMEMBERED = 16
@@ -44,11 +44,14 @@ class Placement:
             it must be left out.
         time_step: time since the last state [s], 0 unless the action is 'next'.
         reason: one line, empty if the action is 'next'.
+        is_new_experiment: whether an experiment starts with the sequence: with the first one, and
+            after more than a week, as when the camera's clock was mended.
     """
 
     action: Literal['next', 'start', 'ignore']
     time_step: float = 0.0
     reason: str = ''
+    is_new_experiment: bool = False
 
 
 def place(
@@ -74,16 +77,17 @@ def place(
     if digest in state.digests:
         return Placement('ignore', reason=f'photograph at {time:.3f} s is a duplicate'), state
     if not state.times:
-        return Placement('start', reason='first photograph'), state
+        return Placement('start', reason='first photograph', is_new_experiment=True), state
     last = state.times[-1]
     if abs(time - last) < SAME_STAMP_S:
         return Placement('ignore', reason=f'second photograph stamped {time:.3f} s'), state
     if time < last:
         return _place_earlier(time, state)
     gap = _usual_gap(state.times) if longest_gap_s is None else longest_gap_s
-    if gap is not None and time - last > gap:
+    is_new = time - last > LONGEST_GAP_S
+    if is_new or (gap is not None and time - last > gap):
         reason = f'{time - last:.0f} s without a photograph: some are missing'
-        return Placement('start', reason=reason), state
+        return Placement('start', reason=reason, is_new_experiment=is_new), state
     return Placement('next', time - last), state
 
 
@@ -106,7 +110,8 @@ def _place_earlier(time: float, state: SequenceState) -> tuple[Placement, Sequen
     repeated = state.earlier_time is not None and state.earlier_time < time
     if time < state.times[0] - SAME_STAMP_S or repeated:
         reason = f'the clock went back from {last:.3f} s to {time:.3f} s'
-        return Placement('start', reason=reason), state
+        is_new = last - time > LONGEST_GAP_S
+        return Placement('start', reason=reason, is_new_experiment=is_new), state
     reason = f'photograph at {time:.3f} s is out of order: {last:.3f} s was read'
     return Placement('ignore', reason=reason), replace(state, earlier_time=time)
 

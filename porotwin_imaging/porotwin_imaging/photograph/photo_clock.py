@@ -22,6 +22,7 @@ from statistics import median
 from typing import Literal
 
 from porotwin_core.clock.freshness import STAMP_RESOLUTION_S
+from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.time_units import DAYS
 
 Trust = Literal['exif', 'file', 'arrival']
@@ -42,6 +43,12 @@ AGREEING = 3
 old files that somebody copied."""
 LAG_SPREAD_S = 3.0
 """Largest difference of lags that agree [s]: EXIF counts whole seconds, and writing takes time."""
+
+START_IS_WRONG = (
+    'Pauses and end of the experiment still count from the first photograph: set the clock, and '
+    'start the twin again'
+)
+"""Said after a correction of less than a week."""
 
 
 @dataclass(frozen=True)
@@ -272,9 +279,11 @@ def _with_lag(
         return memory, []
     relation = 'behind' if wanted > 0 else 'ahead of'
     days = f' ({DAYS.text(abs(wanted))})' if abs(wanted) > DAYS.seconds else ''
+    # after a longer step another experiment begins by itself
+    start = '' if abs(wanted) > LONGEST_GAP_S else '. ' + START_IS_WRONG
     line = (
         f"the camera's clock is {abs(wanted):.0f} s{days} {relation} this computer's clock: its "
-        'times are corrected'
+        f'times are corrected{start}'
         if wanted
         else "the camera's clock agrees with this computer's clock again"
     )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.wells import WellRates
 from porotwin_recording.mcap.serialization import SECOND
@@ -85,7 +86,8 @@ class Segment:
         """Take note of a CleanState message; return the new experiment that begins with it, if any.
 
         Another experiment begins where the time goes back, or where a sequence starts after a new
-        baseline. A sequence that starts at a later time goes on with this experiment.
+        baseline, or after more than a week, with the old baseline: the camera's clock was wrong
+        before. A sequence that starts at another later time goes on with this experiment.
 
         Args:
             stamp: stamp of the message [ns].
@@ -99,13 +101,16 @@ class Segment:
             return []
         last = max(self.maps)
         baselines = [key for key in self.photos if key.role == 'baseline' and key.stamp > last]
-        if stamp > last and not (starts and baselines):
+        long_after = stamp - last > LONGEST_GAP_S * SECOND
+        if stamp > last and not (starts and (baselines or long_after)):
             self.interruptions.append(stamp)
             self.maps.update(first)
             return []
         # the photograph of the first state and the new baselines come before the message
         states = [key for key in self.photos if key.stamp == stamp > last and key not in baselines]
         photos = {key: self.photos.pop(key) for key in (*baselines, *states)}
+        if long_after and not baselines:
+            photos |= {key: one for key, one in self.photos.items() if key.role == 'baseline'}
         return [Segment(stamp, maps=first, photos=photos)]
 
     def add_map(self, stamp: int, location: Location) -> None:

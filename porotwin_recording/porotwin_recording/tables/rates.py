@@ -65,8 +65,8 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
         rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
     if rate_ml_h > 0 and not words[3]:
         raise InputError(
-            f"{where}: well '{well}' injects but its concentration is empty; "
-            'write 0 for water, 1 for tracer stock, or a minus if it takes water out'
+            f"{where}: well '{well}' injects {rate_ml_h:g} ml/h, but nothing tells of what; write "
+            f'{-rate_ml_h:g} if it takes water out, or the concentration: 0 for water, 1 for stock'
         )
     concentration = parse_number(words[3], f'{where}: concentration') if words[3] else 0.0
     if not 0.0 <= concentration <= 1.0:
