@@ -29,13 +29,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaln, logsumexp
 
+from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_table import SURE, expected_error
-from lab.stored.ablation import PRESENT, ChangedDiagnosis
-from lab.stored.linear_sets import WAVES, LinearRecording, LinearSet, linear_recording
+from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
+from lab.stored.linear_sets import (
+    WAVES,
+    LinearRecording,
+    LinearSet,
+    judged_fits,
+    linear_recording,
+)
+from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import effect_and_well
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 
 SETS = 'linear.pickle'
@@ -211,13 +221,27 @@ def questions(folder: Path, seed: int) -> Iterator[Question]:
             continue
         file = job.file.with_name(SETS)
         if not file.exists():
-            file.write_bytes(pickle.dumps(linear_recording(diagnosis, job.case, job.file.parent)))
+            file.write_bytes(pickle.dumps(found_sets(diagnosis, job.case, job.file.parent)))
         recording: LinearRecording = pickle.loads(file.read_bytes())
         sets = {frames: evidences(recording, frames) for frames in FRAMES}
         one = Question(job.found(), sets, recording.singles, is_held_out(number))
         yield one
         if one.truth.is_alone:
             yield one._replace(unknown=one.truth.right)
+
+
+def found_sets(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
+    """Return the sets of the present search on the stored recording in `folder`."""
+    file = folder / REMEMBERED
+    memory = pickle.loads(file.read_bytes()) if file.exists() else {}
+    found = diagnosis.judged(case, folder, memory, SimulationStore(folder / 'simulations'))
+    findings = found.evidence.findings
+    return linear_recording(found.levels, judged_fits(findings), tried_singles(findings))
+
+
+def tried_singles(findings: Findings) -> int:
+    """Return the number of different single effects that a search tried."""
+    return len({effect_and_well(fit) for fit in findings.screened})
 
 
 def rows_of(asked: Sequence[Question], numbers: tuple[float, float]) -> Iterator[list[str]]:
