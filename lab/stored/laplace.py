@@ -107,20 +107,23 @@ def evidences(recording: LinearRecording, frames: float) -> list[SetEvidence]:
         'correlated': recording.correlated * frames,
         'variance': recording.noise + SYSTEMATIC_MISFIT**2,
     }
-    found = []
-    for one in recording.sets:
-        size = len(one.mean) - recording.fields
-        own = slice(size)
-        alone = LinearSet(
-            one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own]
-        )
-        beside = [
-            log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
-            for length, amplitude in product(LENGTHS, AMPLITUDES)
-        ]
-        mean = float(logsumexp(beside) - np.log(len(beside)))
-        found.append(SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean))
-    return found
+    return [set_evidence(one, recording.fields, numbers) for one in recording.sets]
+
+
+def set_evidence(one: LinearSet, fields: int, numbers: Mapping[str, float]) -> SetEvidence:
+    """Return the evidence of a set whose last `fields` amplitudes are those of something else.
+
+    `numbers` are the named arguments of `log_evidence`.
+    """
+    size = len(one.mean) - fields
+    own = slice(size)
+    alone = LinearSet(one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own])
+    beside = [
+        log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
+        for length, amplitude in product(LENGTHS, AMPLITUDES)
+    ]
+    mean = float(logsumexp(beside) - np.log(len(beside)))
+    return SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean)
 
 
 def spectrum_of(length: float) -> FloatArray:

@@ -28,6 +28,7 @@ from porotwin_diagnosis.model.rough_sand import ROUGHNESS
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.thresholds import SCHEME_SHARE
+from porotwin_solver.effects.definition.candidate import FitParameter
 from porotwin_solver.effects.wave import DEVIATION, believed
 
 STEPS = 10.0
@@ -189,14 +190,15 @@ def cosines(points: int, most: int) -> list[FloatArray]:
 
 
 def prior_deviations(fit: Fit) -> FloatArray:
-    """Return the prior deviations of the scaled parameters of `fit`, (p,).
+    """Return the prior deviations of the scaled parameters of `fit`, (p,)."""
+    return np.array([prior_deviation(p) for m in fit.members for p in m.parameters], dtype=float)
+
+
+def prior_deviation(parameter: FitParameter) -> float:
+    """Return the prior deviation of a scaled `parameter`.
 
     A place is anywhere in its range; another parameter has `STEPS`, within its range.
     """
-    found = []
-    for member in fit.members:
-        for parameter in member.parameters:
-            low, high = parameter.range
-            place = parameter.name in ('x', 'z')
-            found.append((high - low) / np.sqrt(12.0) if place else min(STEPS, 0.5 * (high - low)))
-    return np.array(found, dtype=float)
+    low, high = parameter.range
+    place = parameter.name in ('x', 'z')
+    return float((high - low) / np.sqrt(12.0) if place else min(STEPS, 0.5 * (high - low)))

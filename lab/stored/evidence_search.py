@@ -1,0 +1,378 @@
+"""A search that the evidence leads: a beam over sets of effects, ranked by linear responses.
+
+    nice -n 15 python -m lab.stored.evidence_search FOLDER [--seed 31]
+
+1. Every parameter of every effect, and every trial place, makes one response on coarse cells.
+2. If responses were linear, each set would have the evidence of `laplace` with the variance v and
+   the shared errors integrated out. All sets of one effect and of two are ranked so.
+3. The best are fitted, then polished on fine cells, where their evidence is taken.
+4. While something else beside the best set is more probable than that set, the responses are taken
+   anew at it, and the best further effects are fitted beside it, up to three effects.
+"""
+
+import argparse
+import pickle
+import time
+from collections.abc import Collection, Iterable, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp
+
+from lab.stored.laplace import SHAPE, evidences
+from lab.stored.linear_sets import (
+    LinearRecording,
+    camera_modes,
+    correlated_cells,
+    linear_recording,
+    prior_deviation,
+)
+from lab.stored.simulation_store import SimulationStore
+from lab.stored.stored_cases import stored_jobs
+from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import Crew
+from porotwin_core.geometry.grid import FloatArray
+from porotwin_diagnosis.data.false_cells import without_false_cells
+from porotwin_diagnosis.data.misfit import _counted_cells
+from porotwin_diagnosis.data.sample import (
+    COARSE_SMOOTHING_WIDTH,
+    SMOOTHING_WIDTH,
+    STRIDE,
+    Sample,
+)
+from porotwin_diagnosis.model.effect_traits import has_place
+from porotwin_diagnosis.model.fit import Fit, effects_at, member_slices
+from porotwin_diagnosis.model.fitter import Fitter
+from porotwin_diagnosis.model.polishing import polished
+from porotwin_diagnosis.model.unknown_rates import settled
+from porotwin_diagnosis.progress import no_progress
+from porotwin_diagnosis.search.joint_scan import may_act
+from porotwin_diagnosis.search.levels import Levels, make_levels
+from porotwin_diagnosis.search.place_scan import trials_of, with_strength
+from porotwin_diagnosis.search.ranking import feasible, score
+from porotwin_diagnosis.search.single_effects import SearchSpace, search_space
+from porotwin_diagnosis.thresholds import BEAM, SYSTEMATIC_MISFIT, WIDE_BEAM
+from porotwin_recording.experiment.recording import open_recording
+from porotwin_solver.effects.definition.candidate import Candidate
+
+OWN_SETS = 'own_linear.pickle'
+"""File with the sets that this search found, and its cost, beside the verdict."""
+
+WIDTHS = (COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH)
+"""Smoothing of the responses [cells]: fronts that lie cells apart are linear only on the first."""
+
+VARIANCES = np.geomspace(0.01, 1000.0, 16)
+"""Variances over which the evidence of a ranking is integrated."""
+
+FRAMES = 4.0
+"""Frames that share an error."""
+
+MOST_EFFECTS, MOST_PLACED = 3, 1
+"""Effects of a set, and places of one that is ranked without a set beside it."""
+
+
+class Block(NamedTuple):
+    """The rows of one candidate in the matrix of all responses."""
+
+    candidate: Candidate
+    rows: tuple[int, ...]
+
+
+class Responses(NamedTuple):
+    """Responses of all candidates beside a set, of one prior deviation each.
+
+    Attributes:
+        blocks: the candidates.
+        matrix: whitened responses (k, n) by smoothing width.
+        base: responses (p, n) of the set's own parameters, by smoothing width.
+        residual: whitened residual (n,) of the set, by smoothing width.
+        modes: modes (q, n) of the camera, by smoothing width.
+    """
+
+    blocks: tuple[Block, ...]
+    matrix: dict[float, FloatArray]
+    base: dict[float, FloatArray]
+    residual: dict[float, FloatArray]
+    modes: dict[float, FloatArray]
+
+
+class Searched(NamedTuple):
+    """The judged fits of a search, the one without effects first, and their linear responses."""
+
+    fits: tuple[Fit, ...]
+    recording: LinearRecording
+    simulations: int
+
+
+def search_by_evidence(
+    samples: Sequence[Sample], *, excluded: Collection[str] = (), crew: Crew | None = None
+) -> Searched:
+    """Search for the sets of effects that explain `samples` of one rig.
+
+    Args:
+        samples: the recordings.
+        excluded: names of effects to leave out.
+        crew: runs the simulations.
+
+    Raises:
+        InputError: the model cannot run without effects.
+    """
+    space = search_space(samples, excluded)
+    levels = make_levels(samples, progress=no_progress, crew=crew)
+    levels = levels.with_corrected_coarse_cells(()).corrected_at(levels.null())
+    none = levels.screening.evaluate((), np.zeros(0))
+    found = {0: [levels.null()]}
+    singles = len({(c.effect, c.fixed.get('well')) for c in space.candidates})
+    singles += len(space.local_effects)
+    best = none
+    for size in range(1, MOST_EFFECTS + 1):
+        here = responses(levels.screening, best, space)
+        sizes = (1, 2) if size == 1 else (size - len(best.members),)
+        groups = [(*best.members, *g) for count in sizes for g in ranked(here, levels, best, count)]
+        fitted = feasible([_fitted(levels, best, group) for group in groups])
+        levels, judged = _judged(levels, fitted)
+        for fit in judged:
+            found.setdefault(len(fit.members), []).append(fit)
+        fits = [fit for count in sorted(found) for fit in _best(found[count])]
+        recording = linear_recording(levels, fits, singles)
+        shares = evidences(recording, FRAMES)
+        leading = max(range(len(shares)), key=lambda n: shares[n].alone)
+        if shares[leading].alone >= shares[leading].beside:
+            break
+        best = min(fitted, key=score)
+        if len(best.members) >= MOST_EFFECTS:
+            break
+        levels = levels.with_corrected_coarse_cells(best.effects)
+    return Searched(tuple(fits), recording, levels.simulations)
+
+
+def _best(fits: Iterable[Fit]) -> list[Fit]:
+    """Return the best fits of one number of effects, each set of labels once."""
+    first: dict[frozenset[str], Fit] = {}
+    for fit in sorted(fits, key=score):
+        first.setdefault(frozenset(member.label for member in fit.members), fit)
+    return [*first.values()][:WIDE_BEAM]
+
+
+def _fitted(levels: Levels, best: Fit, group: Sequence[Candidate]) -> Fit:
+    """Return the fit of `group`, which begins with the members of `best`."""
+    added = [np.array(member.first) for member in group[len(best.members) :]]
+    start = np.concatenate([best.scaled_parameters, *added])
+    return levels.screening.fit(
+        group, start=start, coarse_steps=2, fine_steps=2, updated_slopes=True
+    )
+
+
+def _judged(levels: Levels, fitted: Sequence[Fit]) -> tuple[Levels, list[Fit]]:
+    """Return the best of the `fitted` sets of every size on fine cells, and corrected levels."""
+    found: list[Fit] = []
+    for size in sorted({len(fit.members) for fit in fitted}):
+        own = _best(fit for fit in fitted if len(fit.members) == size)[: BEAM + 1]
+        found += [polished(levels.judging, fit, levels.refining) for fit in own]
+    best = min(feasible(found), key=score)
+    return levels.corrected_at(best), feasible(found)
+
+
+def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
+    """Return the responses of all candidates in `space` beside the fit `best`."""
+    sample = fitter.samples[0]
+    placed = [trial for name in space.local_effects for trial in _trials(sample, name)]
+    here = _residuals(fitter, best.effects)
+    assert here is not None
+    counted = _counted_cells(sample, here[SMOOTHING_WIDTH])
+    rows: dict[float, list[FloatArray]] = {width: [] for width in WIDTHS}
+
+    def added(effects: Sequence[object], deviation: float, into: dict) -> None:
+        moved = _residuals(fitter, effects)
+        for width in WIDTHS:
+            change = np.zeros_like(here[width]) if moved is None else here[width] - moved[width]
+            into[width].append(deviation * change[counted])
+
+    blocks = []
+    for candidate in (*space.candidates, *placed):
+        begin = len(rows[SMOOTHING_WIDTH])
+        for effect, deviation in _changes(candidate):
+            added((*best.effects, effect), deviation, rows)
+        blocks.append(Block(candidate, tuple(range(begin, len(rows[SMOOTHING_WIDTH])))))
+    base: dict[float, list[FloatArray]] = {width: [] for width in WIDTHS}
+    for effects, deviation in _moved(best):
+        added(effects, deviation, base)
+    c = np.clip(sample.smoothed_observed, 0.0, 1.0)
+    size = int(counted.sum())
+    return Responses(
+        tuple(blocks),
+        {width: np.stack(rows[width]) for width in WIDTHS},
+        {width: np.array(base[width]).reshape(-1, size) for width in WIDTHS},
+        {width: here[width][counted] for width in WIDTHS},
+        {
+            width: np.stack(camera_modes(c, sample.weight(width), STRIDE))[:, counted]
+            for width in WIDTHS
+        },
+    )
+
+
+def _residuals(fitter: Fitter, effects: Sequence) -> dict[float, FloatArray] | None:
+    """Return the whitened residuals by width; None if the model cannot run."""
+    try:
+        return {width: fitter.residuals(effects, width)[0] for width in WIDTHS}
+    except InputError:
+        return None
+
+
+def _trials(sample: Sample, name: str) -> list[Candidate]:
+    try:
+        return trials_of(sample, name)
+    except InputError:
+        return []
+
+
+def _changes(candidate: Candidate):
+    """Yield the effect with each parameter moved by a step, and its deviation in such steps."""
+    if has_place(candidate.effect):
+        yield candidate.described(candidate.first), 1.0
+        return
+    for index, parameter in enumerate(candidate.parameters):
+        moved = list(candidate.first)
+        moved[index] += 1.0 if moved[index] + 1.0 <= parameter.range[1] else -1.0
+        step = moved[index] - candidate.first[index]
+        yield candidate.described(moved), step * prior_deviation(parameter)
+
+
+def _moved(best: Fit):
+    """Yield the effects of `best` with each parameter moved by a step, and its deviation."""
+    for member, part in member_slices(best.members):
+        for offset, parameter in enumerate(member.parameters):
+            index = part.start + offset
+            scaled = best.scaled_parameters.copy()
+            step = 1.0 if scaled[index] + 1.0 <= parameter.range[1] else -1.0
+            scaled[index] += step
+            yield effects_at(best.members, scaled), step * prior_deviation(parameter)
+
+
+def ranked(here: Responses, levels: Levels, best: Fit, count: int) -> list[tuple[Candidate, ...]]:
+    """Return the sets of `count` further effects with the largest evidence if all were linear.
+
+    Every candidate starts where the regression puts it. Each set of labels is there once per width.
+    """
+    found: dict[tuple[float, frozenset[str]], tuple[Candidate, ...]] = {}
+    sample = levels.screening.samples[0]
+    for width in WIDTHS:
+        correlated = FRAMES * correlated_cells(sample, width)
+        variance = float(np.mean(sample.expected_noise_squares)) + SYSTEMATIC_MISFIT**2
+        each = [
+            (value, blocks, amounts)
+            for columns, groups in _groups(here.blocks, best.members, count)
+            for value, blocks, amounts in _linear_evidences(
+                here, width, columns, groups, correlated, variance
+            )
+        ]
+        first: dict[frozenset[str], tuple[Candidate, ...]] = {}
+        for _value, blocks, amounts in sorted(each, key=lambda one: -one[0]):
+            labels = frozenset(block.candidate.label for block in blocks)
+            first.setdefault(labels, _started(blocks, amounts))
+            if len(first) == (WIDE_BEAM if count == 1 else BEAM):
+                break
+        found |= {(width, labels): group for labels, group in first.items()}
+    return [*found.values()]
+
+
+def _groups(blocks: Sequence[Block], members: Sequence[Candidate], count: int):
+    """Yield arrays of rows (groups, rows of each) with their blocks, by number of rows."""
+    by_rows: dict[int, list[tuple[Block, ...]]] = {}
+    for group in combinations(blocks, count):
+        placed = sum(has_place(block.candidate.effect) for block in group)
+        others = [block.candidate for block in group if not has_place(block.candidate.effect)]
+        if placed > MOST_PLACED or not all(
+            may_act(one, [*members, *others[:n]]) for n, one in enumerate(others)
+        ):
+            continue
+        by_rows.setdefault(sum(len(block.rows) for block in group), []).append(group)
+    for groups in by_rows.values():
+        yield np.array([[row for block in group for row in block.rows] for group in groups]), groups
+
+
+def _linear_evidences(
+    here: Responses,
+    width: float,
+    rows: np.ndarray,
+    groups: Sequence[tuple[Block, ...]],
+    correlated: float,
+    variance: float,
+):
+    """Return the log evidence of each of `groups` if responses were linear, and its amounts."""
+    r, matrix = here.residual[width], here.matrix[width]
+    modes = np.concatenate([here.modes[width], here.base[width]])
+    inner = modes @ modes.T
+    cross, shown = modes @ matrix.T, modes @ r
+    gram, moments, square = matrix @ matrix.T, matrix @ r, float(r @ r)
+    signs = np.array([[has_place(b.candidate.effect) for b in g for _ in b.rows] for g in groups])
+    each = rows.shape[1]
+    logs, steps = [], []
+    for v in VARIANCES:
+        k = correlated * v
+        known = np.linalg.solve(k * np.eye(len(modes)) + inner, np.column_stack([cross, shown]))
+        g = (gram - cross.T @ known[:, :-1]) / k
+        h = (moments - cross.T @ known[:, -1]) / k
+        s = (square - shown @ known[:, -1]) / k
+        a = g[rows[:, :, None], rows[:, None, :]] + np.eye(each)
+        amounts = np.linalg.solve(a, h[rows][..., None])[..., 0]
+        gain = 0.5 * np.sum(amounts * h[rows], axis=1) - 0.5 * np.linalg.slogdet(a)[1]
+        determinant = np.linalg.slogdet(np.eye(len(modes)) + inner / k)[1]
+        prior = -SHAPE * np.log(v) - (SHAPE - 1.0) * variance / v
+        logs.append(gain - 0.5 * (s + determinant + len(r) / correlated * np.log(v)) + prior)
+        steps.append(amounts)
+    table = np.stack(logs)
+    likeliest = np.argmax(table, axis=0)
+    amounts = np.stack(steps)[likeliest, np.arange(len(groups))]
+    values = logsumexp(table, axis=0) - len(groups[0]) * np.log(len(here.blocks))
+    values[np.any((amounts <= 0.0) & signs, axis=1)] = -np.inf
+    keep = np.argsort(-values)[: 20 * WIDE_BEAM]
+    return [(float(values[n]), groups[n], amounts[n]) for n in keep if np.isfinite(values[n])]
+
+
+def _started(blocks: Sequence[Block], amounts: FloatArray) -> tuple[Candidate, ...]:
+    """Return the candidates of `blocks` with the starts that the `amounts` give."""
+    found, begin = [], 0
+    for block in blocks:
+        part = amounts[begin : begin + len(block.rows)]
+        begin += len(block.rows)
+        candidate = block.candidate
+        if has_place(candidate.effect):
+            found.append(with_strength(candidate, float(part[0])))
+            continue
+        start = [
+            float(np.clip(first + prior_deviation(parameter) * amount, *parameter.range))
+            for first, amount, parameter in zip(
+                candidate.first, part, candidate.parameters, strict=True
+            )
+        ]
+        found.append(candidate.__class__(**{**candidate.__dict__, 'starts': (tuple(start),)}))
+    return tuple(found)
+
+
+def main() -> None:
+    """Search the stored recordings anew, and store the sets and the cost."""
+    parser = argparse.ArgumentParser(prog='python -m lab.stored.evidence_search')
+    parser.add_argument('folder', type=Path)
+    parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
+    given = parser.parse_args()
+    folder = given.folder.resolve()
+    count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
+    for job in stored_jobs(folder, count, given.seed):
+        file = job.file.with_name(OWN_SETS)
+        if not job.file.exists() or file.exists():
+            continue
+        begin = time.process_time()
+        store = SimulationStore(job.file.parent / 'own_simulations')
+        recording = without_false_cells(open_recording(job.file.parent / 'recording'))
+        samples = settled([recording], crew=store).samples
+        found = search_by_evidence(samples, excluded=job.case.withheld, crew=store)
+        seconds = time.process_time() - begin
+        file.write_bytes(pickle.dumps((found.recording, store.made, seconds)))
+        print(job.case.name, job.case.kind, store.made, f'{seconds:.0f} CPU s', flush=True)
+
+
+if __name__ == '__main__':
+    main()
