@@ -13,12 +13,14 @@
 import argparse
 import pickle
 import time
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from lab.stored.laplace import SHAPE, evidences
@@ -45,6 +47,7 @@ from porotwin_diagnosis.data.sample import (
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit, effects_at, member_slices
 from porotwin_diagnosis.model.fitter import Fitter
+from porotwin_diagnosis.model.forward import Effects
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.model.unknown_rates import settled
 from porotwin_diagnosis.progress import no_progress
@@ -66,18 +69,30 @@ WIDTHS = (COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH)
 VARIANCES = np.geomspace(0.01, 1000.0, 16)
 """Variances over which the evidence of a ranking is integrated."""
 
-FRAMES = 4.0
+FRAMES = 2.0
 """Frames that share an error."""
 
 MOST_EFFECTS, MOST_PLACED = 3, 1
 """Effects of a set, and places of one that is ranked without a set beside it."""
 
 
+Change = tuple[Effects, float]
+"""Effects with one parameter moved by a step, and its prior deviation, in such steps."""
+
+
 class Block(NamedTuple):
-    """The rows of one candidate in the matrix of all responses."""
+    """The rows of one candidate in the matrix of all responses.
+
+    A trial at a place also has its `opposite` there: a gain instead of a loss, for example.
+    """
 
     candidate: Candidate
     rows: tuple[int, ...]
+    opposite: Candidate | None = None
+
+
+Group = tuple[Block, ...]
+"""Candidates that are added together."""
 
 
 class Responses(NamedTuple):
@@ -137,9 +152,8 @@ def search_by_evidence(
             found.setdefault(len(fit.members), []).append(fit)
         fits = [fit for count in sorted(found) for fit in _best(found[count])]
         recording = linear_recording(levels, fits, singles)
-        shares = evidences(recording, FRAMES)
-        leading = max(range(len(shares)), key=lambda n: shares[n].alone)
-        if shares[leading].alone >= shares[leading].beside:
+        leading = max(evidences(recording, FRAMES), key=lambda one: one.alone)
+        if leading.alone >= leading.beside:
             break
         best = min(fitted, key=score)
         if len(best.members) >= MOST_EFFECTS:
@@ -178,27 +192,27 @@ def _judged(levels: Levels, fitted: Sequence[Fit]) -> tuple[Levels, list[Fit]]:
 def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
     """Return the responses of all candidates in `space` beside the fit `best`."""
     sample = fitter.samples[0]
-    placed = [trial for name in space.local_effects for trial in _trials(sample, name)]
+    placed = [both for name in space.local_effects for both in _trials(sample, name)]
+    trials = [*((one, None) for one in space.candidates), *placed]
     here = _residuals(fitter, best.effects)
     assert here is not None
     counted = _counted_cells(sample, here[SMOOTHING_WIDTH])
     rows: dict[float, list[FloatArray]] = {width: [] for width in WIDTHS}
 
-    def added(effects: Sequence[object], deviation: float, into: dict) -> None:
-        moved = _residuals(fitter, effects)
-        for width in WIDTHS:
-            change = np.zeros_like(here[width]) if moved is None else here[width] - moved[width]
-            into[width].append(deviation * change[counted])
+    def added(changes: Iterable[Change], rows: dict[float, list[FloatArray]]) -> None:
+        for effects, deviation in changes:
+            moved = _residuals(fitter, effects) or here
+            for width in WIDTHS:
+                rows[width].append(deviation * (here[width] - moved[width])[counted])
 
     blocks = []
-    for candidate in (*space.candidates, *placed):
+    for candidate, opposite in trials:
         begin = len(rows[SMOOTHING_WIDTH])
-        for effect, deviation in _changes(candidate):
-            added((*best.effects, effect), deviation, rows)
-        blocks.append(Block(candidate, tuple(range(begin, len(rows[SMOOTHING_WIDTH])))))
+        added(_changes(best.effects, candidate), rows)
+        own = tuple(range(begin, len(rows[SMOOTHING_WIDTH])))
+        blocks.append(Block(candidate, own, opposite))
     base: dict[float, list[FloatArray]] = {width: [] for width in WIDTHS}
-    for effects, deviation in _moved(best):
-        added(effects, deviation, base)
+    added(_moved(best), base)
     c = np.clip(sample.smoothed_observed, 0.0, 1.0)
     size = int(counted.sum())
     return Responses(
@@ -213,7 +227,7 @@ def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
     )
 
 
-def _residuals(fitter: Fitter, effects: Sequence) -> dict[float, FloatArray] | None:
+def _residuals(fitter: Fitter, effects: Effects) -> dict[float, FloatArray] | None:
     """Return the whitened residuals by width; None if the model cannot run."""
     try:
         return {width: fitter.residuals(effects, width)[0] for width in WIDTHS}
@@ -221,27 +235,29 @@ def _residuals(fitter: Fitter, effects: Sequence) -> dict[float, FloatArray] | N
         return None
 
 
-def _trials(sample: Sample, name: str) -> list[Candidate]:
+def _trials(sample: Sample, name: str) -> list[tuple[Candidate, Candidate]]:
+    """Return the two trials of an effect at every place; none if the rig cannot have it."""
     try:
-        return trials_of(sample, name)
+        every = trials_of(sample, name)
     except InputError:
         return []
+    return list(zip(every[::2], every[1::2], strict=True))
 
 
-def _changes(candidate: Candidate):
-    """Yield the effect with each parameter moved by a step, and its deviation in such steps."""
+def _changes(present: Effects, candidate: Candidate) -> Iterator[Change]:
+    """Yield the effects `present` with each parameter of `candidate` moved by a step."""
     if has_place(candidate.effect):
-        yield candidate.described(candidate.first), 1.0
+        yield (*present, candidate.described(candidate.first)), 1.0
         return
     for index, parameter in enumerate(candidate.parameters):
         moved = list(candidate.first)
         moved[index] += 1.0 if moved[index] + 1.0 <= parameter.range[1] else -1.0
         step = moved[index] - candidate.first[index]
-        yield candidate.described(moved), step * prior_deviation(parameter)
+        yield (*present, candidate.described(moved)), step * prior_deviation(parameter)
 
 
-def _moved(best: Fit):
-    """Yield the effects of `best` with each parameter moved by a step, and its deviation."""
+def _moved(best: Fit) -> Iterator[Change]:
+    """Yield the effects of `best` with each of its parameters moved by a step."""
     for member, part in member_slices(best.members):
         for offset, parameter in enumerate(member.parameters):
             index = part.start + offset
@@ -278,9 +294,11 @@ def ranked(here: Responses, levels: Levels, best: Fit, count: int) -> list[tuple
     return [*found.values()]
 
 
-def _groups(blocks: Sequence[Block], members: Sequence[Candidate], count: int):
+def _groups(
+    blocks: Sequence[Block], members: Sequence[Candidate], count: int
+) -> Iterator[tuple[NDArray[np.intp], list[Group]]]:
     """Yield arrays of rows (groups, rows of each) with their blocks, by number of rows."""
-    by_rows: dict[int, list[tuple[Block, ...]]] = {}
+    by_rows: dict[int, list[Group]] = {}
     for group in combinations(blocks, count):
         placed = sum(has_place(block.candidate.effect) for block in group)
         others = [block.candidate for block in group if not has_place(block.candidate.effect)]
@@ -296,18 +314,17 @@ def _groups(blocks: Sequence[Block], members: Sequence[Candidate], count: int):
 def _linear_evidences(
     here: Responses,
     width: float,
-    rows: np.ndarray,
-    groups: Sequence[tuple[Block, ...]],
+    rows: NDArray[np.intp],
+    groups: Sequence[Group],
     correlated: float,
     variance: float,
-):
+) -> list[tuple[float, Group, FloatArray]]:
     """Return the log evidence of each of `groups` if responses were linear, and its amounts."""
     r, matrix = here.residual[width], here.matrix[width]
     modes = np.concatenate([here.modes[width], here.base[width]])
     inner = modes @ modes.T
     cross, shown = modes @ matrix.T, modes @ r
     gram, moments, square = matrix @ matrix.T, matrix @ r, float(r @ r)
-    signs = np.array([[has_place(b.candidate.effect) for b in g for _ in b.rows] for g in groups])
     each = rows.shape[1]
     logs, steps = [], []
     for v in VARIANCES:
@@ -327,9 +344,8 @@ def _linear_evidences(
     likeliest = np.argmax(table, axis=0)
     amounts = np.stack(steps)[likeliest, np.arange(len(groups))]
     values = logsumexp(table, axis=0) - len(groups[0]) * np.log(len(here.blocks))
-    values[np.any((amounts <= 0.0) & signs, axis=1)] = -np.inf
     keep = np.argsort(-values)[: 20 * WIDE_BEAM]
-    return [(float(values[n]), groups[n], amounts[n]) for n in keep if np.isfinite(values[n])]
+    return [(float(values[n]), groups[n], amounts[n]) for n in keep]
 
 
 def _started(blocks: Sequence[Block], amounts: FloatArray) -> tuple[Candidate, ...]:
@@ -339,8 +355,10 @@ def _started(blocks: Sequence[Block], amounts: FloatArray) -> tuple[Candidate, .
         part = amounts[begin : begin + len(block.rows)]
         begin += len(block.rows)
         candidate = block.candidate
-        if has_place(candidate.effect):
-            found.append(with_strength(candidate, float(part[0])))
+        if block.opposite is not None:
+            amount = float(part[0])
+            trial = candidate if amount > 0.0 else block.opposite
+            found.append(with_strength(trial, abs(amount)))
             continue
         start = [
             float(np.clip(first + prior_deviation(parameter) * amount, *parameter.range))
@@ -348,7 +366,7 @@ def _started(blocks: Sequence[Block], amounts: FloatArray) -> tuple[Candidate, .
                 candidate.first, part, candidate.parameters, strict=True
             )
         ]
-        found.append(candidate.__class__(**{**candidate.__dict__, 'starts': (tuple(start),)}))
+        found.append(replace(candidate, starts=(tuple(start),)))
     return tuple(found)
 
 
