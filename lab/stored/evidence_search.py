@@ -81,14 +81,10 @@ Change = tuple[Effects, float]
 
 
 class Block(NamedTuple):
-    """The rows of one candidate in the matrix of all responses.
-
-    A trial at a place also has its `opposite` there: a gain instead of a loss, for example.
-    """
+    """The rows of one candidate in the matrix of all responses."""
 
     candidate: Candidate
     rows: tuple[int, ...]
-    opposite: Candidate | None = None
 
 
 Group = tuple[Block, ...]
@@ -192,8 +188,7 @@ def _judged(levels: Levels, fitted: Sequence[Fit]) -> tuple[Levels, list[Fit]]:
 def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
     """Return the responses of all candidates in `space` beside the fit `best`."""
     sample = fitter.samples[0]
-    placed = [both for name in space.local_effects for both in _trials(sample, name)]
-    trials = [*((one, None) for one in space.candidates), *placed]
+    placed = [trial for name in space.local_effects for trial in _trials(sample, name)]
     here = _residuals(fitter, best.effects)
     assert here is not None
     counted = _counted_cells(sample, here[SMOOTHING_WIDTH])
@@ -206,11 +201,10 @@ def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
                 rows[width].append(deviation * (here[width] - moved[width])[counted])
 
     blocks = []
-    for candidate, opposite in trials:
+    for candidate in (*space.candidates, *placed):
         begin = len(rows[SMOOTHING_WIDTH])
         added(_changes(best.effects, candidate), rows)
-        own = tuple(range(begin, len(rows[SMOOTHING_WIDTH])))
-        blocks.append(Block(candidate, own, opposite))
+        blocks.append(Block(candidate, tuple(range(begin, len(rows[SMOOTHING_WIDTH])))))
     base: dict[float, list[FloatArray]] = {width: [] for width in WIDTHS}
     added(_moved(best), base)
     c = np.clip(sample.smoothed_observed, 0.0, 1.0)
@@ -235,13 +229,12 @@ def _residuals(fitter: Fitter, effects: Effects) -> dict[float, FloatArray] | No
         return None
 
 
-def _trials(sample: Sample, name: str) -> list[tuple[Candidate, Candidate]]:
-    """Return the two trials of an effect at every place; none if the rig cannot have it."""
+def _trials(sample: Sample, name: str) -> list[Candidate]:
+    """Return the trials of an effect at all places; none if the rig cannot have it."""
     try:
-        every = trials_of(sample, name)
+        return trials_of(sample, name)
     except InputError:
         return []
-    return list(zip(every[::2], every[1::2], strict=True))
 
 
 def _changes(present: Effects, candidate: Candidate) -> Iterator[Change]:
@@ -326,6 +319,7 @@ def _linear_evidences(
     cross, shown = modes @ matrix.T, modes @ r
     gram, moments, square = matrix @ matrix.T, matrix @ r, float(r @ r)
     each = rows.shape[1]
+    placed = np.array([[has_place(b.candidate.effect) for b in g for _ in b.rows] for g in groups])
     logs, steps = [], []
     for v in VARIANCES:
         k = correlated * v
@@ -344,6 +338,7 @@ def _linear_evidences(
     likeliest = np.argmax(table, axis=0)
     amounts = np.stack(steps)[likeliest, np.arange(len(groups))]
     values = logsumexp(table, axis=0) - len(groups[0]) * np.log(len(here.blocks))
+    values[np.any((amounts <= 0.0) & placed, axis=1)] = -np.inf  # the other trial has this sign
     keep = np.argsort(-values)[: 20 * WIDE_BEAM]
     return [(float(values[n]), groups[n], amounts[n]) for n in keep]
 
@@ -355,10 +350,8 @@ def _started(blocks: Sequence[Block], amounts: FloatArray) -> tuple[Candidate, .
         part = amounts[begin : begin + len(block.rows)]
         begin += len(block.rows)
         candidate = block.candidate
-        if block.opposite is not None:
-            amount = float(part[0])
-            trial = candidate if amount > 0.0 else block.opposite
-            found.append(with_strength(trial, abs(amount)))
+        if has_place(candidate.effect):
+            found.append(with_strength(candidate, float(part[0])))
             continue
         start = [
             float(np.clip(first + prior_deviation(parameter) * amount, *parameter.range))
