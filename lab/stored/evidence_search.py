@@ -4,10 +4,10 @@
 
 1. Every parameter of every effect, and every trial place, makes one response on coarse cells.
 2. If responses were linear, each set would have the evidence of `laplace` with the variance v and
-   the shared errors integrated out. All sets of one effect and of two are ranked so.
+   the shared errors integrated out. All sets of one effect are ranked so.
 3. The best are fitted, then polished on fine cells, where their evidence is taken.
-4. While something else beside the best set is more probable than that set, the responses are taken
-   anew at it, and the best further effects are fitted beside it, up to three effects.
+4. While the best set leaves more than the prior mean of the variance, sets of two are tried, then
+   further effects beside the best one and the best two, with the responses taken anew there.
 """
 
 import argparse
@@ -23,7 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from lab.stored.laplace import SHAPE, evidences
+from lab.stored.laplace import (
+    SHAPE,
+    log_evidence,
+    needed_variance,
+    numbers_of,
+    without_fields,
+)
 from lab.stored.linear_sets import (
     LinearRecording,
     camera_modes,
@@ -72,8 +78,11 @@ VARIANCES = np.geomspace(0.01, 1000.0, 16)
 FRAMES = 2.0
 """Frames that share an error."""
 
-MOST_EFFECTS, MOST_PLACED = 3, 1
-"""Effects of a set, and places of one that is ranked without a set beside it."""
+STAGES = ((0, 1), (0, 2), (1, 1), (2, 1))
+"""Stages: the number of effects of the set whose responses rank further ones, and how many."""
+
+MOST_PLACED = 1
+"""Places of the further effects that are ranked together."""
 
 
 Change = tuple[Effects, float]
@@ -134,32 +143,39 @@ def search_by_evidence(
     levels = make_levels(samples, progress=no_progress, crew=crew)
     levels = levels.with_corrected_coarse_cells(()).corrected_at(levels.null())
     none = levels.screening.evaluate((), np.zeros(0))
-    found = {0: [levels.null()]}
-    singles = len({(c.effect, c.fixed.get('well')) for c in space.candidates})
-    singles += len(space.local_effects)
-    best = none
-    for size in range(1, MOST_EFFECTS + 1):
-        here = responses(levels.screening, best, space)
-        sizes = (1, 2) if size == 1 else (size - len(best.members),)
-        groups = [(*best.members, *g) for count in sizes for g in ranked(here, levels, best, count)]
-        fitted = feasible([_fitted(levels, best, group) for group in groups])
-        levels, judged = _judged(levels, fitted)
-        for fit in judged:
-            found.setdefault(len(fit.members), []).append(fit)
-        fits = [fit for count in sorted(found) for fit in _best(found[count])]
-        recording = linear_recording(levels, fits, singles)
-        leading = max(evidences(recording, FRAMES), key=lambda one: one.alone)
-        if leading.alone >= leading.beside:
+    bases, here = {0: none}, {0: responses(levels.screening, none, space)}
+    judged: list[Fit] = []
+    for base, further in STAGES:
+        beside = bases[base]
+        if base not in here:
+            levels = levels.with_corrected_coarse_cells(beside.effects)
+            here[base] = responses(levels.screening, beside, space)
+        groups = ranked(here[base], levels, beside, further)
+        fitted = feasible([_fitted(levels, beside, group) for group in groups])
+        found = [polished(levels.judging, fit, levels.refining) for fit in _best(fitted)[:BEAM]]
+        found = _best([*feasible(found), *_of_size(judged, base + further)])
+        levels = levels.corrected_at(found[0])
+        recording = linear_recording(levels, [levels.null(), *found], 1)
+        numbers = numbers_of(recording, FRAMES)
+        sets = [without_fields(one, recording.fields) for one in recording.sets[1:]]
+        order = np.argsort([-log_evidence(one, 1.0, **numbers) for one in sets])
+        bases[base + further] = found[order[0]]
+        judged += found
+        if needed_variance(sets[order[0]], **numbers) <= 1.0:
             break
-        best = min(fitted, key=score)
-        if len(best.members) >= MOST_EFFECTS:
-            break
-        levels = levels.with_corrected_coarse_cells(best.effects)
-    return Searched(tuple(fits), recording, levels.simulations)
+    fits = [levels.null(), *(fit for size in sorted(bases) for fit in _of_size(judged, size))]
+    tried = {(c.effect, c.fixed.get('well')) for c in space.candidates}
+    singles = len(tried) + len(space.local_effects)
+    return Searched(tuple(fits), linear_recording(levels, fits, singles), levels.simulations)
+
+
+def _of_size(fits: Sequence[Fit], size: int) -> list[Fit]:
+    """Return the best fits with `size` effects."""
+    return _best(fit for fit in fits if fit.members and len(fit.members) == size)
 
 
 def _best(fits: Iterable[Fit]) -> list[Fit]:
-    """Return the best fits of one number of effects, each set of labels once."""
+    """Return the best fits, each set of labels once."""
     first: dict[frozenset[str], Fit] = {}
     for fit in sorted(fits, key=score):
         first.setdefault(frozenset(member.label for member in fit.members), fit)
@@ -170,19 +186,10 @@ def _fitted(levels: Levels, best: Fit, group: Sequence[Candidate]) -> Fit:
     """Return the fit of `group`, which begins with the members of `best`."""
     added = [np.array(member.first) for member in group[len(best.members) :]]
     start = np.concatenate([best.scaled_parameters, *added])
+    members = (*best.members, *group[len(best.members) :])
     return levels.screening.fit(
-        group, start=start, coarse_steps=2, fine_steps=2, updated_slopes=True
+        members, start=start, coarse_steps=2, fine_steps=2, updated_slopes=True
     )
-
-
-def _judged(levels: Levels, fitted: Sequence[Fit]) -> tuple[Levels, list[Fit]]:
-    """Return the best of the `fitted` sets of every size on fine cells, and corrected levels."""
-    found: list[Fit] = []
-    for size in sorted({len(fit.members) for fit in fitted}):
-        own = _best(fit for fit in fitted if len(fit.members) == size)[: BEAM + 1]
-        found += [polished(levels.judging, fit, levels.refining) for fit in own]
-    best = min(feasible(found), key=score)
-    return levels.corrected_at(best), feasible(found)
 
 
 def responses(fitter: Fitter, best: Fit, space: SearchSpace) -> Responses:
@@ -284,7 +291,7 @@ def ranked(here: Responses, levels: Levels, best: Fit, count: int) -> list[tuple
             if len(first) == (WIDE_BEAM if count == 1 else BEAM):
                 break
         found |= {(width, labels): group for labels, group in first.items()}
-    return [*found.values()]
+    return [(*best.members, *group) for group in found.values()]
 
 
 def _groups(

@@ -87,6 +87,19 @@ def log_evidence(
         correlated: cells t that share an independent error.
         variance: prior mean of the variance of an error [-].
     """
+    return float(logsumexp(_by_variance(one, scale, cells, correlated, variance)))
+
+
+def needed_variance(one: LinearSet, *, cells: float, correlated: float, variance: float) -> float:
+    """Return the posterior mean of the variance that the set `one` needs, over its prior mean."""
+    logs = _by_variance(one, 1.0, cells, correlated, variance)
+    return float(np.exp(logs - logsumexp(logs)) @ VARIANCES) / variance
+
+
+def _by_variance(
+    one: LinearSet, scale: FloatArray | float, cells: float, correlated: float, variance: float
+) -> FloatArray:
+    """Return the log evidence of `one` at each of `VARIANCES`, with the prior of a step there."""
     factor = np.broadcast_to(scale, one.mean.shape)
     values, vectors = np.linalg.eigh(factor[:, None] * one.gram * factor)
     moments, mean = vectors.T @ (factor * one.moments), vectors.T @ one.mean
@@ -97,17 +110,28 @@ def log_evidence(
     rate = (SHAPE - 1.0) * variance
     prior = SHAPE * np.log(rate / VARIANCES) - gammaln(SHAPE) - rate / VARIANCES
     step = np.log(VARIANCES[1] / VARIANCES[0])
-    return float(logsumexp(logs + prior) + np.log(step) - 0.5 * mean @ mean)
+    return np.asarray(logs + prior + np.log(step) - 0.5 * mean @ mean)
 
 
 def evidences(recording: LinearRecording, frames: float) -> list[SetEvidence]:
     """Return the evidence of every set, if so many `frames` share an error."""
-    numbers = {
+    numbers = numbers_of(recording, frames)
+    return [set_evidence(one, recording.fields, numbers) for one in recording.sets]
+
+
+def numbers_of(recording: LinearRecording, frames: float) -> dict[str, float]:
+    """Return the numbers of a recording that `log_evidence` takes."""
+    return {
         'cells': float(recording.cells),
         'correlated': recording.correlated * frames,
         'variance': recording.noise + SYSTEMATIC_MISFIT**2,
     }
-    return [set_evidence(one, recording.fields, numbers) for one in recording.sets]
+
+
+def without_fields(one: LinearSet, fields: int) -> LinearSet:
+    """Return the set without its last `fields` amplitudes."""
+    own = slice(len(one.mean) - fields)
+    return LinearSet(one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own])
 
 
 def set_evidence(one: LinearSet, fields: int, numbers: Mapping[str, float]) -> SetEvidence:
@@ -116,8 +140,7 @@ def set_evidence(one: LinearSet, fields: int, numbers: Mapping[str, float]) -> S
     `numbers` are the named arguments of `log_evidence`.
     """
     size = len(one.mean) - fields
-    own = slice(size)
-    alone = LinearSet(one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own])
+    alone = without_fields(one, fields)
     beside = [
         log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
         for length, amplitude in product(LENGTHS, AMPLITUDES)
