@@ -90,12 +90,6 @@ def log_evidence(
     return float(logsumexp(_by_variance(one, scale, cells, correlated, variance)))
 
 
-def needed_variance(one: LinearSet, *, cells: float, correlated: float, variance: float) -> float:
-    """Return the posterior mean of the variance that the set `one` needs, over its prior mean."""
-    logs = _by_variance(one, 1.0, cells, correlated, variance)
-    return float(np.exp(logs - logsumexp(logs)) @ VARIANCES) / variance
-
-
 def _by_variance(
     one: LinearSet, scale: FloatArray | float, cells: float, correlated: float, variance: float
 ) -> FloatArray:

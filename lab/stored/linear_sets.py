@@ -13,7 +13,6 @@ effect makes move it by modes of one standard deviation:
 spreading: the modes `c`, dc/dx, dc/dz and the Laplacian of c times waves in time, height and width.
 """
 
-import math
 from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
@@ -22,17 +21,14 @@ import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.misfit import _counted_cells
-from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, Sample, at_compared_cells
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, at_compared_cells
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.rough_sand import ROUGHNESS
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.linear_sets import correlated_cells, prior_deviation
 from porotwin_diagnosis.thresholds import SCHEME_SHARE
-from porotwin_solver.effects.definition.candidate import FitParameter
 from porotwin_solver.effects.wave import DEVIATION, believed
-
-STEPS = 10.0
-"""Prior deviation of a parameter without a range [scaled]: ten of its natural steps."""
 
 CAMERA = {'level': 0.01, 'bend': 0.01, 'light': 0.01, 'place': 0.1, 'blur': 0.1}
 """Deviations of the camera's errors: shares of the stock, a tenth of a cell and of its square."""
@@ -126,14 +122,6 @@ def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> Linea
     )
 
 
-def correlated_cells(sample: Sample, width: float) -> float:
-    """Return the cells of a map of `sample`, smoothed over `width`, that share one error.
-
-    Noise of the width g correlates over sqrt(4 pi (w^2 + g^2)) smoothed cells each way.
-    """
-    return max(1.0, 4.0 * math.pi * (width**2 + sample.noise.correlation**2) / STRIDE**2)
-
-
 def linear_set(
     names: tuple[str, ...], residual: FloatArray, slopes: FloatArray, modes: FloatArray, fit: Fit
 ) -> LinearSet:
@@ -190,15 +178,17 @@ def cosines(points: int, most: int) -> list[FloatArray]:
 
 
 def prior_deviations(fit: Fit) -> FloatArray:
-    """Return the prior deviations of the scaled parameters of `fit`, (p,)."""
-    return np.array([prior_deviation(p) for m in fit.members for p in m.parameters], dtype=float)
+    """Return the prior deviations of the scaled parameters of `fit`, (p,).
 
-
-def prior_deviation(parameter: FitParameter) -> float:
-    """Return the prior deviation of a scaled `parameter`.
-
-    A place is anywhere in its range; another parameter has `STEPS`, within its range.
+    A place is anywhere in its range.
     """
-    low, high = parameter.range
-    place = parameter.name in ('x', 'z')
-    return float((high - low) / np.sqrt(12.0) if place else min(STEPS, 0.5 * (high - low)))
+    parameters = [parameter for member in fit.members for parameter in member.parameters]
+    return np.array(
+        [
+            (one.range[1] - one.range[0]) / np.sqrt(12.0)
+            if one.name in ('x', 'z')
+            else prior_deviation(one)
+            for one in parameters
+        ],
+        dtype=float,
+    )

@@ -1,0 +1,41 @@
+"""Pairs and triples are fitted, judged, and kept if they earn their place."""
+
+import numpy as np
+from diagnosis_examples import candidate, fit_of, sample_of
+
+from porotwin_diagnosis.search.effects_together import (
+    each_left_out,
+    judged_together,
+    worth_keeping,
+)
+from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.single_effects import SearchSpace
+
+
+def levels_of(recording):
+    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None)
+
+
+def test_a_search_that_finds_no_pairs_goes_on_without(quiet):
+    levels = levels_of(quiet)
+    porosity = candidate(levels.samples, 'porosity')
+    only = levels.screening.evaluate((porosity,), np.zeros(1))
+    space = SearchSpace((porosity,), ())
+    assert judged_together(levels, space, [only], levels.null(), 2) == (levels, [])
+
+
+def test_each_effect_of_a_pair_is_left_out_in_turn(quiet):
+    levels = levels_of(quiet)
+    members = [candidate(levels.samples, name) for name in ('porosity', 'clock')]
+    pair = levels.screening.evaluate(members, np.array([0.5, 0.25]))
+    left = [
+        (gone.label, fit.label, [*fit.scaled_parameters])
+        for gone, fit in each_left_out(levels, pair)
+    ]
+    assert left == [('clock', 'porosity', [0.5]), ('porosity', 'clock', [0.25])]
+
+
+def test_a_triple_is_kept_only_if_it_leaves_clearly_less_than_the_pair():
+    null, pair = fit_of(misfit=9.0), fit_of('rate', 'clock', misfit=2.0)
+    triples = [fit_of('rate', 'clock', 'decay', misfit=misfit) for misfit in (1.0, 1.9)]
+    assert worth_keeping(triples, pair, null) == triples[:1]
