@@ -4,7 +4,7 @@
 
 Every set of effects that the search judged gets a Laplace approximation of its evidence. Let r be
 its whitened residual (n,), and A = (J P, B) the slopes of its parameters and the modes of the
-shared errors, each times its prior deviation (`linear_sets`). The amplitudes of A are normal with
+shared errors, each times its prior deviation (`effect_sets`). The amplitudes of A are normal with
 deviation 1 about m. Each of the n / t independent errors has the variance v, where t cells of a map
 and some frames share one:
 

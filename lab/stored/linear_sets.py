@@ -24,9 +24,9 @@ from porotwin_diagnosis.data.misfit import _counted_cells
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, at_compared_cells
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.rough_sand import ROUGHNESS
+from porotwin_diagnosis.search.effect_sets import correlated_cells, prior_deviation
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.search.linear_sets import correlated_cells, prior_deviation
 from porotwin_diagnosis.thresholds import SCHEME_SHARE
 from porotwin_solver.effects.wave import DEVIATION, believed
 

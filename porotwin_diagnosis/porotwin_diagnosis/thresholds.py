@@ -44,8 +44,8 @@ WIDE_BEAM = 6
 fitted together, for each smoothing width."""
 
 CLOSE_TO_BEST = 1.8
-"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances time
-against the risk that coarse cells rank the true effect too low."""
+"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
+time against the risk that coarse cells rank the true effect too low."""
 
 WELL_DISTANCE = 5.0
 """Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a

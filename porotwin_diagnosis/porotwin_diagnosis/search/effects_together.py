@@ -2,7 +2,7 @@
 
 An effect that is looked for alone may imitate two others. So pairs are chosen near no effect and
 near the best single effect, triples near the best pair, by the evidence of their linear responses
-(`linear_sets`). They are screened, refined and judged like single effects. If none explains the
+(`effect_sets`). They are screened, refined and judged like single effects. If none explains the
 recording, the responses are taken at the best set, to exchange one of its effects.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.effect_sets import Extension, linear_sets
 from porotwin_diagnosis.search.levels import Judgement, Levels
-from porotwin_diagnosis.search.linear_sets import Extension, linear_sets
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
     lack_of_fit,

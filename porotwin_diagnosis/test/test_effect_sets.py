@@ -10,15 +10,15 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.search import linear_sets as module
-from porotwin_diagnosis.search.levels import make_levels
-from porotwin_diagnosis.search.linear_sets import (
+from porotwin_diagnosis.search import effect_sets as module
+from porotwin_diagnosis.search.effect_sets import (
     Block,
-    Comparison,
+    SetComparison,
     linear_sets,
     may_act,
     prior_deviation,
 )
+from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 from porotwin_solver.effects.definition.candidate import FitParameter
@@ -47,7 +47,7 @@ def test_the_evidence_is_that_of_the_normal_distribution(levels):
     """Its constant is the same for all sets of a comparison."""
     generator = np.random.default_rng(3)
     columns, residual = generator.normal(size=(3, 6)), generator.normal(size=6)
-    comparison = Comparison(
+    comparison = SetComparison(
         columns @ columns.T, columns @ residual, float(residual @ residual), 6, 1.0
     )
     members = [candidate(levels.samples, name) for name in (POROSITY, CLOCK, 'decay')]

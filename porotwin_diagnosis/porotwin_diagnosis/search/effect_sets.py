@@ -74,7 +74,7 @@ class Block:
     columns: tuple[int, ...]
 
 
-class Comparison(NamedTuple):
+class SetComparison(NamedTuple):
     """The residual of a model and the responses of all candidates, on one smoothing width.
 
     Attributes:
@@ -97,7 +97,7 @@ class LinearSets(NamedTuple):
 
     kept: Fit
     blocks: tuple[Block, ...]
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[SetComparison, ...]
 
     def best(self, further: int, most: int) -> list[Extension]:
         """Return at most `most` sets of the kept and `further` effects per width.
@@ -166,7 +166,7 @@ def linear_sets(levels: Levels, space: SearchSpace, near: Fit) -> list[LinearSet
                 r = r - basis @ (basis.T @ r)
                 matrix -= (matrix @ basis) @ basis.T
             comparisons.append(
-                Comparison(
+                SetComparison(
                     matrix @ matrix.T,
                     matrix @ r,
                     float(r @ r),
@@ -289,7 +289,7 @@ def _groups(
 
 
 def _largest(
-    comparison: Comparison, columns: NDArray[np.intp], groups: Sequence[tuple[Block, ...]]
+    comparison: SetComparison, columns: NDArray[np.intp], groups: Sequence[tuple[Block, ...]]
 ) -> list[tuple[float, tuple[Block, ...], FloatArray]]:
     """Return the log evidence, the blocks and the amounts of `groups`, with the largest evidence.
 
