@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_diagnosis.data.misfit import _counted_cells
+from porotwin_diagnosis.data.misfit import counted_cells
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, at_compared_cells
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.rough_sand import ROUGHNESS
@@ -92,7 +92,7 @@ def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> Linea
     weight = sample.weight(width)
     near = [levels.corrected_at(fit).judging for fit in fits]
     residuals = [one.residuals(fit.effects, width)[0] for one, fit in zip(near, fits, strict=True)]
-    counted = np.any([_counted_cells(sample, r) for r in residuals], axis=0)
+    counted = np.any([counted_cells(sample, r) for r in residuals], axis=0)
     known = [one.forwards[0].correction for one in near if one.forwards[0].correction is not None]
     scheme = [at_compared_cells(SCHEME_SHARE * one, width) * weight for one in known[:1]]
     here = refining.residuals((), width)[0]

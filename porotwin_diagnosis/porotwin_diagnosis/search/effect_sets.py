@@ -33,7 +33,7 @@ from scipy.special import logsumexp
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.misfit import front_cells
+from porotwin_diagnosis.data.misfit import counted_cells
 from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, STRIDE, Sample
 from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit, effects_at, member_slices
@@ -53,6 +53,9 @@ STEPS = 10.0
 TRIED, LARGEST = 8, 300
 """Variances that the evidence is summed over, and groups of as many columns that are compared: the
 places of one leak fill many."""
+
+Masks = Sequence[NDArray[np.bool_]]
+"""The cells that count for the misfit near a fit, one array (nt, nz', nx') per recording."""
 
 Group = tuple[Candidate, ...]
 """Effects, each with a start that the regression gives."""
@@ -81,7 +84,7 @@ class SetComparison(NamedTuple):
         gram: A^T A of all columns A, (k, k).
         moments: A^T r, (k,).
         square: r.r, which the model's own parameters leave.
-        cells: number n of cells at the fronts.
+        cells: number n of cells that count (`data.misfit`).
         correlated: cells t that share one error.
     """
 
@@ -142,12 +145,18 @@ def linear_sets(levels: Levels, space: SearchSpace, near: Fit) -> list[LinearSet
             changes.append((*near.effects, effect))
             deviations.append(deviation)
         blocks.append(Block(candidate, tuple(range(begin, len(changes)))))
-    here = _residuals(levels, near.effects)
+    counted = [
+        counted_cells(sample, residual)
+        for sample, residual in zip(
+            samples, levels.screening.residuals(near.effects, SMOOTHING_WIDTH), strict=True
+        )
+    ]
+    here = _residuals(levels, near.effects, counted)
     if here is None:
         raise InputError(f'the model cannot run with {near.label}')
     steps = _steps(near)
-    own = _responses(levels, _moved_fit(near, steps), here)
-    every = _responses(levels, changes, here)
+    own = _responses(levels, _moved_fit(near, steps), here, counted)
+    every = _responses(levels, changes, here, counted)
     found = []
     for kept, parts in _kept(levels, near):
         comparisons = []
@@ -170,7 +179,7 @@ def linear_sets(levels: Levels, space: SearchSpace, near: Fit) -> list[LinearSet
                     matrix @ matrix.T,
                     matrix @ r,
                     float(r @ r),
-                    sum(front_cells(samples)),
+                    len(r),
                     float(np.mean([correlated_cells(sample, width) for sample in samples])),
                 )
             )
@@ -215,24 +224,30 @@ def _responses(
     levels: Levels,
     changes: Sequence[tuple[EffectDescription, ...]],
     here: Sequence[FloatArray],
+    counted: Masks,
 ) -> list[list[FloatArray]]:
     """Return the responses to each of `changes` by width; zero where the model cannot run."""
 
     def response(effects: tuple[EffectDescription, ...]) -> list[FloatArray]:
-        moved = _residuals(levels, effects) or here
+        moved = _residuals(levels, effects, counted) or here
         return [before - after for before, after in zip(here, moved, strict=True)]
 
     run = map if levels.pool is None else levels.pool.map
     return list(run(response, changes))
 
 
-def _residuals(levels: Levels, effects: Sequence[EffectDescription]) -> list[FloatArray] | None:
-    """Return the residuals of all recordings in a row, by width; None if the model cannot run."""
+def _residuals(
+    levels: Levels, effects: Sequence[EffectDescription], counted: Masks
+) -> list[FloatArray] | None:
+    """Return the residuals of the cells that count, by width; None if the model cannot run."""
     try:
         by_width = [levels.screening.residuals(effects, width) for width in WIDTHS]
     except InputError:
         return None
-    return [np.concatenate([one.ravel() for one in residuals]) for residuals in by_width]
+    return [
+        np.concatenate([one[cells] for one, cells in zip(residuals, counted, strict=True)])
+        for residuals in by_width
+    ]
 
 
 def _trials(sample: Sample, name: str) -> list[Candidate]:
