@@ -1,15 +1,22 @@
 """Pairs and triples are fitted, judged, and kept if they earn their place."""
 
 import numpy as np
+import pytest
 from diagnosis_examples import candidate, fit_of, sample_of
 
 from porotwin_diagnosis.search.effects_together import (
     each_left_out,
+    hopeful,
     judged_together,
     worth_keeping,
 )
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
+from porotwin_diagnosis.thresholds import (
+    CORRECTED_MISFIT,
+    SUFFICIENT_MISFIT,
+    SURELY_SUFFICIENT_PAIR,
+)
 
 
 def levels_of(recording):
@@ -22,6 +29,20 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet):
     only = levels.screening.evaluate((porosity,), np.zeros(1))
     space = SearchSpace((porosity,), ())
     assert judged_together(levels, space, [only], levels.null(), 2) == (levels, [])
+
+
+@pytest.mark.parametrize(
+    ('misfit', 'expected'),
+    [
+        (0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_MISFIT, False),
+        (0.9 * CORRECTED_MISFIT, True),
+        (1.1 * CORRECTED_MISFIT, False),
+        (None, False),
+    ],
+)
+def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails(misfit, expected):
+    pairs = [] if misfit is None else [fit_of('rate', 'leak', misfit=misfit)]
+    assert hopeful(pairs, fit_of(misfit=9.0)) == expected
 
 
 def test_each_effect_of_a_pair_is_left_out_in_turn(quiet):

@@ -25,6 +25,7 @@ from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.progress import Progress, SearchEnded, no_progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effects_together import (
+    hopeful,
     judged_inside,
     judged_together,
     worth_keeping,
@@ -43,7 +44,6 @@ from porotwin_diagnosis.search.ranking import (
     normalised_misfit,
     one_effect_is_enough,
     score,
-    surely_suffices,
 )
 from porotwin_diagnosis.search.single_effects import (
     SearchSpace,
@@ -185,12 +185,11 @@ def _with_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Searc
 def _with_triples(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
     """Return `findings` with triples and the pairs inside them.
 
-    A single effect that suffices when it is fitted again needs no third effect, nor does a pair
-    that surely suffices.
+    A single effect that suffices when it is fitted again needs no third effect.
     """
     pairs, null = findings.pairs, findings.null
     enough = one_effect_is_enough(findings.singles[0], pairs, null)
-    if enough or not pairs or surely_suffices(pairs[0]):
+    if enough or not hopeful(pairs, null):
         return SearchStep(levels, findings)
     levels, triples = judged_together(levels, space, pairs[:1], null, 3)
     if not worth_keeping(triples, pairs[0], null):

@@ -19,7 +19,9 @@ from porotwin_diagnosis.search.ranking import (
     lack_of_fit,
     leaves_a_gap,
     member_labels,
+    normalised_misfit,
     score,
+    surely_suffices,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
@@ -27,6 +29,7 @@ from porotwin_diagnosis.thresholds import (
     COMBINATION_GAIN,
     CORRECTED_MISFIT,
     FAR_LESS,
+    PART_OF_A_TRIPLE,
     WIDE_BEAM,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
@@ -47,7 +50,7 @@ def judged_together(
         levels: the levels of the recordings.
         space: effects of the search.
         bases: the fits near which sets are looked for, in this order, until a set leaves no gap;
-            at last the best set itself, to exchange one of its effects.
+            at last the best set itself, if it is close, to exchange one of its effects.
         null: the judged model without effects.
         size: number of effects.
 
@@ -59,7 +62,7 @@ def judged_together(
     for number, base in enumerate((*bases, None)):
         if found.fits and not leaves_a_gap(found.fits[0]):
             break
-        near = base or next(iter(found.fits), None)
+        near = base or next((fit for fit in found.fits if score(fit) < CORRECTED_MISFIT), None)
         if near is None:
             break
         position = begin + (end - begin) * number / (len(bases) + 1)
@@ -106,6 +109,17 @@ def _screened(
 
     fits = levels.side_by_side(fitted, [one for key, one in chosen.items() if key not in known])
     return [fit for fit in fits if fit.is_feasible and not levels.has_leak_at_well(fit)]
+
+
+def hopeful(pairs: Sequence[Fit], null: Fit) -> bool:
+    """Return whether the best of the judged `pairs` is probably part of a triple.
+
+    It leaves something, but not so much that it is hardly part of the truth.
+    """
+    if not pairs or surely_suffices(pairs[0]):
+        return False
+    of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
+    return normalised_misfit(pairs[0]) <= max(CORRECTED_MISFIT, of_the_gap)
 
 
 def judged_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgement:
