@@ -74,15 +74,9 @@ def test_the_pair_with_the_true_effect_comes_first(levels):
     space = space_of(levels, [POROSITY, CLOCK, 'decay'])
     (sets,) = linear_sets(levels, space, none(levels))
     first, *_ = sets.best(2, 5)
-    assert POROSITY in {member.label for member in first.added}
+    added = {member.label: member for member in first.added}
+    assert added[POROSITY].described(added[POROSITY].first).parameters['factor'] < 1.0
     assert len(sets.best(2, 1)) <= len(module.WIDTHS)
-
-
-def test_a_start_moves_towards_the_true_strength(levels):
-    (sets,) = linear_sets(levels, space_of(levels, [POROSITY, CLOCK]), none(levels))
-    (porosity,) = sets.best(1, 1)[0].added
-    assert porosity.label == POROSITY
-    assert porosity.described(porosity.first).parameters['factor'] < 1.0
 
 
 def test_an_effect_of_the_fit_is_exchanged_for_the_true_one(levels):
