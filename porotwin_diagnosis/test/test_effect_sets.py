@@ -14,6 +14,7 @@ from porotwin_diagnosis.search import effect_sets as module
 from porotwin_diagnosis.search.effect_sets import (
     Block,
     SetComparison,
+    each_left_out,
     linear_sets,
     may_act,
     prior_deviation,
@@ -86,6 +87,13 @@ def test_an_effect_of_the_fit_is_exchanged_for_the_true_one(levels):
     assert (beside.kept.label, instead.kept.label) == (CLOCK, 'none')
     assert labels(beside.best(1, 1))[0] == {POROSITY}
     assert labels(instead.best(1, 1))[0] == {POROSITY}
+
+
+def test_each_effect_of_a_pair_is_left_out_in_turn(levels):
+    members = [candidate(levels.samples, name) for name in ('porosity', 'clock')]
+    pair = levels.screening.evaluate(members, np.array([0.5, 0.25]))
+    found = [(fit.label, *fit.scaled_parameters, *n) for fit, n in each_left_out(levels, pair)]
+    assert found == [('clock', 0.25, 1), ('porosity', 0.5, 0)]
 
 
 def test_a_leak_joins_at_one_of_its_places(levels):

@@ -4,7 +4,6 @@ import numpy as np
 from diagnosis_examples import candidate, fit_of, sample_of
 
 from porotwin_diagnosis.search.effects_together import (
-    each_left_out,
     hopeful,
     judged_together,
     worth_keeping,
@@ -34,17 +33,6 @@ def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails():
     misfits = 0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_MISFIT, 1.1 * CORRECTED_MISFIT, 2.0
     pairs = [[fit_of('rate', 'leak', misfit=misfit)] for misfit in misfits]
     assert [hopeful(own, fit_of(misfit=9.0)) for own in [[], *pairs]] == [False] * 3 + [True]
-
-
-def test_each_effect_of_a_pair_is_left_out_in_turn(quiet):
-    levels = levels_of(quiet)
-    members = [candidate(levels.samples, name) for name in ('porosity', 'clock')]
-    pair = levels.screening.evaluate(members, np.array([0.5, 0.25]))
-    left = [
-        (gone.label, fit.label, [*fit.scaled_parameters])
-        for gone, fit in each_left_out(levels, pair)
-    ]
-    assert left == [('clock', 'porosity', [0.5]), ('porosity', 'clock', [0.25])]
 
 
 def test_a_triple_is_kept_only_if_it_leaves_clearly_less_than_the_pair():

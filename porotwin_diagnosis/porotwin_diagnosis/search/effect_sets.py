@@ -158,7 +158,8 @@ def linear_sets(levels: Levels, space: SearchSpace, near: Fit) -> list[LinearSet
     own = _responses(levels, _moved_fit(near, steps), here, counted)
     every = _responses(levels, changes, here, counted)
     found = []
-    for kept, parts in _kept(levels, near):
+    every_part = (near, list(range(len(own))))
+    for kept, parts in (every_part, *each_left_out(levels, near)):
         comparisons = []
         for number, width in enumerate(WIDTHS):
             matrix = np.array(deviations)[:, None] * np.stack([one[number] for one in every])
@@ -202,14 +203,15 @@ def _steps(fit: Fit) -> list[float]:
     ]
 
 
-def _kept(levels: Levels, near: Fit) -> Iterator[tuple[Fit, list[int]]]:
-    """Yield `near` and the fits without one of its effects, with their parameters in `near`."""
-    slices = [range(part.start, part.stop) for _, part in member_slices(near.members)]
-    yield near, [n for part in slices for n in part]
-    for left_out in range(len(slices)):
-        parts = [n for index, part in enumerate(slices) if index != left_out for n in part]
-        members = [*near.members[:left_out], *near.members[left_out + 1 :]]
-        yield levels.screening.evaluate(members, near.scaled_parameters[parts]), parts
+def each_left_out(levels: Levels, fit: Fit) -> Iterator[tuple[Fit, list[int]]]:
+    """Yield `fit` without one effect, for each, as it is on the screening cells.
+
+    Beside it is where its parameters are in `fit`.
+    """
+    for index, (_, part) in enumerate(member_slices(fit.members)):
+        members = [*fit.members[:index], *fit.members[index + 1 :]]
+        parts = [n for n in range(len(fit.scaled_parameters)) if not part.start <= n < part.stop]
+        yield levels.screening.evaluate(members, fit.scaled_parameters[parts]), parts
 
 
 def correlated_cells(sample: Sample, width: float) -> float:

@@ -6,13 +6,13 @@ near the best single effect, triples near the best pair, by the evidence of thei
 recording, the responses are taken at the best set, to exchange one of its effects.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.effect_sets import Extension, linear_sets
+from porotwin_diagnosis.search.effect_sets import Extension, each_left_out, linear_sets
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
@@ -32,7 +32,6 @@ from porotwin_diagnosis.thresholds import (
     PART_OF_A_TRIPLE,
     WIDE_BEAM,
 )
-from porotwin_solver.effects.definition.candidate import Candidate
 
 COARSE_ITERATIONS, FINE_ITERATIONS = 2, 3
 """Iterations of a fit on coarse and on fine residuals; it starts where the regression puts it."""
@@ -130,20 +129,10 @@ def judged_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgemen
     """
     pairs: dict[frozenset[str], Fit] = {}
     for triple in triples[:BEAM]:
-        for _left_out, pair in each_left_out(levels, triple):
+        for pair, _ in each_left_out(levels, triple):
             pairs.setdefault(member_labels(pair.members), pair)
     judged = levels.judged(levels.refined(list(pairs.values()), 0.88), 0.88)
     return levels.judged_again(judged, null, 0.89)
-
-
-def each_left_out(levels: Levels, fit: Fit) -> Iterator[tuple[Candidate, Fit]]:
-    """Yield each member of `fit`, the last one first, and the fit of the others as they are."""
-    parts = fit.member_parameters
-    for number in reversed(range(len(parts))):
-        others = [*parts[:number], *parts[number + 1 :]]
-        scaled = np.concatenate([other.scaled for other in others])
-        members = [other.candidate for other in others]
-        yield parts[number].candidate, levels.screening.evaluate(members, scaled)
 
 
 def worth_keeping(triples: Sequence[Fit], pair: Fit, null: Fit) -> list[Fit]:
