@@ -94,6 +94,22 @@ class SetComparison(NamedTuple):
     cells: int
     correlated: float
 
+    @classmethod
+    def of(
+        cls, residual: FloatArray, own: FloatArray, columns: FloatArray, correlated: float
+    ) -> 'SetComparison':
+        """Return the comparison of a `residual` (n,) with all `columns` (k, n).
+
+        The part that the model's `own` responses (p, n) imitate is taken out of both.
+        """
+        if len(own):
+            basis = orth(own.T)
+            residual = residual - basis @ (basis.T @ residual)
+            columns = columns - (columns @ basis) @ basis.T
+        square = float(residual @ residual)
+        moments = columns @ residual
+        return cls(columns @ columns.T, moments, square, len(residual), correlated)
+
 
 class LinearSets(NamedTuple):
     """All candidates beside the `kept` effects: their blocks, and their comparisons by width."""
@@ -134,58 +150,47 @@ def linear_sets(levels: Levels, space: SearchSpace, near: Fit) -> list[LinearSet
     Raises:
         InputError: the model cannot run with `near`.
     """
-    samples = levels.screening.samples
-    placed = [trial for name in space.local_effects for trial in _trials(samples[0], name)]
-    blocks: list[Block] = []
-    changes: list[tuple[EffectDescription, ...]] = []
-    deviations: list[float] = []
-    for candidate in (*space.candidates, *placed):
-        begin = len(changes)
-        for effect, deviation in _changes(candidate):
-            changes.append((*near.effects, effect))
-            deviations.append(deviation)
-        blocks.append(Block(candidate, tuple(range(begin, len(changes)))))
-    counted = [
-        counted_cells(sample, residual)
-        for sample, residual in zip(
-            samples, levels.screening.residuals(near.effects, SMOOTHING_WIDTH), strict=True
-        )
-    ]
+    fitter, samples = levels.screening, levels.screening.samples
+    blocks, changes, deviations = _blocks(space, samples[0])
+    residuals = fitter.residuals(near.effects, SMOOTHING_WIDTH)
+    counted = [counted_cells(*pair) for pair in zip(samples, residuals, strict=True)]
     here = _residuals(levels, near.effects, counted)
-    if here is None:
-        raise InputError(f'the model cannot run with {near.label}')
     steps = _steps(near)
     own = _responses(levels, _moved_fit(near, steps), here, counted)
-    every = _responses(levels, changes, here, counted)
-    found = []
-    every_part = (near, list(range(len(own))))
-    for kept, parts in (every_part, *each_left_out(levels, near)):
-        comparisons = []
-        for number, width in enumerate(WIDTHS):
-            matrix = np.array(deviations)[:, None] * np.stack([one[number] for one in every])
-            r = here[number]
-            adapting = [own[n][number] for n in parts]
-            taken_back = [
-                near.scaled_parameters[n] / steps[n] * own[n][number]
-                for n in range(len(own))
-                if n not in parts
-            ]
-            r = np.sum([r, *taken_back], axis=0)
-            if adapting:
-                basis = orth(np.stack(adapting, axis=1))
-                r = r - basis @ (basis.T @ r)
-                matrix -= (matrix @ basis) @ basis.T
-            comparisons.append(
-                SetComparison(
-                    matrix @ matrix.T,
-                    matrix @ r,
-                    float(r @ r),
-                    len(r),
+    every = _responses(levels, [(*near.effects, one) for one in changes], here, counted)
+    amounts = near.scaled_parameters / steps
+    whole = near, list(range(len(steps)))
+    return [
+        LinearSets(
+            kept,
+            blocks,
+            tuple(
+                SetComparison.of(
+                    here[n]
+                    + sum(amounts[k] * own[k][n] for k in range(len(own)) if k not in parts),
+                    np.array([own[k][n] for k in parts]),
+                    deviations[:, None] * np.array([one[n] for one in every]),
                     float(np.mean([correlated_cells(sample, width) for sample in samples])),
                 )
-            )
-        found.append(LinearSets(kept, tuple(blocks), tuple(comparisons)))
-    return found
+                for n, width in enumerate(WIDTHS)
+            ),
+        )
+        for kept, parts in (whole, *each_left_out(levels, near))
+    ]
+
+
+def _blocks(
+    space: SearchSpace, sample: Sample
+) -> tuple[tuple[Block, ...], list[EffectDescription], FloatArray]:
+    """Return the blocks of all candidates, and the effect of each column with its deviation."""
+    placed = [trial for name in space.local_effects for trial in _trials(sample, name)]
+    blocks: list[Block] = []
+    changes: list[tuple[EffectDescription, float]] = []
+    for candidate in (*space.candidates, *placed):
+        begin = len(changes)
+        changes += _changes(candidate)
+        blocks.append(Block(candidate, tuple(range(begin, len(changes)))))
+    return tuple(blocks), [effect for effect, _ in changes], np.array([d for _, d in changes])
 
 
 def _moved_fit(fit: Fit, steps: Sequence[float]) -> list[tuple[EffectDescription, ...]]:
@@ -231,7 +236,10 @@ def _responses(
     """Return the responses to each of `changes` by width; zero where the model cannot run."""
 
     def response(effects: tuple[EffectDescription, ...]) -> list[FloatArray]:
-        moved = _residuals(levels, effects, counted) or here
+        try:
+            moved = _residuals(levels, effects, counted)
+        except InputError:
+            return [np.zeros_like(before) for before in here]
         return [before - after for before, after in zip(here, moved, strict=True)]
 
     run = map if levels.pool is None else levels.pool.map
@@ -240,12 +248,13 @@ def _responses(
 
 def _residuals(
     levels: Levels, effects: Sequence[EffectDescription], counted: Masks
-) -> list[FloatArray] | None:
-    """Return the residuals of the cells that count, by width; None if the model cannot run."""
-    try:
-        by_width = [levels.screening.residuals(effects, width) for width in WIDTHS]
-    except InputError:
-        return None
+) -> list[FloatArray]:
+    """Return the residuals of the cells that count, of all recordings in a row, by width.
+
+    Raises:
+        InputError: the model cannot run with these effects.
+    """
+    by_width = [levels.screening.residuals(effects, width) for width in WIDTHS]
     return [
         np.concatenate([one[cells] for one, cells in zip(residuals, counted, strict=True)])
         for residuals in by_width
