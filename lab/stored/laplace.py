@@ -4,7 +4,7 @@
 
 Every set of effects that the search judged gets a Laplace approximation of its evidence. Let r be
 its whitened residual (n,), and A = (J P, B) the slopes of its parameters and the modes of the
-shared errors, each times its prior deviation (`linear_sets`). The amplitudes of A are normal with
+shared errors, each times its prior deviation (`effect_sets`). The amplitudes of A are normal with
 deviation 1 about m. Each of the n / t independent errors has the variance v, where t cells of a map
 and some frames share one:
 
@@ -29,13 +29,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaln, logsumexp
 
+from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_table import SURE, expected_error
-from lab.stored.ablation import PRESENT, ChangedDiagnosis
-from lab.stored.linear_sets import WAVES, LinearRecording, LinearSet, linear_recording
+from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
+from lab.stored.linear_sets import (
+    WAVES,
+    LinearRecording,
+    LinearSet,
+    judged_fits,
+    linear_recording,
+)
+from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import effect_and_well
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 
 SETS = 'linear.pickle'
@@ -77,6 +87,13 @@ def log_evidence(
         correlated: cells t that share an independent error.
         variance: prior mean of the variance of an error [-].
     """
+    return float(logsumexp(_by_variance(one, scale, cells, correlated, variance)))
+
+
+def _by_variance(
+    one: LinearSet, scale: FloatArray | float, cells: float, correlated: float, variance: float
+) -> FloatArray:
+    """Return the log evidence of `one` at each of `VARIANCES`, with the prior of a step there."""
     factor = np.broadcast_to(scale, one.mean.shape)
     values, vectors = np.linalg.eigh(factor[:, None] * one.gram * factor)
     moments, mean = vectors.T @ (factor * one.moments), vectors.T @ one.mean
@@ -87,30 +104,43 @@ def log_evidence(
     rate = (SHAPE - 1.0) * variance
     prior = SHAPE * np.log(rate / VARIANCES) - gammaln(SHAPE) - rate / VARIANCES
     step = np.log(VARIANCES[1] / VARIANCES[0])
-    return float(logsumexp(logs + prior) + np.log(step) - 0.5 * mean @ mean)
+    return np.asarray(logs + prior + np.log(step) - 0.5 * mean @ mean)
 
 
 def evidences(recording: LinearRecording, frames: float) -> list[SetEvidence]:
     """Return the evidence of every set, if so many `frames` share an error."""
-    numbers = {
+    numbers = numbers_of(recording, frames)
+    return [set_evidence(one, recording.fields, numbers) for one in recording.sets]
+
+
+def numbers_of(recording: LinearRecording, frames: float) -> dict[str, float]:
+    """Return the numbers of a recording that `log_evidence` takes."""
+    return {
         'cells': float(recording.cells),
         'correlated': recording.correlated * frames,
         'variance': recording.noise + SYSTEMATIC_MISFIT**2,
     }
-    found = []
-    for one in recording.sets:
-        size = len(one.mean) - recording.fields
-        own = slice(size)
-        alone = LinearSet(
-            one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own]
-        )
-        beside = [
-            log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
-            for length, amplitude in product(LENGTHS, AMPLITUDES)
-        ]
-        mean = float(logsumexp(beside) - np.log(len(beside)))
-        found.append(SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean))
-    return found
+
+
+def without_fields(one: LinearSet, fields: int) -> LinearSet:
+    """Return the set without its last `fields` amplitudes."""
+    own = slice(len(one.mean) - fields)
+    return LinearSet(one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own])
+
+
+def set_evidence(one: LinearSet, fields: int, numbers: Mapping[str, float]) -> SetEvidence:
+    """Return the evidence of a set whose last `fields` amplitudes are those of something else.
+
+    `numbers` are the named arguments of `log_evidence`.
+    """
+    size = len(one.mean) - fields
+    alone = without_fields(one, fields)
+    beside = [
+        log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
+        for length, amplitude in product(LENGTHS, AMPLITUDES)
+    ]
+    mean = float(logsumexp(beside) - np.log(len(beside)))
+    return SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean)
 
 
 def spectrum_of(length: float) -> FloatArray:
@@ -211,13 +241,27 @@ def questions(folder: Path, seed: int) -> Iterator[Question]:
             continue
         file = job.file.with_name(SETS)
         if not file.exists():
-            file.write_bytes(pickle.dumps(linear_recording(diagnosis, job.case, job.file.parent)))
+            file.write_bytes(pickle.dumps(found_sets(diagnosis, job.case, job.file.parent)))
         recording: LinearRecording = pickle.loads(file.read_bytes())
         sets = {frames: evidences(recording, frames) for frames in FRAMES}
         one = Question(job.found(), sets, recording.singles, is_held_out(number))
         yield one
         if one.truth.is_alone:
             yield one._replace(unknown=one.truth.right)
+
+
+def found_sets(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
+    """Return the sets of the present search on the stored recording in `folder`."""
+    file = folder / REMEMBERED
+    memory = pickle.loads(file.read_bytes()) if file.exists() else {}
+    found = diagnosis.judged(case, folder, memory, SimulationStore(folder / 'simulations'))
+    findings = found.evidence.findings
+    return linear_recording(found.levels, judged_fits(findings), tried_singles(findings))
+
+
+def tried_singles(findings: Findings) -> int:
+    """Return the number of different single effects that a search tried."""
+    return len({effect_and_well(fit) for fit in findings.screened})
 
 
 def rows_of(asked: Sequence[Question], numbers: tuple[float, float]) -> Iterator[list[str]]:

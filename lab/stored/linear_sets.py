@@ -13,23 +13,22 @@ effect makes move it by modes of one standard deviation:
 spreading: the modes `c`, dc/dx, dc/dz and the Laplacian of c times waves in time, height and width.
 """
 
-import math
-import pickle
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from lab.blind.blind_cases import BlindCase
-from lab.stored.ablation import REMEMBERED, ChangedDiagnosis
-from lab.stored.simulation_store import SimulationStore
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_diagnosis.data.misfit import counted_cells
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, at_compared_cells
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.rough_sand import ROUGHNESS
+from porotwin_diagnosis.search.effect_sets import correlated_cells, prior_deviation
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.thresholds import SCHEME_SHARE
 from porotwin_solver.effects.wave import DEVIATION, believed
-
-STEPS = 10.0
-"""Prior deviation of a parameter without a range [scaled]: ten of its natural steps."""
 
 CAMERA = {'level': 0.01, 'bend': 0.01, 'light': 0.01, 'place': 0.1, 'blur': 0.1}
 """Deviations of the camera's errors: shares of the stock, a tenth of a cell and of its square."""
@@ -79,34 +78,31 @@ class LinearRecording(NamedTuple):
     singles: int
 
 
-def linear_recording(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path) -> LinearRecording:
-    """Return the sets of the stored recording in `folder`; its search takes the stored runs."""
-    file = folder / REMEMBERED
-    memory = pickle.loads(file.read_bytes()) if file.exists() else {}
-    found = diagnosis.judged(case, folder, memory, SimulationStore(folder / 'simulations'))
-    findings, levels = found.evidence.findings, found.levels
-    sample, refining = levels.judging.samples[0], levels.refining
-    data = diagnosis.module('data.sample')
-    width, stride = data.SMOOTHING_WIDTH, data.STRIDE
+def judged_fits(findings: Findings) -> list[Fit]:
+    """Return the fits of a search whose evidence counts, the model without effects first."""
+    return [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
+
+
+def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> LinearRecording:
+    """Return the responses near judged `fits` of a recording, the first without effects.
+
+    `singles` is the number of single effects that were tried.
+    """
+    sample, refining, width = levels.judging.samples[0], levels.refining, SMOOTHING_WIDTH
     weight = sample.weight(width)
-    fits = [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
     near = [levels.corrected_at(fit).judging for fit in fits]
     residuals = [one.residuals(fit.effects, width)[0] for one, fit in zip(near, fits, strict=True)]
-    counted = np.any(
-        [diagnosis.module('data.misfit')._counted_cells(sample, r) for r in residuals], axis=0
-    )
+    counted = np.any([counted_cells(sample, r) for r in residuals], axis=0)
     known = [one.forwards[0].correction for one in near if one.forwards[0].correction is not None]
-    share = diagnosis.module('thresholds').SCHEME_SHARE
-    scheme = [data.at_compared_cells(share * one, width) * weight for one in known[:1]]
+    scheme = [at_compared_cells(SCHEME_SHARE * one, width) * weight for one in known[:1]]
     here = refining.residuals((), width)[0]
-    rough = diagnosis.module('model.rough_sand').ROUGHNESS / DEVIATION
     sand = [
-        rough * (refining.residuals([wave.described([1.0])], width)[0] - here)
+        ROUGHNESS / DEVIATION * (refining.residuals([wave.described([1.0])], width)[0] - here)
         for wave in believed(sample.rig)
     ]
     c = np.clip(sample.smoothed_observed, 0.0, 1.0)
-    fields = random_fields(c, weight, stride)
-    shared = [*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight, stride)]
+    fields = random_fields(c, weight, STRIDE)
+    shared = [*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight, STRIDE)]
     modes = np.stack([*shared, *fields])[:, counted]
     sets = []
     for fit, residual in zip(fits, residuals, strict=True):
@@ -121,14 +117,13 @@ def linear_recording(diagnosis: ChangedDiagnosis, case: BlindCase, folder: Path)
         len(fields),
         int(counted.sum()),
         float(np.mean(sample.expected_noise_squares[counted])),
-        # noise of the width g correlates over sqrt(4 pi (w^2 + g^2)) smoothed cells each way
-        max(1.0, 4.0 * math.pi * (width**2 + sample.noise.correlation**2) / stride**2),
-        len({(f.members[0].effect, f.members[0].fixed.get('well')) for f in findings.screened}),
+        correlated_cells(sample, width),
+        singles,
     )
 
 
 def linear_set(
-    names: tuple[str, ...], residual: FloatArray, slopes: FloatArray, modes: FloatArray, fit: Any
+    names: tuple[str, ...], residual: FloatArray, slopes: FloatArray, modes: FloatArray, fit: Fit
 ) -> LinearSet:
     """Return the normal equations of a `fit` with a residual (n,), slopes (p, n), modes (k, n)."""
     deviations = prior_deviations(fit)
@@ -182,15 +177,18 @@ def cosines(points: int, most: int) -> list[FloatArray]:
     return [np.sqrt(2.0 - (k == 0)) * np.cos(np.pi * k * x) for k in range(most)]
 
 
-def prior_deviations(fit: Any) -> FloatArray:
+def prior_deviations(fit: Fit) -> FloatArray:
     """Return the prior deviations of the scaled parameters of `fit`, (p,).
 
-    A place is anywhere in its range; another parameter has `STEPS`, within its range.
+    A place is anywhere in its range.
     """
-    found = []
-    for member in fit.members:
-        for parameter in member.parameters:
-            low, high = parameter.range
-            place = parameter.name in ('x', 'z')
-            found.append((high - low) / np.sqrt(12.0) if place else min(STEPS, 0.5 * (high - low)))
-    return np.array(found, dtype=float)
+    parameters = [parameter for member in fit.members for parameter in member.parameters]
+    return np.array(
+        [
+            (one.range[1] - one.range[0]) / np.sqrt(12.0)
+            if one.name in ('x', 'z')
+            else prior_deviation(one)
+            for one in parameters
+        ],
+        dtype=float,
+    )

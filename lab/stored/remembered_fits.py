@@ -28,8 +28,7 @@ FUNCTIONS = {
     f'{PACKAGE}.data.sample': ('read_sample',),
     f'{PACKAGE}.decision.held_out': ('measure_held_out',),
     f'{PACKAGE}.model.polishing': ('polished',),
-    f'{PACKAGE}.search.effect_pairs': ('_by_linear_gain',),
-    f'{PACKAGE}.search.joint_scan': ('promising_groups',),
+    f'{PACKAGE}.search.effect_sets': ('linear_sets',),
     f'{PACKAGE}.search.levels': ('own_point_spread_width',),
     f'{PACKAGE}.search.place_scan': ('promising_starts',),
 }
@@ -41,7 +40,7 @@ INNER = (
     f'{PACKAGE}.data',
     f'{PACKAGE}.decision.held_out',
     f'{PACKAGE}.model',
-    f'{PACKAGE}.search.joint_scan',
+    f'{PACKAGE}.search.effect_sets',
     f'{PACKAGE}.search.place_scan',
 )
 """Modules whose numbers change the answers of these functions."""

@@ -5,13 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.stats import gamma, multivariate_normal
 
 from lab.blind.blind_effects import equal_names
-from lab.stored import laplace
 from lab.stored.changed_numbers import PACKAGE, deciding_numbers, load_afresh
-from lab.stored.laplace import SetEvidence, judged, log_evidence, posterior, spectrum_of
-from lab.stored.linear_sets import SOURCE, WAVES, LinearSet, random_fields
 from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out
 from lab.stored.stored_draw import KINDS, WEAK, WEAK_SHARE, draw_stored, weakened
@@ -95,36 +91,3 @@ def test_a_verdict_is_sure_and_wrong_only_with_a_wrong_name():
     assert not verdict('depth', 0.6).is_sure_and_wrong
     assert not verdict('unexplained', 0.9).is_sure_and_wrong
     assert verdict('decay', 0.9).has_all
-
-
-def model(residual, columns):
-    matrix, r = np.array(columns), np.array(residual)
-    return LinearSet((), float(r @ r), matrix @ matrix.T, matrix @ r, np.zeros(len(matrix)))
-
-
-def test_the_evidence_is_that_of_the_normal_distribution_with_all_modes(monkeypatch):
-    residual, mode = np.array([1.0, 2.0, -0.5]), np.array([0.5, 1.0, 2.0])
-    monkeypatch.setattr(laplace, 'VARIANCES', np.geomspace(0.03, 300.0, 2000))
-    v, outer = laplace.VARIANCES, np.outer(mode, mode)
-    prior = gamma(laplace.SHAPE, scale=1.0 / ((laplace.SHAPE - 1.0) * 3.0)).pdf(1.0 / v) / v**2
-    exact = [multivariate_normal(cov=one * np.eye(3) + outer).pdf(residual) for one in v]
-    found = log_evidence(model(residual, [mode]), 1.0, cells=3.0, correlated=1.0, variance=3.0)
-    exact = np.log(np.trapezoid(exact * prior, v))
-    assert found - 1.5 * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1e-3)
-
-
-def test_a_set_that_leaves_more_than_noise_loses_to_something_else_and_a_temper_flattens():
-    sets = [SetEvidence((), -90.0, -70.0), SetEvidence(('decay',), -1.0, -9.0)]
-    found = posterior(sets, 5, 1.0)
-    assert found['decay',] > 0.99 > 0.5 > posterior(sets, 5, 0.01)['decay',]
-    assert next(iter(posterior(sets, 5, 1.0, unknown=('decay',)))) == ('unexplained',)
-    assert judged(('leak',), found).sure_and_wrong and judged(('decay',), found).right
-
-
-def test_random_fields_are_as_large_as_stated_and_longer_ones_have_fewer_waves():
-    c = np.full((6, 8, 10), 0.5)
-    fields = random_fields(c, np.ones(c.shape), 2)
-    waves = int(np.prod(WAVES))
-    assert np.mean(fields[:waves] ** 2) == pytest.approx(SOURCE**2) and not fields[waves:].any()
-    short, long = spectrum_of(0.0)[:waves], spectrum_of(0.5)[:waves]
-    assert short @ short == pytest.approx(long @ long) and long[0] > short[0]

@@ -24,8 +24,7 @@ takes up some of the errors of the schemes, so that each must lower the misfit b
 
 NEARLY_CLOSED_MISFIT = 1.5
 """Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
-enough to the observed ones for a multifidelity correction and an estimate of the point spread, and
-only then is a search through more pairs worth its time."""
+enough to the observed ones for a multifidelity correction and an estimate of the point spread."""
 
 CORRECTED_MISFIT = 2.5
 """Misfit below which a fit is judged with the errors of the scheme taken back at itself, and below
@@ -37,24 +36,20 @@ correction, which stays in place, would miss them."""
 
 BEAM = 3
 """Number of the best that go on wherever the search branches: places where the fits of a leak or a
-zone start, judged fits, bases and partners of pairs and of triples, triples that are refined, moved
-or taken apart, and refits. The linear response and coarse cells rank only roughly, so that the
-first need not be the right one."""
+zone start, judged fits, sets with one effect exchanged, and triples that are taken apart. The
+linear response and coarse cells rank only roughly, so that the first need not be the right one."""
 
 WIDE_BEAM = 6
-"""The same where fits are cheap: fits that go on to the cells of the recording, single effects that
-are fitted again before pairs are made, and groups of effects that are fitted together."""
+"""The same where fits are cheap: fits that go on to the cells of the recording, and sets that are
+fitted together, for each smoothing width."""
 
 CLOSE_TO_BEST = 1.8
-"""Ratio of the misfits of a fit and of the best one above which the fit is dropped, and no pairs
-are made from it. It balances time against the risk that coarse cells rank the true effect too
-low."""
+"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
+time against the risk that coarse cells rank the true effect too low."""
 
 WELL_DISTANCE = 5.0
 """Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a
 wrong rate of that well."""
-
-# Pairs
 
 ODDS_PER_PARAMETER = 0.5
 """Factor on the odds of a single effect for every parameter (Occam's razor). Before a recording, an
@@ -62,26 +57,10 @@ effect with four parameters could move fronts in many ways, so that each way was
 shifted picture imitates a bent response, a displaced well or a porosity: without the factor, three
 of four such cases were named wrongly or with 0.5. True shifts keep their 0.99."""
 
-PARTNER_GAIN_PER_PARAMETER = 0.85
-"""Factor on the linear gain of a partner for every parameter: many parameters imitate much."""
-
-RELOCATED_PAIRS = 2
-"""Number of pairs with a leak or a zone that are tried at other places, and number of places."""
-
 PART_OF_A_TRIPLE = 0.2
 """Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
 looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
 3."""
-
-TIED_TRIPLE = 1.05
-"""Ratio of the misfits of a triple and of the best one, on screening cells, below which both are
-judged although they share two effects: such cells cannot tell a porosity from a depth."""
-
-LEAST_REFIT_GAIN = 0.95
-"""Ratio of the misfits of a judged triple that is fitted again above which it is fitted no more.
-Nine parameters need more iterations than two: they took a true triple from 1.54 to 1.41 of its
-limit. A refined triple that leaves as much of the misfit of the best pair on the same cells is not
-judged: a true one left 0.36, the others of unexplained gaps 0.98."""
 
 # Decision ---------------------------------------------------------------------------------------
 

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_examples import candidate, recorded, sample_of
+from diagnosis_examples import recorded, sample_of
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription
-from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.thresholds import BEAM
@@ -24,19 +23,6 @@ def test_a_leak_within_the_plume_is_found_at_its_place(tmp_path):
     start = starts[0].described(starts[0].first).parameters
     assert np.hypot(float(start['x']) - 0.23, float(start['z']) - 0.3) < 0.06
     assert -40.0 < float(start['rate']) < -10.0
-
-
-def test_a_leak_is_found_beside_a_fit_whose_parameters_may_adapt(tmp_path):
-    """A shifted picture hides the place of the leak; a fit without the leak imitates both."""
-    leak = EffectDescription(name='leak', parameters={'x': 0.2, 'z': 0.29, 'rate': -40.0})
-    shift = EffectDescription(name='registration', parameters={'dx': 0.006, 'dz': -0.004})
-    sample = sample_of(recorded(tmp_path / 'recording', leak, shift))
-    fitter = Fitter([Forward(sample)])
-    imitation = fitter.fit((candidate([sample], 'registration'),))
-    first = promising_starts(fitter.forwards, 'leak', beside=imitation)[0]
-    start = first.described(first.first).parameters
-    assert np.hypot(float(start['x']) - 0.2, float(start['z']) - 0.29) < 0.06
-    assert -60.0 < float(start['rate']) < -15.0
 
 
 def test_a_rig_at_rest_sets_no_scale_for_a_leak(quiet):

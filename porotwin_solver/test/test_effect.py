@@ -177,7 +177,6 @@ def test_conventions_of_the_effects() -> None:
     assert those(lambda e: e.has_place) == {'heterogeneity', 'leak'}
     assert those(lambda e: e.places and e.places.is_rate_at_a_well) == {'leak'}
     assert those(lambda e: e.is_slow_on_fine_grids) == {'dispersion'}
-    assert those(lambda e: e.is_tried_in_every_pair) == {'saturation', 'illumination'}
     assert those(lambda e: e.has_equals) == {'porosity', 'retardation'}
     assert those(lambda e: e.misfit_allowance == 1.5) == {'viscosity'}
     assert those(lambda e: e.misfit_allowance == 1.0) == set(KNOWN) - {'viscosity'}

@@ -40,7 +40,6 @@ from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample, at_compared_cells
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_diagnosis.search.joint_scan import RIDGE
 from porotwin_solver.effects.retardation import EFFECT as RETARDATION
 
 MOST_TERMS = 3
@@ -59,6 +58,10 @@ chooses: a moved picture with four values always fits a little."""
 
 EARLIER = 0.65
 """Share of the fitted frames that predicts the others, to rank causes."""
+
+RIDGE = 1e-6
+"""Weight of the squared coefficients relative to the mean square of the changes: changes that are
+nearly equal must not need huge coefficients of opposite sign."""
 
 FREEDOM = 1.05
 """Factor on the remainder for every value that the search for a cause chooses: one of hundreds of

@@ -24,7 +24,7 @@ def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[
     `residuals` are whitened, (nt, nz', nx') for every one of `samples`.
     """
     squares = [
-        residual**2 * _counted_cells(sample, residual)
+        residual**2 * counted_cells(sample, residual)
         for sample, residual in zip(samples, residuals, strict=True)
     ]
     return _root_mean_squares(samples, squares)
@@ -39,7 +39,7 @@ def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> 
     at a front already contains the error of its place.
     """
     squares = [
-        sample.expected_noise_squares * _counted_cells(sample, residual)
+        sample.expected_noise_squares * counted_cells(sample, residual)
         for sample, residual in zip(samples, residuals, strict=True)
     ]
     fitted, held_out = _root_mean_squares(samples, squares)
@@ -76,7 +76,8 @@ def _parts(sample: Sample) -> tuple[slice, slice]:
     return slice(None, sample.fitted_frames), slice(sample.fitted_frames, None)
 
 
-def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
+def counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
+    """Return where a cell counts for a whitened `residual`, (nt, nz', nx')."""
     weight = sample.weight(SMOOTHING_WIDTH)
     predicted = sample.smoothed_observed - residual / np.where(weight > 0, weight, np.inf)
     highest = np.maximum(sample.smoothed_observed, predicted)

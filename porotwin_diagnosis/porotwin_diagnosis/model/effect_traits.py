@@ -5,9 +5,6 @@ from collections.abc import Iterable
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects import EFFECTS
 
-TRIED_IN_EVERY_PAIR = tuple(e.name for e in EFFECTS.values() if e.is_tried_in_every_pair)
-"""Effects that are tried together with every other one."""
-
 
 def needs_simulation(effect: str) -> bool:
     """Return whether an effect acts in the rig, so each change needs a new simulation."""

@@ -5,8 +5,8 @@ cells.
 2. Refinement: the best fits are fitted again on the cells of the recording.
 3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
    correction and the point spread that suit them (`levels`).
-4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`), and
-   if no pair closes it, a third effect is added to the best one (`third_effect`).
+4. Pairs: if no single effect closes the gap, pairs go through the same stages, and if no pair
+   closes it, triples (`effects_together`).
 
 If the model without effects leaves no gap, the search ends early: effects without a place
 are screened, and the best one is judged.
@@ -25,10 +25,12 @@ from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.model.polishing import polished
 from porotwin_diagnosis.progress import Progress, no_progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
-from porotwin_diagnosis.search.effect_pairs import (
-    judged_pairs,
+from porotwin_diagnosis.search.effects_together import (
+    hopeful,
+    judged_inside,
+    judged_together,
+    worth_keeping,
 )
-from porotwin_diagnosis.search.effects_at_once import judged_couples
 from porotwin_diagnosis.search.endable_crew import EndableCrew
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
@@ -40,7 +42,6 @@ from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     first_of_each_effect,
-    leaves_a_gap,
     may_need_a_second_effect,
     normalised_misfit,
     one_effect_is_enough,
@@ -49,14 +50,8 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.search.single_effects import (
     SearchSpace,
     coarsely_fitted_singles,
-    refitted_singles,
     screened_singles,
     search_space,
-)
-from porotwin_diagnosis.search.third_effect import (
-    judged_pairs_inside,
-    judged_triples,
-    worth_keeping,
 )
 from porotwin_diagnosis.thresholds import (
     CORRECTED_MISFIT,
@@ -224,7 +219,9 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
 
 
 def _with_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
-    levels, pairs = _found_pairs(levels, space, findings)
+    """Return `findings` with pairs."""
+    bases = (findings.screened_null, findings.singles[0])
+    levels, pairs = judged_together(levels, space, bases, findings.null, 2)
     return _with_members(levels, replace(findings, pairs=pairs), pairs, 0.52)
 
 
@@ -233,14 +230,16 @@ def _with_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Sea
 
     A single effect that suffices when it is fitted again needs no third effect.
     """
-    if one_effect_is_enough(findings.singles[0], findings.pairs, findings.null):
+    pairs, null = findings.pairs, findings.null
+    enough = one_effect_is_enough(findings.singles[0], pairs, null)
+    if enough or not hopeful(pairs, null):
         return SearchStep(levels, findings)
-    levels, triples = judged_triples(levels, space, findings)
-    if not triples:
+    levels, triples = judged_together(levels, space, pairs[:1], null, 3)
+    if not worth_keeping(triples, pairs[0], null):
         return SearchStep(levels, findings)
-    levels, inside = judged_pairs_inside(levels, triples, findings.null)
-    pairs = levels.ranked([*findings.pairs, *inside])
-    triples = worth_keeping(triples, pairs[0], findings.null)
+    levels, inside = judged_inside(levels, triples, null)
+    pairs = levels.ranked([*pairs, *inside])
+    triples = worth_keeping(triples, pairs[0], null)
     findings = replace(findings, pairs=pairs, triples=triples)
     return _with_members(levels, findings, triples or pairs, 0.88)
 
@@ -259,30 +258,6 @@ def _with_members(
     findings = replace(findings, parts=_members_alone(levels, judged[0]))
     levels, singles = fitted_again_alone(levels, findings, begin)
     return SearchStep(levels, replace(findings, singles=singles))
-
-
-def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
-    """Return the judged pairs.
-
-    If the first pairs do not explain the gap, single effects are fitted again on coarse cells that
-    are corrected at the best one, and more pairs are made. At last pairs without a base are tried.
-    Nothing more is tried if one effect suffices and no pair is clearly better.
-    """
-    best, null, screened = findings.singles[0], findings.null, findings.screened
-    levels, pairs = judged_pairs(levels, space, screened, best, null)
-    if one_effect_is_enough(best, pairs, null):
-        return Judgement(levels, pairs)
-    unexplained = not pairs or leaves_a_gap(pairs[0])
-    if unexplained and score(best) < CORRECTED_MISFIT:
-        levels.progress('fitting single effects again', 0.476)
-        levels = levels.with_corrected_coarse_cells(best.effects)
-        again = refitted_singles(levels, best, screened)
-        levels, more = judged_pairs(levels, space, again, best, null)
-        pairs = levels.ranked([*pairs, *more])
-    if not pairs or leaves_a_gap(pairs[0]):
-        levels, more = judged_couples(levels, space, findings, pairs)
-        pairs = levels.ranked([*pairs, *more])
-    return Judgement(levels, pairs)
 
 
 def _members_alone(levels: Levels, combination: Fit) -> list[Fit]:

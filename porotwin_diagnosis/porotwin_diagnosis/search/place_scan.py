@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.linalg import orth
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.fit import Fit, effects_at
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import search_context
 from porotwin_diagnosis.thresholds import BEAM
@@ -81,12 +79,12 @@ class CoarseRecording:
 
 @dataclass(frozen=True)
 class ScanComparison:
-    """The residual of a model with given effects, and the maps that it simulates.
+    """The residual of the model without effects, and the maps that it simulates.
 
     Attributes:
         recording: the recording on the coarse grid.
         residual: smoothed residual (nt, nz, nx) [-].
-        simulated: smoothed simulated maps (nt, nz, nx) [-] with the given effects.
+        simulated: smoothed simulated maps (nt, nz, nx) [-] without effects.
     """
 
     recording: CoarseRecording
@@ -94,7 +92,7 @@ class ScanComparison:
     simulated: FloatArray
 
     def response(self, effects: Sequence[EffectDescription]) -> FloatArray:
-        """Return the change (nt, nz, nx) [-] that `effects` make instead of the given ones."""
+        """Return the change (nt, nz, nx) [-] that `effects` make."""
         return self.recording.simulated(effects) - self.simulated
 
 
@@ -102,7 +100,6 @@ def promising_starts(
     forwards: Sequence[Forward],
     effect: str,
     *,
-    beside: Fit | None = None,
     pool: Executor | None = None,
 ) -> list[Candidate]:
     """Return the most promising starts of a fit of an effect with a place, the best first.
@@ -110,15 +107,12 @@ def promising_starts(
     Args:
         forwards: one forward model per recording.
         effect: the name of an effect with a place.
-        beside: a fit whose effects are present. Its parameters may adapt: the part of a response
-            that they can imitate, to first order, is removed.
         pool: compares the simulations; None for one at a time.
 
     Raises:
-        InputError: no pump ever runs, the rig is closed, or the model cannot run with `beside`.
+        InputError: no pump ever runs, the rig is closed, or the model cannot run without effects.
     """
-    given = beside.effects if beside else ()
-    comparisons = [compared(forward, given) for forward in forwards]
+    comparisons = [compared(forward) for forward in forwards]
     sample = comparisons[0].recording.sample
     trials = trials_of(sample, effect)
     run = map if pool is None else pool.map
@@ -127,47 +121,32 @@ def promising_starts(
         return np.concatenate([part.response(effects).ravel() for part in comparisons])
 
     residual = np.concatenate([part.residual.ravel() for part in comparisons])
-    adapting = np.zeros((len(residual), 0))
-    if beside is not None:
-        adapting = orth(np.stack(list(run(response, perturbed(beside))), axis=1))
 
     def gain(trial: Candidate) -> tuple[float, float]:
         """Return the explained part of the residual's square, and the factor on the strength."""
-        own = response((*given, trial.described(trial.first)))
-        own -= adapting @ (adapting.T @ own)
+        own = response((trial.described(trial.first),))
         projected, norm = float(own @ residual), float(own @ own)
         return (projected**2 / norm, projected / norm) if norm > 0 else (0.0, 0.0)
 
     return _best_apart(trials, list(run(gain, trials)), _place_distance(sample))
 
 
-def compared(forward: Forward, given: tuple[EffectDescription, ...]) -> ScanComparison:
-    """Return the comparison of a recording with the model with the effects `given`."""
+def compared(forward: Forward) -> ScanComparison:
+    """Return the comparison of a recording with the model without effects."""
     sample = forward.sample
     columns = min(SCAN_COLUMNS, sample.grid.nx)
     rows = max(FEWEST_ROWS, round(columns * sample.grid.nz / sample.grid.nx))
     grid = sample.rig.grid(columns, rows)
     frames = np.unique(np.linspace(0, sample.fitted_frames - 1, SCAN_FRAMES).round().astype(int))
-    expected = sample.noise.expected(forward.maps(given)[frames])
+    expected = sample.noise.expected(forward.maps(())[frames])
     residual = (sample.observed_or_zero[frames] - expected) * sample.seen_mask[frames]
     coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
     recording = CoarseRecording(sample, grid, sample.times[frames], forward.crew)
-    return ScanComparison(recording, _smoothed(coarse), recording.simulated(given))
+    return ScanComparison(recording, _smoothed(coarse), recording.simulated(()))
 
 
 def _smoothed(maps: FloatArray) -> FloatArray:
     return gaussian_filter(maps, (0.0, SCAN_SMOOTHING, SCAN_SMOOTHING))
-
-
-def perturbed(fit: Fit) -> list[tuple[EffectDescription, ...]]:
-    """Return, for each parameter of `fit`, the effects with that parameter moved by one step."""
-    parameters = [parameter for member in fit.members for parameter in member.parameters]
-    perturbed = []
-    for index, parameter in enumerate(parameters):
-        scaled = fit.scaled_parameters.copy()
-        scaled[index] += 1.0 if scaled[index] + 1.0 <= parameter.range[1] else -1.0
-        perturbed.append(effects_at(fit.members, scaled))
-    return perturbed
 
 
 def _best_apart(

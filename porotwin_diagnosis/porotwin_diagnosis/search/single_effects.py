@@ -13,12 +13,11 @@ from porotwin_diagnosis.progress import steps_of
 from porotwin_diagnosis.search.levels import REFINING_ITERATIONS, Levels
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.search.ranking import (
-    effect_and_well,
     feasible,
     first_of_each_effect,
     score,
 )
-from porotwin_diagnosis.thresholds import CLOSE_TO_BEST, WIDE_BEAM
+from porotwin_diagnosis.thresholds import CLOSE_TO_BEST
 from porotwin_solver.effects import effects_of
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.definition.effect import Scope
@@ -117,29 +116,13 @@ def _sorted(fits: Sequence[Fit]) -> list[Fit]:
     return sorted(feasible(fits), key=score)
 
 
-def refitted_singles(levels: Levels, best: Fit, screened: Sequence[Fit]) -> list[Fit]:
-    """Return `screened` with its first fits fitted again, the best score first.
-
-    It is used after the correction of the coarse cells has changed. The effect of `best`, the best
-    judged fit, is fitted again in any case.
-    """
-    order = sorted(
-        first_of_each_effect(screened),
-        key=lambda fit: effect_and_well(fit) != effect_and_well(best),
-    )
-    first = order[:WIDE_BEAM]
-    again = feasible(levels.side_by_side(lambda fit: _continued(levels, fit), first))
-    labels = {fit.label for fit in again}
-    return sorted([*again, *(fit for fit in screened if fit.label not in labels)], key=score)
-
-
-def place_starts(levels: Levels, effect: str, *, beside: Fit | None = None) -> list[Candidate]:
+def place_starts(levels: Levels, effect: str) -> list[Candidate]:
     """Return the promising starts of an `effect` with a place, the best first.
 
-    If `beside` is given, its effects are present. The result is empty if no simulation can tell.
+    The result is empty if no simulation can tell.
     """
     try:
-        return promising_starts(levels.screening.forwards, effect, beside=beside, pool=levels.pool)
+        return promising_starts(levels.screening.forwards, effect, pool=levels.pool)
     except InputError:
         return []
 

@@ -54,5 +54,4 @@ EFFECT = Effect(
     appearance=Appearance.FADING,
     pales_core=True,
     needs_simulation=False,
-    is_tried_in_every_pair=True,
 )

@@ -118,8 +118,6 @@ class Effect:
         destabilises_fronts: whether fronts finger with these values.
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
             model computes the effect on coarser cells.
-        is_tried_in_every_pair: the search adds it to every effect, because it costs no
-            simulation and its response is not linear.
         is_learnable: COSTA may learn it from free runs, on top of what the model has of it.
         residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
             `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.
@@ -153,7 +151,6 @@ class Effect:
     is_slow_on_fine_grids: bool = False
     destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
-    is_tried_in_every_pair: bool = False
     is_learnable: bool = False
     residual_terms: tuple[str, ...] = ()
     gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
