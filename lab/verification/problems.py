@@ -3,12 +3,13 @@
 import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
+from lab.verification.modflow import missing, modflow_maps
 from lab.verification.solutions import (
     continuous_source,
     discharge_of_a_part,
@@ -49,6 +50,7 @@ class Problem:
         cell_m: size of the cells of the page [m].
         options: of `simulate` beside the grid.
         measure: the errors on one grid.
+        beside: times of the maps that MODFLOW 6 computes too [s], and its longest step [s].
     """
 
     name: str
@@ -57,11 +59,24 @@ class Problem:
     cell_m: float
     options: str
     measure: Callable[['Problem', Recording, Grid], Figures]
+    beside: tuple[Sequence[float], float] | None = None
 
     def errors(self, cell_m: float = 0.0) -> Figures:
         """Return the errors with cells of `cell_m` [m], or with those of the page."""
         recording = open_recording(FOLDER / self.name)
-        return self.measure(self, recording, recording.rig.default_grid(cell_m or self.cell_m))
+        grid = recording.rig.default_grid(cell_m or self.cell_m)
+        return self.measure(self, recording, grid) | self._beside_modflow(recording, grid)
+
+    def _beside_modflow(self, recording: Recording, grid: Grid) -> Figures:
+        """Return how far the maps lie from those of MODFLOW 6; nothing where it is missing."""
+        if self.beside is None or missing():
+            return {}
+        times, step = self.beside
+        own = _maps(recording, grid, times)
+        rig, rates = recording.rig, recording.schedule
+        theirs = modflow_maps(rig, rates, times, grid=grid, longest_step=step)
+        apart = np.abs(own - theirs).mean() / theirs.mean()
+        return {'MODFLOW 6 [%]': _percent(float(apart))}
 
     @property
     def words(self) -> str:
@@ -117,13 +132,15 @@ def push_pull(_: Problem, recording: Recording, grid: Grid) -> Figures:
 def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
     """Return the errors of the steady map beside both conditions at the sea."""
     rig = recording.rig
-    (found,) = _maps(recording, grid, [_end(problem)])
     rate = from_ml_h(rig.water['land'].rate_ml_h or 0.0) / _of(rig, 'depth_m')
     weight = _parameter(rig, 'buoyancy', 'density_difference') / rig.density_kg_m3
     speed = _conductivity(rig) * weight
     spread = _parameter(rig, 'dispersion', 'diffusion') * _of(rig, 'porosity')
     errors: Figures = {}
     for diffuses, name in ((False, ''), (True, ', Henry')):
+        sea = rig.water['sea'].model_copy(update={'diffuses': diffuses})
+        described = rig.model_copy(update={'water': {**rig.water, 'sea': sea}})
+        (found,) = _maps(replace(recording, rig=described), grid, [_end(problem)])
         x, z, c = henry(
             rate / (speed * rig.height_m),
             spread / rate,
