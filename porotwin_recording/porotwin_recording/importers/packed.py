@@ -1,4 +1,4 @@
-"""Data of other programs in archives: zip, tar and gzip, also within each other."""
+"""Data of other programs in archives: zip, tar and gzip, also one within another."""
 
 import gzip
 import shutil
@@ -13,9 +13,6 @@ from pathlib import Path
 from porotwin_core.basis.declared_size import LARGEST_BYTES, check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_regular, regular
-
-DEEPEST = 5
-"""Archives and folders within each other that are opened."""
 
 ZARR_MARKS = ('zarr.json', '.zgroup', '.zmetadata')
 """Files that make a folder a zarr group."""
@@ -46,22 +43,26 @@ def _is_packed(path: Path) -> bool:
 
 
 def _content(path: Path, place: Path) -> Path:
-    """Return what the archive `path` holds, unpacked below `place`: a file or a folder."""
-    for depth in range(DEEPEST):
-        if path.is_file():
-            if not _is_packed(path):
-                return path
-            inner = place / f'{depth}'
-            inner.mkdir()
-            _unpack(path, inner)
-            path = inner
-        if any((path / mark).exists() for mark in ZARR_MARKS):
-            return path if path.suffix == '.zarr' else path.rename(path.with_suffix('.zarr'))
-        inside = [one for one in path.iterdir() if not one.name.startswith(('.', '__MACOSX'))]
+    """Return what the archive `path` holds, unpacked below `place`: a file or a folder.
+
+    An archive within it is unpacked too, but none within that one: some hold themselves for ever.
+    """
+    found = _inner(path, place / 'outer')
+    return _inner(found, place / 'inner') if _is_packed(found) else found
+
+
+def _inner(path: Path, folder: Path) -> Path:
+    """Unpack `path` into the new `folder`; return its only file, or the folder of its files."""
+    folder.mkdir()
+    _unpack(path, folder)
+    while folder.is_dir():
+        if any((folder / mark).exists() for mark in ZARR_MARKS):
+            return folder if folder.suffix == '.zarr' else folder.rename(f'{folder}.zarr')
+        inside = [one for one in folder.iterdir() if not one.name.startswith(('.', '__MACOSX'))]
         if len(inside) != 1:
-            return path
-        path = inside[0]
-    return path
+            break
+        folder = inside[0]
+    return folder
 
 
 def _unpack(path: Path, folder: Path) -> None:
