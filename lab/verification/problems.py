@@ -35,6 +35,12 @@ SEEN = 'seen.csv'
 TANK_STATES = {'SS-1': (0.0, 1.42), 'SS-2': (-0.005, 0.59), 'SS-3': (-0.0015, 1.19)}
 """Rise of the fresh water's level [m], and the measured flow [cm3/s] (Goswami and Clement 2007)."""
 
+PANELS_S = (2581.0, 5162.0, 10311.0, 12904.0, 15485.0, 18053.0, 20634.0, 23215.0)
+"""Times of the published pictures of the salt lake [s]."""
+
+FINGER = 0.25
+"""Salt of a finger: a quarter of the rise to saturation."""
+
 Figures = dict[str, float]
 """What is wrong, with its unit in brackets, and by how much."""
 
@@ -65,7 +71,8 @@ class Problem:
         """Return the errors with cells of `cell_m` [m], or with those of the page."""
         recording = open_recording(FOLDER / self.name)
         grid = recording.rig.default_grid(cell_m or self.cell_m)
-        return self.measure(self, recording, grid) | self._beside_modflow(recording, grid)
+        coarse = recording.rig.default_grid(2.0 * (cell_m or self.cell_m))
+        return self.measure(self, recording, grid) | self._beside_modflow(recording, coarse)
 
     def _beside_modflow(self, recording: Recording, grid: Grid) -> Figures:
         """Return how far the maps lie from those of MODFLOW 6; nothing where it is missing."""
@@ -232,6 +239,24 @@ def sand_tank(problem: Problem, recording: Recording, grid: Grid) -> Figures:
     return errors
 
 
+def salt_lake(_: Problem, recording: Recording, grid: Grid) -> Figures:
+    """Return the number of fingers at first and at last, and how deep they are at first."""
+    first, last = _maps(recording, grid, [PANELS_S[1], PANELS_S[-1]])
+    deep = np.flatnonzero((first > FINGER).any(axis=1))
+    return {
+        'fingers, first': float(fingers(first, grid)),
+        'fingers, last': float(fingers(last, grid)),
+        'depth, first [mm]': 1e3 * (grid.height - float(grid.z[deep[0]])) if deep.size else 0.0,
+    }
+
+
+def fingers(found: FloatArray, grid: Grid) -> int:
+    """Return how many separate parts are salt in the row at half of the depth of the salt."""
+    deep = np.flatnonzero((found > FINGER).any(axis=1))
+    row = found[(deep[0] + grid.nz) // 2] if deep.size else found[0]
+    return int(np.count_nonzero(np.diff(np.append(False, row > FINGER).astype(int)) > 0))
+
+
 def _end(problem: Problem) -> float:
     """Return the last time of the options of `simulate` [s]."""
     return float(problem.options.split(':')[1])
@@ -294,6 +319,7 @@ PROBLEMS = (
         0.005,
         '',
         uniform_flow,
+        ((2433.0,), 12.0),
     ),
     Problem(
         'push_pull',
@@ -302,6 +328,7 @@ PROBLEMS = (
         0.005,
         '',
         push_pull,
+        ((1500.0, 2100.0), 6.0),
     ),
     Problem(
         'henry',
@@ -310,6 +337,7 @@ PROBLEMS = (
         0.04,
         ' --times 0:60000:3000',
         henrys,
+        ((60000.0,), 240.0),
     ),
     Problem('dam', 'water table in a dam', 'Charny 1951; Dupuit', 0.01, ' --times 0:3600:60', dam),
     Problem(
@@ -328,6 +356,14 @@ PROBLEMS = (
         0.01,
         ' --times 0:4800:60',
         sand_tank,
+    ),
+    Problem(
+        'salt_lake',
+        'a salt lake in a Hele-Shaw cell',
+        'Wooding 1997: 6 or 7 fingers, then 2',
+        0.00075,
+        ' --times 0:24000:600',
+        salt_lake,
     ),
 )
 """The problems in the order of the page."""

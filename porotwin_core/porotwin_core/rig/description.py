@@ -389,6 +389,9 @@ class Rig(Section):
         del data['boundaries']['heads_m']
         for well in data['wells'].values():
             del well['rate_prior_ml_h']
+        for body in data['water'].values():
+            if not body['diffuses']:  # older rigs know no such key
+                del body['diffuses']
         if raised := self.boundaries.raised_heads:  # only differences count
             data['boundaries']['raised_heads_m'] = raised
         if self.water:  # beside other water the level counts

@@ -94,8 +94,8 @@ class WaterContact:
 
     @property
     def rainfall(self) -> float:
-        """All water that enters at a given rate [m^3/s]."""
-        return float(sum(side.sum() for side in self.rain))
+        """All water that enters or leaves at a given rate [m^3/s]."""
+        return float(sum(np.abs(side).sum() for side in self.rain))
 
     def where_canal(self, values: FloatArray, other: FloatArray) -> FloatArray:
         """Return `other` in the cells of canals and `values` elsewhere, (nz, nx) each."""
