@@ -24,7 +24,7 @@ from porotwin_solver.effects import described_physics
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
 PROGRAM = 'mf6'
-CLOSED = {'flow': (1e-9, 1e-13), 'salt': (1e-5, 1e-13)}
+CLOSED = {'flow': (1e-8, 1e-11), 'salt': (1e-5, 1e-11)}
 """Change and residual at which the iterations of each model end: of heads [m] and water [m^3/s], of
 concentrations [-] and stock [m^3/s]."""
 
