@@ -24,9 +24,13 @@ from porotwin_solver.effects import described_physics
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
 PROGRAM = 'mf6'
-CLOSED = {'flow': (1e-8, 1e-11), 'salt': (1e-5, 1e-11)}
+CLOSED = {'flow': (1e-8, 1e-5), 'salt': (1e-5, 1e-5)}
 """Change and residual at which the iterations of each model end: of heads [m] and water [m^3/s], of
 concentrations [-] and stock [m^3/s]."""
+
+DEEPER = 1e6
+"""The plates are written so many times as far apart, with rates as much larger: the residuals of
+MODFLOW 6 are absolute, and meant for aquifers."""
 
 Places = list[list[Any]]
 """Lines of a package of MODFLOW 6: the cell, numbers, and the concentration."""
@@ -167,7 +171,7 @@ def _cells(physics: Physics) -> dict[str, Any]:
         'nrow': 1,
         'ncol': grid.nx,
         'delr': grid.dx,
-        'delc': depth,
+        'delc': DEEPER * depth,
         'top': grid.height,
         'botm': bottoms.tolist(),
         'length_units': 'meters',
@@ -199,12 +203,12 @@ def _at_sides(physics: Physics, conductivity: FloatArray) -> tuple[Places, Place
             share = float(getattr(contact.open, side)[place])
             row = grid.nz - 1 - layer
             if share:
-                half = 2.0 * conductivity[row, column] * physics.depth[row, column] * shape
+                half = 2.0 * DEEPER * conductivity[row, column] * physics.depth[row, column] * shape
                 head = contact.lowest + float(getattr(contact.head, side)[place])
                 heads.append([cell, head, share * half, stock, float(heights[place])])
             rain = float(getattr(contact.rain, side)[place])
             if rain:
-                rates.append([cell, rain, stock])
+                rates.append([cell, DEEPER * rain, stock])
             if getattr(contact.diffuses, side)[place]:
                 held.append([cell, stock])
     return heads, rates, held
@@ -225,6 +229,6 @@ def _wells(physics: Physics, schedule: Schedule, time: float) -> Iterator[list[A
         water, out = float(inflow[row, column]), float(outflow[row, column])
         cell = (layers - row, 0, column)
         if water:
-            yield [cell, water, float(tracer[row, column]) / water]
+            yield [cell, DEEPER * water, float(tracer[row, column]) / water]
         if out:
-            yield [cell, -out, 0.0]
+            yield [cell, -DEEPER * out, 0.0]

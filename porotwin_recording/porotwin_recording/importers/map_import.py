@@ -704,6 +704,10 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
 
 
+def _shown(time: Any) -> str:
+    return time if isinstance(time, str) else f'{time:g}'
+
+
 def _refuse_repeated(
     path: Path, axes: dict[str, Any], places: tuple[NDArray[np.intp], ...]
 ) -> None:
@@ -717,6 +721,6 @@ def _refuse_repeated(
         at = lines[int(counts.argmax())]
         time, z, x = (axes[name][0][index] for name, index in zip(axes, at, strict=True))
         raise InputError(
-            f'{path}: has {counts.max()} values at time {time}, x {x:g}, z {z:g}; remove all '
-            'but one'
+            f'{path}: has {counts.max()} values at time {_shown(time)}, x {x:g}, z {z:g}; remove '
+            'all but one'
         )
