@@ -73,7 +73,7 @@ SEEN = (2, 4)
 CAUSES = ('dispersion', 'buoyancy', 'viscosity', 'fringe', 'permeability', 'heterogeneity')
 """Effects that may act beside the rates of the tubes."""
 CAUSE_CELL_M = 0.015
-"""Cells of the maps on which they are fitted."""
+"""Cells of the maps for their fits [m]."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def fitted_rates(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, S
 
 
 def _sample(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> Sample:
-    """Return what a fit compares: all photographs `seen` but the first, where it starts."""
+    """Return the sample of a fit, which starts at the first photograph and compares the others."""
     first, *later = seen
     tubes = (
         ScheduleRow(0.0, name, WellRate(_believed(well), 1.0)) for name, well in rig.wells.items()
@@ -234,7 +234,7 @@ def _sample(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> Sample:
 
 
 def causes(photographs: Path) -> list[dict[str, Any]]:
-    """Return for every effect what it would lower the misfit of all maps to 10:55 to.
+    """Return the misfit of all maps to 10:55 with every effect.
 
     The effect is fitted together with the rates of the tubes; the first row is without effects.
     """

@@ -37,7 +37,7 @@ Places = list[list[Any]]
 
 
 def missing() -> str:
-    """Return what keeps MODFLOW 6 from running here; empty if nothing does."""
+    """Return the part of MODFLOW 6 that is missing here; empty if none is."""
     if importlib.util.find_spec('flopy') is None:
         return 'flopy is not installed'
     return '' if shutil.which(PROGRAM) else f'{PROGRAM} is not in the path'
@@ -51,7 +51,7 @@ def modflow_maps(
     No time step is longer than `longest_step` [s].
 
     Raises:
-        InputError: MODFLOW 6 is missing or fails, or the rig has what is not written.
+        InputError: MODFLOW 6 is missing or fails, or the rig has other parts.
     """
     if reason := missing():
         raise InputError(f'MODFLOW 6: {reason}')
@@ -69,7 +69,7 @@ def modflow_maps(
 
 
 def _refuse(physics: Physics) -> None:
-    """Raise InputError if the rig has what is not written."""
+    """Raise InputError if the rig has parts that are not written."""
     known = (
         physics.contact.canal is None
         and physics.fringe is None

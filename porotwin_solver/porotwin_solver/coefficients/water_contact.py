@@ -53,7 +53,7 @@ class WaterContact:
     canal_head, canal_concentration: of these cells [m] and [-], (nz, nx), 0 elsewhere.
     lowest: lowest head [m] above the lower edge of the sand.
     seep: share of each outer face above its level through which water may leave [-].
-    diffuses: share of each outer face through which tracer diffuses [-].
+    diffuses: share of each outer face that lets tracer diffuse [-].
     scale: factors on the transmissibilities [-]; None: 1 everywhere.
     """
 

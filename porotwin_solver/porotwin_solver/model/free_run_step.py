@@ -53,7 +53,7 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
 
 
 def _diffused(physics: Physics) -> float:
-    """Return the step [s] in which little tracer diffuses through a side; inf without any."""
+    """Return the longest step [s] for diffusion through a side; inf without any."""
     if not any(side.any() for side in physics.contact.diffuses):
         return math.inf
     size = min(physics.grid.dx, physics.grid.dz)

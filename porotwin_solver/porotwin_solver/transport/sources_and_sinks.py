@@ -96,8 +96,7 @@ def with_water(
     """Return `sources` with the water of canals, and the tracer of all water that `flux` brings.
 
     `flux` [m^3/s] is through all faces. A canal adds or takes what does not balance in its cells.
-    Tracer that diffuses through an outer face, over half a cell, is that of water which the cell
-    exchanges with the water outside.
+    Diffusion through an outer face, over half a cell, is an exchange of water with the outside.
     """
     if contact.is_plain:
         return sources
