@@ -41,7 +41,7 @@ TEXT = """\
 - **Glover** holds for deep sand without mixing; here it is 20 cm deep, and the scheme mixes.
 - **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
 - **Salt lake**: water evaporates at the top left, and salt diffuses from there; the numbers are
-  those of `ex-gwt-saltlake` of MODFLOW 6 (Simmons 1999). Fingers are chaotic: they are counted.
+  those of `ex-gwt-saltlake` of MODFLOW 6 (Simmons 1999).
 - **MODFLOW 6**: mean difference of maps on cells twice as large, over their mean; a comparison with
   a peer. `flopy` writes its input from `rig.yaml`. It needs `pip install flopy`, and `mf6` in
   the path.
