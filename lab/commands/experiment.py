@@ -90,8 +90,18 @@ def command(
     if name is PaperSection.SEEPAGE:
         from lab.photographs import seepage
 
-        rows = seepage.run(photographs or seepage.PHOTOGRAPHS, folder)
-        _show(name, rows, folder, 'tips and centre lines, predicted against seen', as_json=as_json)
+        there = photographs or seepage.PHOTOGRAPHS
+        rows, causes = seepage.run(there, folder), seepage.causes(there)
+        say(f'pictures and errors: {folder}')
+        if as_json:
+            found = {'experiment': str(name), 'plumes': rows, 'causes': causes, 'output': folder}
+            print_json(found)
+            return
+        for title, table in (
+            ('tips and centre lines, predicted against seen', rows),
+            ('misfit of the maps to 10:55, with an effect beside the rates', causes),
+        ):
+            print_table(title, list(table[0]), [list(row.values()) for row in table])
         return
     from lab import paper_experiments
 
@@ -113,8 +123,7 @@ def _show(
     """Print the rows of an experiment, as a table or as JSON."""
     say(f'pictures and errors: {folder}')
     if as_json:
-        part = 'plumes' if name is PaperSection.SEEPAGE else 'networks'
-        print_json({'experiment': str(name), part: rows, 'output': folder})
+        print_json({'experiment': str(name), 'networks': rows, 'output': folder})
     else:
         print_table(title, list(rows[0]), [list(row.values()) for row in rows])
 

@@ -5,6 +5,7 @@ a well. The tip is its place farthest from the well. The centre line is the midd
 every column.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,22 +34,26 @@ class PlumeLine:
 
     Attributes:
         cells: its cells, shape (nz, nx).
-        tip: the place (x, z) [m] farthest from the well.
+        tip, tail: the places (x, z) [m] farthest from the well, and nearest to it.
         x, z: the centre line [m], from left to right.
         arrived: whether it touches open water, where it leaves the sand: it has no tip then.
     """
 
     cells: Array
     tip: tuple[float, float]
+    tail: tuple[float, float]
     x: Array
     z: Array
     arrived: bool
 
 
-def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
+def plume_lines(
+    values: Array, rig: Rig, grid: Grid, expected: Mapping[str, Array] | None = None
+) -> dict[str, PlumeLine]:
     """Return the plumes of a relative map (nz, nx) by the well where they begin.
 
-    Cells without a value are filled from those around them. Open water holds no plume.
+    Cells without a value are filled from those around them. Open water holds no plume. Where wells
+    have stopped, plumes are told by the cells (nz, nx) where each is `expected`.
     """
     water = open_water(rig, grid)
     filled = np.where(water, 0.0, without_holes(values))
@@ -57,7 +62,8 @@ def plume_lines(values: Array, rig: Rig, grid: Grid) -> dict[str, PlumeLine]:
     found = {}
     for name, well in rig.wells.items():
         distance = np.hypot(x - well.x_m, z - well.z_m)
-        near = parts[(distance < _NEAR_M) & (parts > 0)]
+        place = distance < _NEAR_M if expected is None else expected.get(name, parts < 0)
+        near = parts[place & (parts > 0)]
         if near.size:
             cells = parts == np.bincount(near).argmax()
             found[name] = line_of(np.where(cells, filled, 0.0), distance, grid, water)
@@ -76,18 +82,26 @@ def line_of(values: Array, distance: Array, grid: Grid, water: NDArray[np.bool_]
     values = np.where(water, 0.0, values)
     cells = values > FRONT
     shore = cv2.dilate(water.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    row, column = np.unravel_index(np.argmax(np.where(cells, distance, -1.0)), cells.shape)
+    ends = np.where(cells, distance, -1.0).argmax(), np.where(cells, distance, np.inf).argmin()
+    tip, tail = (_place(int(end), grid) for end in ends)
     weight = np.where(cells, values, 0.0)
     total = weight.sum(axis=0)
     seen = total > 0
     middle = (weight * grid.z[:, None]).sum(axis=0)[seen] / total[seen]
     return PlumeLine(
         cells,
-        (float(grid.x[column]), float(grid.z[row])),
+        tip,
+        tail,
         grid.x[seen],
         middle,
         bool((cells & shore).any()),
     )
+
+
+def _place(cell: int, grid: Grid) -> tuple[float, float]:
+    """Return the middle (x, z) [m] of a cell by its number in the flat map."""
+    row, column = divmod(cell, grid.nx)
+    return float(grid.x[column]), float(grid.z[row])
 
 
 @dataclass(frozen=True)
@@ -99,12 +113,14 @@ class LineDistance:
         ahead: by how much the predicted tip is farther from the well; negative: nearer.
         line: mean distance of the centre lines over the columns that both have.
         above: by how much the predicted centre line is higher on average.
+        tail: distance of the ends nearest to the well; NaN if one is still at the well.
     """
 
     tip: float
     ahead: float
     line: float
     above: float
+    tail: float
 
 
 def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float]) -> LineDistance:
@@ -124,7 +140,15 @@ def line_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float])
         np.nan if both_arrived else ahead,
         float(np.abs(apart).mean()),
         float(apart.mean()),
+        _tail_error(predicted, seen, well),
     )
+
+
+def _tail_error(predicted: PlumeLine, seen: PlumeLine, well: tuple[float, float]) -> float:
+    """Return the distance of two tails [m] that have left their `well`; NaN if one has not."""
+    tails = np.array([predicted.tail, seen.tail])
+    left = np.linalg.norm(tails - np.array(well), axis=1) > _NEAR_M
+    return float(np.linalg.norm(tails[0] - tails[1])) if left.all() else np.nan
 
 
 def without_holes(values: Array) -> Array:

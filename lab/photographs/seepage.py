@@ -3,11 +3,13 @@
     ./porotwin experiment seepage --photographs FOLDER
 
 The photographs are grey prints of different crop, without a chart, and nobody noted what the tubes
-delivered. Their maps have a relative scale. The first two photographs and the prior of
+delivered. Their maps have a relative scale. The first photographs and the prior of
 `rigs/pennink_1904/rig.yaml` give the rate of each tube with an interval, as a diagnosis fits
-unknown rates. The model starts from the map of the second one. It is compared with the later ones
-by tips and centre lines. The flow of 1.25 l/h that Pennink measured gives the conductivity in
-`rig.yaml`; nothing is fitted to the later photographs.
+unknown rates. The model starts from the map of the last one that it may use, and is compared with
+the later ones by tips, centre lines and, once the ink has stopped, tails. It does so with the
+photographs to 09:55, and with those to 10:55 if the folder holds later ones. The flow of 1.25 l/h
+that Pennink measured gives the conductivity in `rig.yaml`; nothing is fitted to the later
+photographs. `causes` tells which effects beside the rates would narrow the gap.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +38,10 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig, Well, load_rig
 from porotwin_diagnosis.data.noise import Noise
-from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.data.shared_errors import measured_errors, sands_of
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.model.unknown_rates import SourceRate, at_first_rates, sources_of
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.calibrating.relative_scale import relative_calibration
@@ -60,8 +64,16 @@ TIMES_MIN = {
     'Series2_05_p38.jpg': 75.0,
 }
 """Photographs with ink, and minutes after 09:40, when the first ink had been brought in."""
-SEEN = 2
-"""Photographs that the prediction may use."""
+LATER_MIN = {'Series2_06_p40.jpg': 105.0, 'Series2_07_p42.jpg': 220.0, 'Series2_08_p44.jpg': 285.0}
+"""Later ones, which a prediction may be compared with if they are there, but never use."""
+STOPPED_S = 220.0 * MINUTE_S
+"""When the ink was stopped."""
+SEEN = (2, 4)
+"""Photographs that the predictions may use: those to 09:55, and to 10:55."""
+CAUSES = ('dispersion', 'buoyancy', 'viscosity', 'fringe', 'permeability', 'heterogeneity')
+"""Effects that may act beside the rates of the tubes."""
+CAUSE_CELL_M = 0.015
+"""Cells of the maps for their fits [m]."""
 
 
 @dataclass(frozen=True)
@@ -110,21 +122,34 @@ def run(photographs: Path, folder: Path) -> list[dict[str, Any]]:
     rig = load_rig(RIG)
     grid = rig.default_grid()
     seen = map_photographs(rig, grid, photographs)
-    fitted = fitted_rates(rig, grid, seen[:SEEN])
-    rates = {name: rate.rate_ml_h for name, rate in fitted.items()}
-    predictions = predict(rig, grid, seen, rates)
-    draw(folder / 'seepage.png', rig, grid, seen, predictions)
+    rows = []
+    for count in SEEN:
+        if count < len(seen):
+            fitted = fitted_rates(rig, grid, seen[:count])
+            rates = {name: rate.rate_ml_h for name, rate in fitted.items()}
+            predictions = predict(rig, grid, seen[:count], seen[count:], rates)
+            draw(folder / f'seepage_{count}.png', rig, grid, seen, predictions)
+            rows += _rows(seen[count - 1].name, fitted, predictions)
+    return rows
+
+
+def _rows(
+    last: str, fitted: Mapping[str, SourceRate], predictions: Sequence['PlumePrediction']
+) -> list[dict[str, Any]]:
+    """Return a row for every plume and time of a prediction that used photographs to `last`."""
     return [
         {
+            'used to': last,
             'photograph': one.seen.name,
             'minutes': one.seen.time / MINUTE_S,
             'tube': well,
-            'rate_ml_h': round(rates[well]),
+            'rate_ml_h': round(fitted[well].rate_ml_h),
             'rate_90': '{:.0f} to {:.0f}'.format(*fitted[well].interval_ml_h),
             'tip_cm': _centimetres(error.tip),
             'ahead_cm': _centimetres(error.ahead),
             'line_cm': _centimetres(error.line),
             'above_cm': _centimetres(error.above),
+            'tail_cm': _centimetres(error.tail),
         }
         for one in predictions
         for well, error in one.errors.items()
@@ -145,10 +170,11 @@ def map_photographs(rig: Rig, grid: Grid, photographs: Path) -> list[SeenPhoto]:
     for name in (BASELINE, *TIMES_MIN):
         if not (photographs / name).is_file():
             raise InputError(f'{photographs / name} is missing; it is in {ORIGINALS}')
-    states = {name: (photographs / name).read_bytes for name in TIMES_MIN}
+    there = [*TIMES_MIN, *(name for name in LATER_MIN if (photographs / name).is_file())]
+    states = {name: (photographs / name).read_bytes for name in there}
     clean = [(photographs / BASELINE).read_bytes()]
     baseline = make_baseline(rig, grid, clean)
-    scale = relative_calibration(baseline, list(states.values()))
+    scale = relative_calibration(baseline, [states[name] for name in TIMES_MIN])
     baseline = replace(baseline, calibration=scale)
     return [_seen(name, read(), rig, baseline) for name, read in states.items()]
 
@@ -159,7 +185,7 @@ def _seen(name: str, data: bytes, rig: Rig, baseline: Baseline) -> SeenPhoto:
     pixels = baseline.decode(data).pixels
     moved = baseline.sampling.sample(pixels, align(pixels, baseline.features).homography)
     return SeenPhoto(
-        TIMES_MIN[name] * MINUTE_S,
+        (TIMES_MIN | LATER_MIN)[name] * MINUTE_S,
         name,
         cv2.cvtColor(moved, cv2.COLOR_BGR2GRAY),
         found.values,
@@ -171,35 +197,68 @@ def _seen(name: str, data: bytes, rig: Rig, baseline: Baseline) -> SeenPhoto:
 
 
 def fitted_rates(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> dict[str, SourceRate]:
-    """Return the rate of every tube, fitted to the second of the photographs `seen`.
+    """Return the rate of every tube, fitted to all photographs `seen` but the first.
 
     The model starts from the map of the first one.
     """
-    first, second = seen
+    sources, _ = at_first_rates(sources_of([_sample(rig, grid, seen)]))
+    nothing = sources.fitter.evaluate((), np.zeros(0))
+    return {rate.well: rate for rate in sources.beside(nothing)[1]}
+
+
+def _sample(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> Sample:
+    """Return the sample of a fit, which starts at the first photograph and compares the others."""
+    first, *later = seen
     tubes = (
         ScheduleRow(0.0, name, WellRate(_believed(well), 1.0)) for name, well in rig.wells.items()
     )
-    maps, systematic = second.values[None], second.systematic[None]
+    maps = np.array([one.values for one in later])
+    systematic = np.array([one.systematic for one in later])
     errors = measured_errors(maps, systematic, sands_of(rig, grid), grid)
-    sample = Sample(
+    return Sample(
         rig=rig,
         schedule=Schedule(tuple(tubes)),
         grid=grid,
-        times=np.array([second.time]),
+        times=np.array([one.time for one in later]),
         observed=maps,
-        fitted_frames=1,
+        fitted_frames=len(later),
         noise=Noise(0.0, 0.0, 0.0),
         start=first.time,
-        held_out_start=second.time,
-        end=second.time,
+        held_out_start=later[-1].time,
+        end=later[-1].time,
         initial=np.where(_in_plumes(first), without_holes(first.values), 0.0),
-        own_deviation=np.nan_to_num(second.deviation)[None],
+        own_deviation=np.nan_to_num(np.array([one.deviation for one in later])),
         shared_errors=replace(errors, scales=()),
         least_scale=1.0,
     )
-    sources, _ = at_first_rates(sources_of([sample]))
-    nothing = sources.fitter.evaluate((), np.zeros(0))
-    return {rate.well: rate for rate in sources.beside(nothing)[1]}
+
+
+def causes(photographs: Path) -> list[dict[str, Any]]:
+    """Return the misfit of all maps to 10:55 with every effect.
+
+    The effect is fitted together with the rates of the tubes; the first row is without effects.
+    """
+    rig = load_rig(RIG)
+    grid = rig.default_grid(CAUSE_CELL_M)
+    seen = map_photographs(rig, grid, photographs)[: len(TIMES_MIN)]
+    sources, _ = at_first_rates(sources_of([_sample(rig, grid, seen)]))
+    fitter = sources.fitter
+    rows = [_cause('none', fitter.evaluate((), np.zeros(0)))]
+    for one in library(fitter.samples):
+        if one.effect in CAUSES:
+            start = np.concatenate([one.first, np.zeros(len(sources.unknown))])
+            found = sources.fitted((one,), start, SMOOTHING_WIDTH)
+            fit = fitter.evaluate((one, *sources.unknown), found)
+            values = (
+                f'{parameter.name} {parameter.value(scaled):.3g}'
+                for parameter, scaled in zip(one.parameters, found, strict=False)
+            )
+            rows.append(_cause(f'{one.effect} {", ".join(values)}', fit))
+    return rows
+
+
+def _cause(words: str, fit: Fit) -> dict[str, Any]:
+    return {'cause': words, 'misfit': round(fit.fitted_misfit, 3)}
 
 
 def _in_plumes(seen: SeenPhoto) -> NDArray[np.bool_]:
@@ -214,13 +273,17 @@ def _believed(well: Well) -> float:
 
 
 def predict(
-    rig: Rig, grid: Grid, seen: Sequence[SeenPhoto], rates: Mapping[str, float]
+    rig: Rig,
+    grid: Grid,
+    used: Sequence[SeenPhoto],
+    later: Sequence[SeenPhoto],
+    rates: Mapping[str, float],
 ) -> list[PlumePrediction]:
-    """Return the plumes of the later photographs, from the map of the last one that may be used.
+    """Return the plumes of `later` photographs, from the map of the last one that is `used`.
 
     Each plume is a tracer of its own, in the flow that all tubes make.
     """
-    last, later = seen[SEEN - 1], seen[SEEN:]
+    last = used[-1]
     times = [last.time, *(one.time for one in later)]
     predicted: list[dict[str, PlumeLine]] = [{} for _ in later]
     x, z = np.meshgrid(grid.x, grid.z)
@@ -228,7 +291,8 @@ def predict(
     for well, line in last.plumes.items():
         schedule = Schedule(
             tuple(
-                ScheduleRow(0.0, name, WellRate(from_ml_h(rate), float(name == well)))
+                ScheduleRow(time, name, WellRate(from_ml_h(on * rate), float(name == well)))
+                for time, on in ((0.0, 1.0), (STOPPED_S, 0.0))
                 for name, rate in rates.items()
             )
         )
@@ -240,9 +304,18 @@ def predict(
             if (values[~water] > FRONT).any():
                 plumes[well] = line_of(values, distance, grid, water)
     return [
-        PlumePrediction(one, plumes, _errors(rig, plumes, one.plumes))
+        PlumePrediction(one, plumes, _errors(rig, plumes, _plumes_of(one, plumes, rig, grid)))
         for one, plumes in zip(later, predicted, strict=True)
     ]
+
+
+def _plumes_of(
+    seen: SeenPhoto, predicted: Mapping[str, PlumeLine], rig: Rig, grid: Grid
+) -> dict[str, PlumeLine]:
+    """Return the plumes of a photograph; those without a tube that feeds them by the prediction."""
+    if seen.time <= STOPPED_S:
+        return seen.plumes
+    return plume_lines(seen.values, rig, grid, {name: one.cells for name, one in predicted.items()})
 
 
 def _errors(

@@ -36,3 +36,18 @@ def test_small_holes_are_filled_and_wide_ones_are_empty() -> None:
     filled = without_holes(values)
     assert filled[10:14, 10:14] == pytest.approx(1.0, abs=0.01)
     assert (filled[:, 40:] == 0.0).all()
+
+
+def test_a_plume_that_has_left_its_well_is_found_where_it_is_expected() -> None:
+    rig = load_rig(small_rig())
+    grid = rig.default_grid()
+    well = rig.wells['injector']
+    whole = drawn(rig, grid, 0.3, 0.0)
+    gone, later = (np.where(grid.x < well.x_m + tail, 0.0, whole) for tail in (0.1, 0.12))
+    assert plume_lines(gone, rig, grid) == {}
+    expected = {'injector': later > 0.5}
+    seen = plume_lines(gone, rig, grid, expected)['injector']
+    predicted = plume_lines(later, rig, grid, expected)['injector']
+    error = line_error(predicted, seen, (well.x_m, well.z_m))
+    assert error.tail == pytest.approx(0.02, abs=0.006)
+    assert error.tip == pytest.approx(0.0, abs=1e-9)

@@ -3,12 +3,13 @@
 import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
+from lab.verification.modflow import missing, modflow_maps
 from lab.verification.solutions import (
     continuous_source,
     discharge_of_a_part,
@@ -34,6 +35,12 @@ SEEN = 'seen.csv'
 TANK_STATES = {'SS-1': (0.0, 1.42), 'SS-2': (-0.005, 0.59), 'SS-3': (-0.0015, 1.19)}
 """Rise of the fresh water's level [m], and the measured flow [cm3/s] (Goswami and Clement 2007)."""
 
+PANELS_S = (2581.0, 5162.0, 10311.0, 12904.0, 15485.0, 18053.0, 20634.0, 23215.0)
+"""Times of the published pictures of the salt lake [s]."""
+
+FINGER = 0.25
+"""Salt of a finger: a quarter of the rise to saturation."""
+
 Figures = dict[str, float]
 """What is wrong, with its unit in brackets, and by how much."""
 
@@ -49,6 +56,7 @@ class Problem:
         cell_m: size of the cells of the page [m].
         options: of `simulate` beside the grid.
         measure: the errors on one grid.
+        beside: times of the maps that MODFLOW 6 computes too [s], and its longest step [s].
     """
 
     name: str
@@ -57,11 +65,25 @@ class Problem:
     cell_m: float
     options: str
     measure: Callable[['Problem', Recording, Grid], Figures]
+    beside: tuple[Sequence[float], float] | None = None
 
     def errors(self, cell_m: float = 0.0) -> Figures:
         """Return the errors with cells of `cell_m` [m], or with those of the page."""
         recording = open_recording(FOLDER / self.name)
-        return self.measure(self, recording, recording.rig.default_grid(cell_m or self.cell_m))
+        grid = recording.rig.default_grid(cell_m or self.cell_m)
+        coarse = recording.rig.default_grid(2.0 * (cell_m or self.cell_m))
+        return self.measure(self, recording, grid) | self._beside_modflow(recording, coarse)
+
+    def _beside_modflow(self, recording: Recording, grid: Grid) -> Figures:
+        """Return how far the maps lie from those of MODFLOW 6; nothing where it is missing."""
+        if self.beside is None or missing():
+            return {}
+        times, step = self.beside
+        own = _maps(recording, grid, times)
+        rig, rates = recording.rig, recording.schedule
+        theirs = modflow_maps(rig, rates, times, grid=grid, longest_step=step)
+        apart = np.abs(own - theirs).mean() / theirs.mean()
+        return {'MODFLOW 6 [%]': _percent(float(apart))}
 
     @property
     def words(self) -> str:
@@ -117,13 +139,15 @@ def push_pull(_: Problem, recording: Recording, grid: Grid) -> Figures:
 def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
     """Return the errors of the steady map beside both conditions at the sea."""
     rig = recording.rig
-    (found,) = _maps(recording, grid, [_end(problem)])
     rate = from_ml_h(rig.water['land'].rate_ml_h or 0.0) / _of(rig, 'depth_m')
     weight = _parameter(rig, 'buoyancy', 'density_difference') / rig.density_kg_m3
     speed = _conductivity(rig) * weight
     spread = _parameter(rig, 'dispersion', 'diffusion') * _of(rig, 'porosity')
     errors: Figures = {}
     for diffuses, name in ((False, ''), (True, ', Henry')):
+        sea = rig.water['sea'].model_copy(update={'diffuses': diffuses})
+        described = rig.model_copy(update={'water': {**rig.water, 'sea': sea}})
+        (found,) = _maps(replace(recording, rig=described), grid, [_end(problem)])
         x, z, c = henry(
             rate / (speed * rig.height_m),
             spread / rate,
@@ -215,6 +239,24 @@ def sand_tank(problem: Problem, recording: Recording, grid: Grid) -> Figures:
     return errors
 
 
+def salt_lake(_: Problem, recording: Recording, grid: Grid) -> Figures:
+    """Return the number of fingers at first and at last, and how deep they are at first."""
+    first, last = _maps(recording, grid, [PANELS_S[1], PANELS_S[-1]])
+    deep = np.flatnonzero((first > FINGER).any(axis=1))
+    return {
+        'fingers, first': float(fingers(first, grid)),
+        'fingers, last': float(fingers(last, grid)),
+        'depth, first [mm]': 1e3 * (grid.height - float(grid.z[deep[0]])) if deep.size else 0.0,
+    }
+
+
+def fingers(found: FloatArray, grid: Grid) -> int:
+    """Return how many separate parts are salt in the row at half of the depth of the salt."""
+    deep = np.flatnonzero((found > FINGER).any(axis=1))
+    row = found[(deep[0] + grid.nz) // 2] if deep.size else found[0]
+    return int(np.count_nonzero(np.diff(np.append(False, row > FINGER).astype(int)) > 0))
+
+
 def _end(problem: Problem) -> float:
     """Return the last time of the options of `simulate` [s]."""
     return float(problem.options.split(':')[1])
@@ -277,6 +319,7 @@ PROBLEMS = (
         0.005,
         '',
         uniform_flow,
+        ((2433.0,), 12.0),
     ),
     Problem(
         'push_pull',
@@ -285,6 +328,7 @@ PROBLEMS = (
         0.005,
         '',
         push_pull,
+        ((1500.0, 2100.0), 6.0),
     ),
     Problem(
         'henry',
@@ -293,6 +337,7 @@ PROBLEMS = (
         0.04,
         ' --times 0:60000:3000',
         henrys,
+        ((60000.0,), 240.0),
     ),
     Problem('dam', 'water table in a dam', 'Charny 1951; Dupuit', 0.01, ' --times 0:3600:60', dam),
     Problem(
@@ -311,6 +356,14 @@ PROBLEMS = (
         0.01,
         ' --times 0:4800:60',
         sand_tank,
+    ),
+    Problem(
+        'salt_lake',
+        'a salt lake in a Hele-Shaw cell',
+        'Wooding 1997: 6 or 7 fingers, then 2',
+        0.00075,
+        ' --times 0:24000:600',
+        salt_lake,
     ),
 )
 """The problems in the order of the page."""

@@ -33,6 +33,7 @@ WATER: dict[str, Any] = {
     'canal': {'corners_m': CORNERS, 'head_m': 0.452},
     'sea': {'side': 'right', 'to_m': 0.4, 'head_m': 0.457, 'concentration': 1.0},
     'rain': {'side': 'top', 'from_m': 0.2, 'to_m': 0.4, 'rate_ml_h': 300.0},
+    'lake': {'side': 'left', 'rate_ml_h': -20.0, 'concentration': 1.0, 'diffuses': True},
 }
 
 

@@ -147,3 +147,19 @@ def test_times_of_a_12_hour_clock_rise_through_noon_and_midnight() -> None:
         on_twelve_hours([datetime(2024, 5, 31, 14, tzinfo=UTC)], '12h-am', 'p.csv')
     with pytest.raises(InputError, match='falls on a 12-hour clock too'):
         on_twelve_hours(written[::-1], '12h-pm', 'p.csv')
+
+
+@pytest.mark.parametrize(
+    'word',
+    [
+        '20240531T143000',
+        '2024-W22-5T14:30:00',
+        '2024-152T14:30:00',
+        'Fri May 31 14:30:00 2024',
+        '31-May-24 2:30:00 PM',
+        '2024年5月31日 14時30分',
+    ],
+)
+def test_rare_forms_of_a_date_are_read(word: str) -> None:
+    (found,), _ = moments([word], 'p.csv: datetime')
+    assert found == datetime(2024, 5, 31, 14, 30, tzinfo=UTC)

@@ -20,6 +20,7 @@ from porotwin_recording.experiment import dataset_export
 from porotwin_recording.experiment.dataset_export import export_dataset
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.experiment.recording import Recording, open_recording
+from porotwin_recording.importers.foreign_units import time_factor
 from porotwin_recording.importers.map_import import MapAnswers, import_maps
 
 PLAIN = MapAnswers()
@@ -341,7 +342,7 @@ def dates(*words: str) -> np.ndarray:
         (dates('1970-01-01'), 'time of map 1, 1970-01-01T00:00:00, is more than a year from'),
         (np.array([0.0, 10.0, 1.7e9, 30.0, 40.0]), 'the time of map 3, 1700000000, is more than'),
         (np.array([0.0, 10.0, 5.0, 30.0, 40.0]), 'map 3 is of 5, the one before it of 10'),
-        (np.array(['10:00', '10:01', '10:02', '10:03', '10:04']), 'no row of numbers'),
+        (np.array(['10:00', '10:01', '10:02', '10:03', '10:04']), 'is no date'),
         (np.zeros((5, 1)), 'no row of numbers'),
     ],
 )
@@ -556,3 +557,28 @@ def test_a_file_of_maps_and_a_recording_read_the_same_values(tmp_path, recording
     path.rename(tmp_path / 'maps.nc')
     np.testing.assert_array_equal(imported(tmp_path / 'maps.nc')[0].concentration, opened)
     assert np.nanmax(opened) <= 0.5
+
+
+@pytest.mark.parametrize(('unit', 'seconds'), [('weeks', 604800.0), ('fortnights', 1209600.0)])
+def test_units_of_time_with_one_length_are_read(unit: str, seconds: float) -> None:
+    assert time_factor(unit, 'maps.nc: time') == pytest.approx(seconds)
+
+
+def test_times_as_text_in_a_group_in_percent_are_read(tmp_path: Path) -> None:
+    rig = bench_rig()
+    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as file:
+        group = file.createGroup('run')
+        for name, size in (('time', 2), ('z', 4), ('x', 6)):
+            group.createDimension(name, size)
+        group.createVariable('time', str, ('time',))[:] = np.array(
+            ['2024-05-31T14:30:00', '2024-05-31T14:35:00'], dtype=object
+        )
+        maps = group.createVariable('concentration', 'f4', ('time', 'z', 'x'))
+        maps.units = '%'
+        maps[:] = np.linspace(0.0, 100.0, 48).reshape(2, 4, 6)
+        z = group.createVariable('z', 'f8', ('z',))
+        z[:] = rig.height_m * (np.arange(4) + 0.5) / 4
+    import_maps(tmp_path / 'maps.nc', tmp_path / 'made', rig, MapAnswers())
+    made = open_recording(tmp_path / 'made').present_maps
+    assert made.times.tolist() == [0.0, 300.0]
+    assert made[:].max() == pytest.approx(1.0)

@@ -60,7 +60,7 @@ class TracerTransport:
         self._pore_depth = rig.pore_depth
         self._area = rig.mesh.box_area
         self._places = rig.water_places
-        self._volume = np.where(self._places.canal, 0.0, self._storage * self._area)
+        self._volume = np.where(self._places.fixed, 0.0, self._storage * self._area)
         self._spreading = Spreading(
             rig.diffusion, rig.longitudinal_dispersivity, rig.transverse_dispersivity
         )
@@ -72,11 +72,11 @@ class TracerTransport:
 
     def empty(self) -> Tracer:
         """Return a rig without tracer."""
-        return Tracer(self._with_canals(np.zeros(self._mesh.shape)), np.zeros(self._mesh.shape))
+        return Tracer(self._with_water(np.zeros(self._mesh.shape)), np.zeros(self._mesh.shape))
 
-    def _with_canals(self, mobile: FloatArray) -> FloatArray:
-        """Return `mobile` with the concentration of the water in canals."""
-        return np.where(self._places.canal, self._places.entering, mobile)
+    def _with_water(self, mobile: FloatArray) -> FloatArray:
+        """Return `mobile` with the concentration where the water outside fixes it."""
+        return np.where(self._places.fixed, self._places.entering, mobile)
 
     def dissolved(self, tracer: Tracer) -> FloatArray:
         """Return the mean concentration [-] of all pore water, (nz + 1, nx + 1)."""
@@ -127,10 +127,10 @@ class TracerTransport:
             velocity=self._vertex_velocity(fluxes) if self._spreading.follows_flow else None,
             duration=duration,
         )
-        if self._places.canal.any():
+        if self._places.fixed.any():
             into_canals = float(np.sum((tracer.mobile - mobile) * self._volume))
             balance = replace(balance, removed=balance.removed + into_canals)
-        tracer = tracer._replace(mobile=self._with_canals(np.clip(mobile, 0.0, None)))
+        tracer = tracer._replace(mobile=self._with_water(np.clip(mobile, 0.0, None)))
         return self._reacted(tracer, balance, 0.5 * duration)
 
     def _reacted(
@@ -164,7 +164,7 @@ class TracerTransport:
             storage=self._storage,
             wells=np.array(wells, dtype=float).reshape(-1, 5),
             entering=entering,
-            canal=self._places.canal,
+            canal=self._places.fixed,
             settling=self._rig.settling_velocity,
         )
 
@@ -203,7 +203,7 @@ class TracerTransport:
             carried, low, high, volume,
             due=due, highest=highest, injected=self._unseen_injection(carrier),
         )  # fmt: skip
-        corrected = self._with_canals(corrected)
+        corrected = self._with_water(corrected)
         return tracer._replace(mobile=corrected), replace(
             balance,
             injected=balance.injected + gained,
@@ -261,15 +261,15 @@ class TracerTransport:
         self, field: FloatArray, carrier: Carrier, fluxes: Fluxes, duration: float
     ) -> float:
         """Return the volume of stock [m^3] that leaves with water through open sides."""
-        mesh = self._mesh
+        mesh, held = self._mesh, self._places.fixed
         lost = 0.0
-        for flow, x, z in (
-            (fluxes.z[-1], mesh.x, np.full(mesh.nx + 1, mesh.height)),
-            (-fluxes.z[0], mesh.x, np.zeros(mesh.nx + 1)),
-            (fluxes.x[:, -1], np.full(mesh.nz + 1, mesh.width), mesh.z),
-            (-fluxes.x[:, 0], np.zeros(mesh.nz + 1), mesh.z),
+        for flow, x, z, fixed in (
+            (fluxes.z[-1], mesh.x, np.full(mesh.nx + 1, mesh.height), held[-1]),
+            (-fluxes.z[0], mesh.x, np.zeros(mesh.nx + 1), held[0]),
+            (fluxes.x[:, -1], np.full(mesh.nz + 1, mesh.width), mesh.z, held[:, -1]),
+            (-fluxes.x[:, 0], np.zeros(mesh.nz + 1), mesh.z, held[:, 0]),
         ):
-            out = np.maximum(flow, 0.0)
+            out = np.maximum(flow, 0.0) * ~fixed
             if not out.any():
                 continue
             for moment, weight in GAUSS_POINTS:
@@ -281,18 +281,18 @@ class TracerTransport:
 
     def _entering(self, fluxes: Fluxes) -> float:
         """Return the stock [m^3/s] that water from outside brings through walls and from canals."""
-        stock, canal = np.maximum(self._places.entering, 0.0), self._places.canal
+        stock, fixed = np.maximum(self._places.entering, 0.0), self._places.fixed
         if not stock.any():
             return 0.0
-        found = 0.0
+        found, through = 0.0, np.where(fixed, 0.0, stock)
         for flow, beside in (
-            (-fluxes.z[-1], stock[-1]),
-            (fluxes.z[0], stock[0]),
-            (-fluxes.x[:, -1], stock[:, -1]),
-            (fluxes.x[:, 0], stock[:, 0]),
+            (-fluxes.z[-1], through[-1]),
+            (fluxes.z[0], through[0]),
+            (-fluxes.x[:, -1], through[:, -1]),
+            (fluxes.x[:, 0], through[:, 0]),
         ):
             found += float(np.sum(np.maximum(flow, 0.0) * beside))
-        for flow, one, other, low, high in _inner_faces(fluxes, stock, canal):
+        for flow, one, other, low, high in _inner_faces(fluxes, stock, fixed):
             found += float(np.sum(np.maximum(flow, 0.0) * one * (low & ~high)))
             found += float(np.sum(np.maximum(-flow, 0.0) * other * (high & ~low)))
         return found
@@ -301,7 +301,7 @@ class TracerTransport:
         self, field: FloatArray, carrier: Carrier, fluxes: Fluxes, duration: float
     ) -> float:
         """Return the volume of stock [m^3] that flows into canals in a step of `duration` [s]."""
-        canal, mesh = self._places.canal, self._mesh
+        canal, mesh = self._places.fixed, self._mesh
         if not canal.any():
             return 0.0
         lost = 0.0

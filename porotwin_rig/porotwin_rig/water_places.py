@@ -29,6 +29,7 @@ class WaterPlaces:
         head: level of that water above the lowest one [m], 0 elsewhere.
         level: level above the lower edge of the sand [m], 0 elsewhere.
         entering: concentration of the water that may enter here [-]; NO_WATER where none can.
+        fixed: vertices that keep this concentration: canals, and walls through which it diffuses.
         rain: water that enters at given rates, through the walls.
         lowest: the lowest level [m] above the lower edge of the sand.
     """
@@ -38,19 +39,22 @@ class WaterPlaces:
     head: FloatArray
     level: FloatArray
     entering: FloatArray
+    fixed: NDArray[np.bool_]
     rain: Fluxes
     lowest: float
 
     @classmethod
     def on(cls, mesh: Mesh, bodies: Mapping[str, WaterBody]) -> Self:
         """Return the places of `bodies` on `mesh`. Where two meet, the upper or lower one wins."""
-        held, canal = np.zeros(mesh.shape, dtype=bool), np.zeros(mesh.shape, dtype=bool)
+        held, canal, fixed = (np.zeros(mesh.shape, dtype=bool) for _ in range(3))
         head, level = np.zeros(mesh.shape), np.zeros(mesh.shape)
         entering, rain = np.full(mesh.shape, NO_WATER), no_flux(mesh)
         heads = [body.head_m for body in bodies.values() if body.head_m is not None]
         for body in sorted(bodies.values(), key=lambda body: body.side in ('top', 'bottom')):
             where = _inside(mesh, body) if body.side is None else _beside(mesh, body)
             entering[where] = body.concentration
+            if body.diffuses:
+                fixed |= where
             if body.head_m is None:
                 _let_fall(rain, mesh, body, where)
                 continue
@@ -58,7 +62,8 @@ class WaterPlaces:
             head[where], level[where] = body.head_m - min(heads), body.head_m
             if body.side is None:
                 canal |= where
-        return cls(held, canal, head, level, entering, rain, min(heads, default=0.0))
+        lowest = min(heads, default=0.0)
+        return cls(held, canal, head, level, entering, fixed | canal, rain, lowest)
 
     def potential(self, z: FloatArray, excess: float) -> FloatArray | None:
         """Return the potential of the held vertices [m of water]; None if it is 0 everywhere.

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from rig_examples import make_rig, rates
+from scipy.special import erfc
 
 from porotwin_core.basis.units import GRAVITY, ML_H
 from porotwin_rig.effects import EffectSet, parse_effects
@@ -114,3 +115,20 @@ def test_water_that_enters_brings_its_concentration() -> None:
     filled = asset.concentration(grid)[5]
     assert filled.max() == pytest.approx(0.7, abs=1e-6)
     assert float(filled.sum() * grid.dx) == pytest.approx(0.7 * 0.4, rel=0.02)
+
+
+def test_tracer_diffuses_from_a_side_as_into_a_half_space() -> None:
+    """c = erfc(x / (2 sqrt(D t))) in still water (Crank, The Mathematics of Diffusion, 1975)."""
+    water = {'lake': {'side': 'left', 'head_m': 0.6, 'concentration': 1.0, 'diffuses': True}}
+    asset = VirtualRig(
+        tank(water),
+        effects=parse_effects(
+            'dispersion:longitudinal_dispersivity=0,transverse_dispersivity=0,diffusion=1e-6'
+        ),
+        cell=0.01,
+    )
+    for _ in range(30):
+        asset.advance(120.0)
+    grid = asset.rig.grid(60, 4)
+    expected = erfc(grid.x / (2.0 * math.sqrt(1e-6 * 3600.0)))
+    np.testing.assert_allclose(asset.concentration(grid)[2], expected, atol=0.03)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj, ellipk, erfc
 
 from porotwin_core.basis.units import GRAVITY, ML_H, from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
@@ -262,3 +262,25 @@ def test_the_upwind_scheme_knows_the_exact_front_of_dense_water(make_rig) -> Non
     speed = CONDUCTIVITY * 0.02 / 0.934 / 0.375
     engine.advance(state, {}, 0.4 / speed)
     np.testing.assert_allclose((state.mobile[5] * physics.grid.dx).sum(), 0.4, rtol=1e-3)
+
+
+def test_tracer_diffuses_from_a_side_as_into_a_half_space(make_rig) -> None:
+    """c = erfc(x / (2 sqrt(D t))) in still water (Crank, The Mathematics of Diffusion, 1975)."""
+    water = {'lake': {'side': 'left', 'head_m': 0.6, 'concentration': 1.0, 'diffuses': True}}
+    spread = {'longitudinal_dispersivity': 0.0, 'transverse_dispersivity': 0.0, 'diffusion': 1e-6}
+    rig = tank(make_rig, water, effects=({'name': 'dispersion', 'parameters': spread},))
+    grid, time = rig.grid(94, 4), 900.0
+    (found,) = simulate(rig, Schedule(()), [time], grid=grid)
+    expected = erfc(grid.x / (2.0 * math.sqrt(spread['diffusion'] * time)))
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=0.01)
+
+
+def test_evaporation_takes_water_from_where_it_has_a_head(make_rig) -> None:
+    water = {
+        'sun': {'side': 'top', 'to_m': 0.3, 'rate_ml_h': -200.0},
+        'pond': {'side': 'right', 'head_m': 0.5},
+    }
+    rig = tank(make_rig, water)
+    flux = background_flux(nominal_physics(rig, rig.grid(41, 23)))
+    assert flux.z[-1].sum() == pytest.approx(200.0 * ML_H, rel=1e-12)
+    assert -flux.x[:, -1].sum() == pytest.approx(200.0 * ML_H, rel=1e-9)

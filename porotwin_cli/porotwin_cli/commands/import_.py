@@ -2,7 +2,7 @@
 
 import shlex
 import shutil
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -38,7 +38,8 @@ def command(
     source: Annotated[
         Path,
         typer.Argument(
-            help='Experiment folder, folder with protocols or photographs, or file of maps.'
+            help='Experiment folder, folder with protocols or photographs, file of maps, or an '
+            'archive (zip, tar, gz) of one.'
         ),
     ],
     target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
@@ -113,6 +114,7 @@ def command(
     from porotwin_imaging.photograph.exposure_time import exif_words
     from porotwin_recording.experiment.bag_conversion import import_experiment
     from porotwin_recording.importers.map_import import SUFFIXES, MapAnswers, import_maps
+    from porotwin_recording.importers.packed import opened_archive
     from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
     from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
     from porotwin_recording.tables.one_writer import one_writer
@@ -141,38 +143,45 @@ def command(
             f'{target}: lies inside {source}, whose next import would find the photographs twice; '
             'name a folder elsewhere'
         )
-    has_maps = source.suffix.lower() in SUFFIXES
-    if has_maps:
-        _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
-    elif source.is_dir() and is_lab_folder(source):
-        _refuse_others(given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols or photographs')
-    else:
-        listed = not source.is_dir() or (source / IMAGING_FILE).exists()
-        kind = 'an experiment' if listed else 'has no photographs and no protocols, and'
-        _refuse_others(given, (), f'{source}: {kind}')
-        convert(import_experiment, source, target, as_json=as_json)
-        return
-    refuse_existing(target)
-    with one_writer(target), _absent_after_error(target):
+    with opened_archive(source) as data:
+        has_maps = data.suffix.lower() in SUFFIXES
         if has_maps:
-            maps = MapAnswers(time_unit, first_row, stock, decimal, no_value)
-            told = import_maps(source, target, _rig(source.parent, rig), maps)
-        else:
-            answers = ProtocolAnswers(
-                date_order,
-                time_zone,
-                decimal,
-                rate_unit,
-                concentration_in(concentration),
-                camera_ahead,
-                time_zero,
-                date_numbers,
-                clock,
+            _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
+        elif data.is_dir() and is_lab_folder(data):
+            _refuse_others(
+                given, PROTOCOL_OPTIONS, f'{source}: a folder with protocols or photographs'
             )
-            told = import_protocols(source, target, _rig(source, rig), answers, exposure=exif_words)
-        for line in told:
-            say(line)
-        _report(source, target, told, as_json=as_json)
+        else:
+            listed = not data.is_dir() or (data / IMAGING_FILE).exists()
+            kind = 'an experiment' if listed else 'has no photographs and no protocols, and'
+            _refuse_others(given, (), f'{source}: {kind}')
+            convert(import_experiment, data, target, as_json=as_json)
+            return
+        refuse_existing(target)
+        with one_writer(target), _absent_after_error(target):
+            if has_maps:
+                maps = MapAnswers(time_unit, first_row, stock, decimal, no_value)
+                described = _rig((data.parent, source.parent), rig)
+                told = import_maps(data, target, described, maps)
+            else:
+                answers = ProtocolAnswers(
+                    date_order,
+                    time_zone,
+                    decimal,
+                    rate_unit,
+                    concentration_in(concentration),
+                    camera_ahead,
+                    time_zero,
+                    date_numbers,
+                    clock,
+                )
+                beside = (data,) if data == source else (data, source.parent)
+                described = _rig(beside, rig)
+                told = import_protocols(data, target, described, answers, exposure=exif_words)
+            told = [line.replace(str(data), str(source)) for line in told]
+            for line in told:
+                say(line)
+            _report(source, target, told, as_json=as_json)
 
 
 def _refuse_others(given: Mapping[str, object], used: Collection[str], source: str) -> None:
@@ -199,17 +208,18 @@ def _absent_after_error(target: Path) -> Iterator[None]:
         raise
 
 
-def _rig(folder: Path, path: Path | None) -> 'Rig':
-    """Return the rig of foreign data.
+def _rig(folders: Sequence[Path], path: Path | None) -> 'Rig':
+    """Return the rig of foreign data, from `path` or the first of `folders` that describes it.
 
     Raises:
         InputError: there is none.
     """
     from porotwin_core.rig import load_rig
 
-    if path is None and not (folder / 'rig.yaml').is_file():
-        raise InputError(f'{folder}: has no rig.yaml; give --rig, the description of the rig')
-    return load_rig(path or folder)
+    described = [folder for folder in folders if (folder / 'rig.yaml').is_file()]
+    if path is None and not described:
+        raise InputError(f'{folders[-1]}: has no rig.yaml; give --rig, the description of the rig')
+    return load_rig(path or described[0])
 
 
 def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> None:

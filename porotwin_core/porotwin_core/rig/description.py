@@ -294,7 +294,7 @@ class Rig(Section):
                 wet &= ~inside(places, np.array(body.corners_m)).reshape(grid.shape)
         heads = [b.head_m for b in self.water_bodies.values() if b.head_m is not None]
         heads += [level for course in self.levels.values() for _, level in course.points]
-        rains = any(body.rate_ml_h for body in self.water.values())
+        rains = any((body.rate_ml_h or 0.0) > 0.0 for body in self.water.values())
         if self.water_table is not None and not rains:
             wet &= z < max(heads) + self.water_table.fringe_m
         return wet
@@ -389,6 +389,9 @@ class Rig(Section):
         del data['boundaries']['heads_m']
         for well in data['wells'].values():
             del well['rate_prior_ml_h']
+        for body in data['water'].values():
+            if not body['diffuses']:  # older rigs know no such key
+                del body['diffuses']
         if raised := self.boundaries.raised_heads:  # only differences count
             data['boundaries']['raised_heads_m'] = raised
         if self.water:  # beside other water the level counts

@@ -21,10 +21,10 @@ from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import (
     Level,
     NotNegative,
-    NotNegativeRate,
     Number,
     Positive,
     PositiveRate,
+    Rate,
     Share,
 )
 
@@ -130,11 +130,16 @@ class WaterBody(Section):
     head_m: Number | None = Field(
         None, description='height of the level of the water above the lower edge of the sand [m]'
     )
-    rate_ml_h: NotNegativeRate | None = Field(
-        None, description='instead of a head: rate of the entering water, such as rain [ml/h]'
+    rate_ml_h: Rate | None = Field(
+        None,
+        description='instead of a head: rate of the entering water, such as rain; negative: of '
+        'leaving water, such as evaporation [ml/h]',
     )
     concentration: Share = Field(
         0.0, description='concentration of the water that enters: 0 water, 1 tracer stock'
+    )
+    diffuses: bool = Field(
+        False, description='whether tracer also diffuses between it and the sand, as at a salt lake'
     )
 
     @model_validator(mode='after')
@@ -143,8 +148,12 @@ class WaterBody(Section):
             raise ValueError('needs a place: give either side or corners_m')
         if (self.head_m is None) == (self.rate_ml_h is None):
             raise ValueError('needs either head_m or rate_ml_h')
-        if self.corners_m is not None and (self.rate_ml_h is not None or self.to_m is not None):
-            raise ValueError('corners_m takes head_m only; rate_ml_h, from_m and to_m need a side')
+        if self.corners_m is not None and (
+            self.rate_ml_h is not None or self.to_m is not None or self.diffuses
+        ):
+            raise ValueError(
+                'corners_m takes head_m only; rate_ml_h, from_m, to_m and diffuses need a side'
+            )
         if self.to_m is not None and self.to_m <= self.from_m:
             raise ValueError(f'from_m {self.from_m:g} must be less than to_m {self.to_m:g}')
         return self

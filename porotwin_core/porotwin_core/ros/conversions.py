@@ -285,6 +285,7 @@ def _water_to_msg(name: str, body: WaterBody) -> WaterMessage:
         head=[] if body.head_m is None else [body.head_m],
         rate=_optional(body.rate_ml_h, from_ml_h),
         concentration=body.concentration,
+        diffuses=body.diffuses,
     )
 
 

@@ -346,6 +346,7 @@ def _water_from_msg(message: Any) -> dict[str, Any]:
         'head_m': next(iter(message.head), None),
         'rate_ml_h': _optional(message, 'rate', to_ml_h),
         'concentration': message.concentration,
+        'diffuses': getattr(message, 'diffuses', False),
     }
 
 

@@ -9,6 +9,7 @@ import io
 import re
 import struct
 import warnings
+import zlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,6 +117,8 @@ def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
         return jpeg_pixels(data, reduction)
     if data.startswith(TIFF_STARTS):
         data = _with_plain_tags(data)
+    if data.startswith(PNG_START) and _is_damaged_png(data):  # the decoder would print a line
+        return None
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _DECODING_FLAGS)
     except cv2.error:  # a damaged header may claim a size that OpenCV refuses
@@ -123,6 +126,20 @@ def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
     if pixels is None:
         return None
     return np.asarray(_reduced(np.asarray(pixels), reduction), np.uint8)
+
+
+def _is_damaged_png(data: bytes) -> bool:
+    """Return whether a part of a PNG has another checksum than the file says."""
+    place = len(PNG_START)
+    while place + 12 <= len(data):
+        (size,) = struct.unpack_from('>I', data, place)
+        part, end = memoryview(data)[place + 4 : place + 8 + size], place + 12 + size
+        if end > len(data) or struct.unpack_from('>I', data, end - 4)[0] != zlib.crc32(part):
+            return True
+        if part[:4] == b'IEND':  # cameras write more behind it
+            return False
+        place = end
+    return True
 
 
 def _reduced(pixels: NDArray[Any], reduction: int) -> NDArray[Any]:

@@ -72,7 +72,11 @@ def named_arrays(path: Path) -> Iterator[Arrays]:
 def _netcdf(path: Path) -> Iterator[Arrays]:
     with contextlib.closing(open_netcdf(path)) as dataset:
         dataset.set_auto_maskandscale(False)
-        yield {name: _netcdf_array(path, each) for name, each in dataset.variables.items()}
+        inner = {} if dataset.variables else dataset.groups
+        if len(inner) > 1:
+            raise InputError(f'{path}: holds groups; write one of {", ".join(inner)} as a file')
+        found = next(iter(inner.values()), dataset)
+        yield {name: _netcdf_array(path, each) for name, each in found.variables.items()}
 
 
 def _netcdf_array(path: Path, variable: netCDF4.Variable) -> NamedArray:

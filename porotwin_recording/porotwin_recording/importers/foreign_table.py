@@ -8,6 +8,7 @@ import codecs
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -117,6 +118,11 @@ class ForeignTable:
             )
         return found
 
+    def is_number(self, title: str) -> bool:
+        """Return whether the first word of a column is a number."""
+        first = next(iter(self.columns[title]), '')
+        return math.isfinite(number_in(first, self.decimal))
+
     def numbers(
         self, title: str, needed: Sequence[bool] = (), *, remedy: str = WRITE_NUMBER
     ) -> list[float]:
@@ -164,7 +170,8 @@ def number_in(word: str, decimal: Decimal) -> float:
 
     Thousands may be separated, as in 1,500. In 0,500 and 1,50 nothing separates thousands.
     """
-    whole, mark, rest = with_plain_signs(word).strip().partition(',' if decimal == 'comma' else '.')
+    usual = with_plain_signs(unicodedata.normalize('NFKC', word)).strip()  # digits of full width
+    whole, mark, rest = usual.partition(',' if decimal == 'comma' else '.')
     if _SEPARATORS.search(whole):
         if not _WHOLE.fullmatch(whole):
             return math.nan
@@ -202,7 +209,7 @@ def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTab
         if len(line) != len(titles):
             raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
     _check_repeated(path, spelt)
-    words = [[line[at].strip() for _, line in below] for at in range(len(titles))]
+    words = [[_bare_word(line[at]) for _, line in below] for at in range(len(titles))]
     chosen = decimal or _decimal(path, (word for column in words for word in column), separator)
     spelling = dict(zip(titles, spelt, strict=True))
     columns = dict(zip(titles, words, strict=True))
@@ -250,6 +257,12 @@ def _below_head(path: Path, lines: Sequence[str], separator: str) -> _Rows:
     if head and not head[-1].strip() and all(not line[-1].strip() for _, line in below):
         head = head[:-1]  # a separator ends every line
     return _Rows(head, [(number, _of_length(line, len(head))) for number, line in below], separator)
+
+
+def _bare_word(word: str) -> str:
+    """Return a word without the formula by which programs keep Excel from changing it: ="word"."""
+    bare = word.strip()
+    return bare[2:-1] if bare.startswith('="') and bare.endswith('"') else bare
 
 
 def _of_length(line: list[str], length: int) -> list[str]:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
@@ -32,13 +33,21 @@ _TIME = (
     r'\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?)?'
 )
 _ZONE = rf'\s*(?P<zone>[+-]\d{{2}}:?\d{{2}}|{"|".join(ZONES)})?'
+_BASIC = re.compile(r'\d{8}T\d{4,6}(?:[.,]\d+)?(?:Z|[+-]\d{2}:?\d{2})?|\d{4}-?W\d{2}-?\d.*')
+"""Dates of ISO 8601 without marks between their parts, or by their week."""
 _ISO = re.compile(
     rf'(?P<year>\d{{4}})[-/.](?P<month>\d{{1,2}})[-/.](?P<day>\d{{1,2}}){_TIME}{_ZONE}'
 )
 _OTHER = re.compile(
     rf'(?P<one>\d{{1,2}})(?P<mark>[-/.])(?P<two>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}}){_TIME}{_ZONE}'
 )
-_NAMED_DAY = re.compile(r'(\d{1,2})\.?[-\s/]+(?:de\s+)?([^\W\d_]{3,})\.?[-\s/,]+(?:de\s+)?(\d{4})')
+_NAMED_DAY = re.compile(
+    r'(\d{1,2})\.?[-\s/]+(?:de\s+)?([^\W\d_]{3,})\.?[-\s/,]+(?:de\s+)?(\d{4}|\d{2}(?=\s|$))'
+)
+_OF_C = re.compile(r'([^\W\d_]{3,}\s+\d{1,2})\s+(\d{1,2}:\d{2}:\d{2})\s+(\d{4})')
+"""Dates as the function asctime of C writes them, such as Fri May 31 14:30:00 2024."""
+_EASTERN = str.maketrans(dict(zip('年月日時分秒时', '-- ::  ', strict=True)))
+"""Signs of China and Japan between the parts of a date, and what stands for each here."""
 _NAMED_MONTH = re.compile(r'([^\W\d_]{3,})\.?\s+(\d{1,2})(?:st|nd|rd|th)?,?\s+(\d{4})')
 _AROUND = re.compile(
     r'^(?:le\s+)?[^\W\d_]{2,}[.,]*\s+(?=\d)|\b(?:uhr|kl\.?|klo|kello|um|h)(?=\s|$)|\sà(?=\s)',
@@ -55,14 +64,30 @@ TIME_ALONE = re.compile(
 """A time of day whose date stands in another column."""
 
 
+def _ordinary(text: str) -> str:
+    """Return a date in a rare form of ISO 8601, of C or of the East in the usual one."""
+    if any(sign in text for sign in '年月'):
+        return ' '.join(text.translate(_EASTERN).split()).rstrip(':').replace('- ', ' ')
+    text = _OF_C.sub(r'\1 \3 \2', text)
+    for form in ('%Y-%jT%H:%M:%S', '%Y-%j %H:%M:%S', '%Y%jT%H%M%S'):
+        with suppress(ValueError):
+            return datetime.strptime(text, form).isoformat(' ')
+    if _BASIC.fullmatch(text):
+        with suppress(ValueError):
+            return datetime.fromisoformat(text).isoformat(' ')
+    return text
+
+
 def plain_date(word: str) -> str:
     """Return a date with time as digits, whatever words name its month, day and hours."""
-    text = with_plain_signs(word).strip()
+    text = _ordinary(with_plain_signs(word).strip())
     for pattern, order in ((_NAMED_DAY, (3, 2, 1)), (_NAMED_MONTH, (3, 1, 2))):
         found = pattern.search(text)
         month = month_of(found[order[1]]) if found else None
         if found and month:
-            date = f'{found[order[0]]}-{month:02d}-{int(found[order[2]]):02d}'
+            year = int(found[order[0]])
+            year += CENTURY * (len(found[order[0]]) == len('24'))
+            date = f'{year}-{month:02d}-{int(found[order[2]]):02d}'
             text = f'{date}{text[found.end() :]}'
             break
     text = ' '.join(_AROUND.sub(' ', text).split())

@@ -26,6 +26,8 @@ SHARES = {'': 1.0, '1': 1.0, '-': 1.0, '%': 1e-2}
 _PLAIN_UNIT = re.compile(r'[a-z\d*/%.()-]{1,40}')
 """Texts for the library; it computes powers, so others are kept from it."""
 
+_CALENDAR_UNIT = re.compile(r'(month|year)s?|mon|yr|a')
+
 _NAMED = re.compile(
     '(?:'
     + '|'.join(sorted({name for names in NAMES.values() for name in names}, key=len)[::-1])
@@ -117,6 +119,10 @@ def time_factor(unit: str, where: str) -> float:
     try:
         epoch, after = cftime.num2date([0.0, 1.0], f'{plain_unit(unit)} since 2000-01-01')
     except (ValueError, TypeError, OverflowError):
+        # of years and months the calendar tells the length; those with another name have one
+        size = None if _CALENDAR_UNIT.fullmatch(plain_unit(unit)) else _size_in(unit, 's')
+        if size is not None:
+            return size
         said = f"'{unit}' is no unit of time with one length" if unit else 'has no unit'
         raise InputError(f'{where}: {said}') from None
     return float((after - epoch).total_seconds())

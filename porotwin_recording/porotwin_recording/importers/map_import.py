@@ -27,6 +27,7 @@ from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.importers.foreign_arrays import ARRAY_FILES, NamedArray, named_arrays
 from porotwin_recording.importers.foreign_table import Decimal, read_foreign_table
+from porotwin_recording.importers.foreign_time import moments
 from porotwin_recording.importers.foreign_units import (
     length_factor,
     plain_unit,
@@ -60,6 +61,9 @@ cell off, and round-off must not decide about them."""
 LONG_AFTER = 10.0
 """Time from a reference date to the first map, in lengths of the recording, above which the date is
 no begin of an experiment."""
+
+TEXT_KINDS = 'SUO'
+"""Kinds of arrays that hold texts."""
 
 REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
@@ -182,6 +186,8 @@ def _read(path: Path, arrays: _Arrays, rig: Rig, answers: MapAnswers) -> _ReadMa
     _check_coordinates(path, arrays)
     _check_cells(path, arrays, rig)
     values = _upward(path, _rightward(path, arrays, told), answers, told)
+    if values.dtype == np.float16:
+        values = values.astype(np.float32)
     values, gaps = _without_gaps(path, values, arrays, answers)
     if gaps:
         told.append(f'{path}: {in_words(gaps, values.size)}')
@@ -225,9 +231,11 @@ def _seconds(
     path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]
 ) -> NDArray[np.float64]:
     """Return the times [s] from the first one on, or from zero if they begin later."""
-    times = arrays.times
+    times = _dates(path, arrays.times, told)
     if times.ndim != 1 or times.dtype.kind not in f'{REAL_KINDS}Mm':
-        raise InputError(f'{path}: its times are no row of numbers; write numbers or datetime64')
+        raise InputError(
+            f'{path}: its times are no row of numbers; write numbers, datetime64 or dates as text'
+        )
     if times.dtype.kind == 'M':
         shown = np.datetime_as_string(times, unit='s').tolist()
         seconds = _dated_seconds(times)
@@ -246,6 +254,24 @@ def _seconds(
             seconds = _told_epoch(path, seconds, f'{shown[0]} {unit}', epoch, told)
     _check_duration(path, seconds)
     return seconds
+
+
+def _dates(path: Path, times: NDArray[Any], told: list[str]) -> NDArray[Any]:
+    """Return times that are texts as dates; others as they are.
+
+    Raises:
+        InputError: a text is no date, or can be read in two ways.
+    """
+    if times.dtype.kind not in TEXT_KINDS:
+        return times
+    if times.ndim > 1:  # a letter in each cell
+        times = np.array([b''.join(row) for row in times.astype('S1')])
+    words = [one.decode() if isinstance(one, bytes) else str(one) for one in times.tolist()]
+    words = [word.strip(' \0') for word in words]
+    places = [f'{path}: the time of map {at}' for at in range(1, len(words) + 1)]
+    found, assumed = moments(words, f'{path}: time', places=places)
+    told += [f'{path}: {line}' for line in assumed]
+    return np.array([one.replace(tzinfo=None) for one in found], dtype='datetime64[us]')
 
 
 def _unit_of_times(path: Path, arrays: _Arrays, answers: MapAnswers) -> tuple[str, str]:
@@ -486,11 +512,14 @@ def _shares(
         )
     if least < -LEAST_NOISE * (answers.stock or 1.0):
         told.append(f'{path}: concentrations go down to {least:.3g}, although 0 is water')
-    if answers.stock is None:
+    stock = answers.stock
+    if stock is None and _is_percent(unit) and MOST_STOCK < largest <= MOST_STOCK * PERCENT:
+        stock = PERCENT
+    if stock is None:
         _ask_for_stock(path, values, unit, largest)
         return floats
-    told.append(f'{path}: {answers.stock:g} is tracer stock')
-    return floats / np.float32(answers.stock)
+    told.append(f'{path}: {stock:g} is tracer stock')
+    return floats / np.float32(stock)
 
 
 def _ask_for_stock(path: Path, values: NDArray[Any], unit: str, largest: float) -> None:
@@ -656,7 +685,15 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     seen = [bool(word) for word in words]
     table = replace(table, columns={**table.columns, title: words})
     needed = {quantity: seen if quantity == 'concentration' else () for quantity in NAMES}
-    columns = {q: np.array(table.numbers(titles[q], needed[q])) for q in NAMES}
+    dated = not unit_in(titles['time']) and not table.is_number(titles['time'])
+    columns = {
+        q: np.array(
+            table.columns[titles[q]]
+            if dated and q == 'time'
+            else table.numbers(titles[q], needed[q])
+        )
+        for q in NAMES
+    }
     axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
     check_declared(path, (*(len(axes[name][0]) for name in axes), np.float32().itemsize))
     values = np.full([len(axes[name][0]) for name in axes], np.nan)
@@ -665,6 +702,10 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     values[places] = np.where(seen, columns['concentration'], np.nan)
     units = {name: unit_in(title) for name, title in titles.items()}
     return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
+
+
+def _shown(time: Any) -> str:
+    return time if isinstance(time, str) else f'{time:g}'
 
 
 def _refuse_repeated(
@@ -680,6 +721,6 @@ def _refuse_repeated(
         at = lines[int(counts.argmax())]
         time, z, x = (axes[name][0][index] for name, index in zip(axes, at, strict=True))
         raise InputError(
-            f'{path}: has {counts.max()} values at time {time:g}, x {x:g}, z {z:g}; remove all '
-            'but one'
+            f'{path}: has {counts.max()} values at time {_shown(time)}, x {x:g}, z {z:g}; remove '
+            'all but one'
         )

@@ -292,7 +292,8 @@ def _weighted(
     """
     engine, physics = model.engine, model.engine.physics
     own_flux = engine.coupled_flux(engine.water_flux(rates), rates, first.mobile)
-    sources = with_water(engine.contact(rates), flux, engine.sources_and_sinks.sources(rates))
+    own = engine.sources_and_sinks.sources(rates)
+    sources = with_water(physics, engine.contact(rates), flux, own)
     advection = derivatives.advection
     parts = [
         np.vdot(advection.flux.x, own_flux.x),

@@ -48,11 +48,12 @@ class WaterContact:
     open: share of each outer face through which a body with a head is in touch [-].
     head: level of that water [m].
     concentration: of the water that enters through an outer face [-].
-    rain: water that enters through an outer face at a given rate [m^3/s].
+    rain: water that enters through an outer face at a given rate, or leaves if negative [m^3/s].
     canal: cells of open water, (nz, nx); None without any.
     canal_head, canal_concentration: of these cells [m] and [-], (nz, nx), 0 elsewhere.
     lowest: lowest head [m] above the lower edge of the sand.
     seep: share of each outer face above its level through which water may leave [-].
+    diffuses: share of each outer face that lets tracer diffuse [-].
     scale: factors on the transmissibilities [-]; None: 1 everywhere.
     """
 
@@ -65,6 +66,7 @@ class WaterContact:
     canal_concentration: FloatArray
     lowest: float
     seep: Outline
+    diffuses: Outline
     scale: FaceField | None = None
 
     @property
@@ -82,7 +84,8 @@ class WaterContact:
     @property
     def is_plain(self) -> bool:
         """Whether only pure water enters, through outer faces, so that wells are all sources."""
-        return self.canal is None and not any(side.any() for side in self.concentration)
+        beside = (*self.concentration, *self.diffuses)
+        return self.canal is None and not any(side.any() for side in beside)
 
     @property
     def highest(self) -> float:
@@ -91,8 +94,8 @@ class WaterContact:
 
     @property
     def rainfall(self) -> float:
-        """All water that enters at a given rate [m^3/s]."""
-        return float(sum(side.sum() for side in self.rain))
+        """All water that enters or leaves at a given rate [m^3/s]."""
+        return float(sum(np.abs(side).sum() for side in self.rain))
 
     def where_canal(self, values: FloatArray, other: FloatArray) -> FloatArray:
         """Return `other` in the cells of canals and `values` elsewhere, (nz, nx) each."""
@@ -141,7 +144,7 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool
     if blocks > 1:
         coarse = Grid(grid.nx // blocks, grid.nz // blocks, grid.width, grid.height)
         return _in_blocks(_contact(coarse, bodies, 1, seeps), blocks)
-    share, covered, head, stock, rain, seep = (Outline.zeros(grid) for _ in range(6))
+    share, covered, head, stock, rain, seep, diffuses = (Outline.zeros(grid) for _ in range(7))
     canal = np.zeros(grid.shape, dtype=bool)
     canal_head, canal_stock = np.zeros(grid.shape), np.zeros(grid.shape)
     lowest = min((body.head_m for body in bodies if body.head_m is not None), default=0.0)
@@ -168,6 +171,7 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool
             getattr(head, body.side)[:] += cover * level
         getattr(covered, body.side)[:] += cover
         getattr(stock, body.side)[:] += cover * body.concentration
+        getattr(diffuses, body.side)[:] += cover * body.diffuses
 
     def mean(values: FloatArray, weights: FloatArray) -> FloatArray:
         return np.divide(values, weights, out=np.zeros_like(values), where=weights > 0.0)
@@ -182,6 +186,7 @@ def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool
         canal_stock,
         lowest,
         seep,
+        diffuses,
     )
 
 
@@ -228,6 +233,7 @@ def _in_blocks(contact: WaterContact, blocks: int) -> WaterContact:
         cells(contact.canal_concentration),  # type: ignore[arg-type]
         contact.lowest,
         contact.seep.map(parts),
+        contact.diffuses.map(parts),
     )
 
 

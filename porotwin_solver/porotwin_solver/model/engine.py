@@ -332,7 +332,7 @@ class Engine:
         """
         sources, water = self._of_rates(rates)
         flux = self.coupled_flux(water, rates, state.mobile)
-        sources = with_water(self.contact(rates), flux, sources)
+        sources = with_water(self.physics, self.contact(rates), flux, sources)
         return StepCoefficients(
             flux,
             sources,

@@ -30,8 +30,8 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
 
     Slow rigs take long steps: the step is the time in which `EXCHANGED_SHARE` of the moving water
     is exchanged, but at least `LONGEST_STEP`. Pumps, leaks, flow from outside, density, a tilted
-    water table and heads of open sides exchange water. Decay and exchange with immobile water bound
-    the step too.
+    water table and heads of open sides exchange water. Decay, exchange with immobile
+    water, and diffusion from a side bound the step too.
 
     Two things need shorter steps than `LONGEST_STEP` where pumps are fast. A tracer that changes
     the flow needs a new flow after `COUPLED_SHARE`. Exchange with immobile water needs steps in
@@ -42,13 +42,22 @@ def longest_free_step(physics: Physics, rates: WellRates) -> float:
     exchange = physics.exchange_rate / max(1.0 - physics.immobile_fraction, 0.1)
     slow = EXCHANGED_SHARE * _over(moving, flow)
     reacted = REACTED_SHARE * _over(1.0, exchange)
-    limits = [max(LONGEST_STEP, min(slow, reacted, REACTED_SHARE * _over(1.0, physics.decay_rate)))]
+    decayed = REACTED_SHARE * _over(1.0, physics.decay_rate)
+    limits = [max(LONGEST_STEP, min(slow, reacted, decayed)), _diffused(physics)]
     if physics.immobile_fraction > 0.0:
         few = max(1.0, NOTABLE_FRACTION / physics.immobile_fraction)
         limits.append(few * max(reacted, slow))
     if physics.is_coupled:
         limits.append(COUPLED_SHARE * _over(moving, _pumped(physics, rates)))
     return min(limits)
+
+
+def _diffused(physics: Physics) -> float:
+    """Return the longest step [s] for diffusion through a side; inf without any."""
+    if not any(side.any() for side in physics.contact.diffuses):
+        return math.inf
+    size = min(physics.grid.dx, physics.grid.dz)
+    return REACTED_SHARE * _over(size**2, 2.0 * (physics.diffusion + physics.model_diffusion))
 
 
 def _over(amount: float, rate: float) -> float:

@@ -124,7 +124,8 @@ class ImplicitModel(Model):
                 "dispersion or immobile water; use preset 'upwind'"
             )
         flux = engine.water_flux(rates)
-        sources = with_water(engine.contact(rates), flux, engine.sources_and_sinks.sources(rates))
+        own = engine.sources_and_sinks.sources(rates)
+        sources = with_water(physics, engine.contact(rates), flux, own)
         storage = engine.storage
         right, up = flux.x[:, 1:-1], flux.z[1:-1]
         outflow = storage / time_step + sources.outflow

@@ -90,10 +90,13 @@ class SourcesAndSinks:
         return disc_fractions(self.physics.grid, source_sink.x, source_sink.z, source_sink.radius)
 
 
-def with_water(contact: WaterContact, flux: FaceField, sources: Sources) -> Sources:
+def with_water(
+    physics: Physics, contact: WaterContact, flux: FaceField, sources: Sources
+) -> Sources:
     """Return `sources` with the water of canals, and the tracer of all water that `flux` brings.
 
     `flux` [m^3/s] is through all faces. A canal adds or takes what does not balance in its cells.
+    Diffusion through an outer face, over half a cell, is an exchange of water with the outside.
     """
     if contact.is_plain:
         return sources
@@ -101,13 +104,30 @@ def with_water(contact: WaterContact, flux: FaceField, sources: Sources) -> Sour
     entered = entering(flux).map(
         lambda water, stock: stock * np.maximum(water, 0.0), contact.concentration
     )
-    tracer -= outer_flux(entered).divergence()
+    exchanged = _exchanged(physics, contact)
+    both = -outer_flux(exchanged).divergence()
+    inflow, outflow = inflow + both, outflow + both
+    brought = entered.map(
+        lambda tracer, water, stock: tracer + stock * water, exchanged, contact.concentration
+    )
+    tracer -= outer_flux(brought).divergence()
     if contact.canal is not None:
         net = np.where(contact.canal, flux.divergence() - sources.net, 0.0)
         inflow += np.maximum(net, 0.0)
         tracer += contact.canal_concentration * np.maximum(net, 0.0)
         outflow += np.maximum(-net, 0.0)
     return Sources(inflow, tracer, outflow)
+
+
+def _exchanged(physics: Physics, contact: WaterContact) -> Outline:
+    """Return the water that each outer face exchanges by diffusion, 2 D water / dx^2 [m^3/s]."""
+    pores, grid = physics.mobile_water, physics.grid
+    beside = Outline(pores[:, 0], pores[:, -1], pores[0], pores[-1])
+    sizes = Outline(*(np.array(size) for size in (grid.dx, grid.dx, grid.dz, grid.dz)))
+    diffusion = 2.0 * (physics.diffusion + physics.model_diffusion)
+    return contact.diffuses.map(
+        lambda share, water, size: share * diffusion * water / size**2, beside, sizes
+    )
 
 
 def with_water_adjoint(

@@ -34,7 +34,7 @@ def _water(rig: Rig) -> Iterator[Remark]:
         if body.corners_m is None:
             continue
         yield from outline_remarks(rig, f'{key}.corners_m', body.corners_m)
-        yield from _drawn_level(rig, key, body)
+        yield from _drawn_level(rig, name, body)
         wells = np.array([(well.x_m, well.z_m) for well in rig.wells.values()]).reshape(-1, 2)
         for well, within in zip(rig.wells, inside(wells, np.array(body.corners_m)), strict=True):
             if within:
@@ -49,14 +49,21 @@ def _water(rig: Rig) -> Iterator[Remark]:
         yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
 
 
-def _drawn_level(rig: Rig, key: str, body: WaterBody) -> Iterator[Remark]:
-    """Yield a remark about open water that is drawn above its level by more than a square."""
+def _drawn_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
+    """Yield a remark about open water that is drawn above all its levels by more than a square."""
     assert body.corners_m is not None
     top = max(z for _, z in body.corners_m)
     square = sand_raster(rig.width_m, rig.height_m).dz
-    if body.head_m is not None and top > body.head_m + square:
+    if body.head_m is not None and top > max(_levels(rig, name, body.head_m)) + square:
         why = f'it is drawn up to {top:g} m, above its level; were two heads exchanged?'
-        yield Remark(f'{key}.head_m', f'{body.head_m:g} m', why, 'correct the head or the corners')
+        remedy = 'correct the head or the corners'
+        yield Remark(_head_key(rig, name), f'{body.head_m:g} m', why, remedy)
+
+
+def _levels(rig: Rig, name: str, head: float) -> list[float]:
+    """Return the `head` [m] at the start and all later levels of the water `name`."""
+    course = rig.levels.get(name)
+    return [head, *(level for _, level in course.points)] if course else [head]
 
 
 def _level_at_side(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
@@ -93,12 +100,10 @@ def _low_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
     """Yield a remark about water that stands below its place, at the start or later."""
     if body.head_m is None:
         return
-    course = rig.levels.get(name)
-    later = min(level for _, level in course.points) if course else body.head_m
-    foot, lowest = _foot(rig, body), min(body.head_m, later)
+    foot, lowest = _foot(rig, body), min(_levels(rig, name, body.head_m))
     if lowest < foot:
         place = 'open water' if body.side is None else f'{body.side} side'
-        key = f'levels.{name}' if later < body.head_m else _head_key(rig, name)
+        key = f'levels.{name}' if lowest < body.head_m else _head_key(rig, name)
         why = f'its water stands below the {place}, which begins at {foot:g} m'
         remedy = 'correct it, in m above the lower edge of the sand'
         yield Remark(key, f'{lowest:g} m', why, remedy)
