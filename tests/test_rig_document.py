@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
+from porotwin_core.basis.units import HOUR_S
 from porotwin_core.rig import Control, Rig, load_rig
 from porotwin_core.rig.known_keys import SECTIONS, json_schema
 from porotwin_core.rig.oddities import remarks_about
@@ -85,6 +86,10 @@ SHOWN_EFFECTS = re.findall(
 )
 
 
+MILK = {'pennink_milk', 'pennink_rain'}
+"""Rigs whose tracer also enters or leaves with other water than that of wells."""
+
+
 def test_a_document_shows_effects() -> None:
     assert SHOWN_EFFECTS
 
@@ -99,7 +104,7 @@ def test_the_shown_effects_complete_a_rig(text: str, tmp_path: Path) -> None:
 
 
 def test_there_are_rigs_to_copy() -> None:
-    assert RIGS == ['large', 'pennink_1904', 'small', 'two_sands']
+    assert RIGS == ['large', 'pennink_1904', 'pennink_milk', 'pennink_rain', 'small', 'two_sands']
 
 
 @pytest.mark.parametrize('name', RIGS)
@@ -108,17 +113,21 @@ def test_a_rig_to_copy_is_not_odd_and_can_be_simulated(name: str) -> None:
     rig = recording.rig
     assert remarks_about(rig) == ()
     assert odd_lines([recording]) == []
-    last = recording.schedule.rows[-1].time
+    rows = recording.delivered.rows
+    last = min(rows[-1].time, 4.0 * HOUR_S) if rows else HOUR_S
     grid = rig.default_grid(0.02 if rig.water else 0.05)  # a canal is 5 cm wide
-    tracer = simulate(rig, recording.schedule, [last], grid=grid, preset='fast')[0]
+    tracer = simulate(rig, recording.delivered, [last], grid=grid, preset='fast')[0]
     pores = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
-    periods = recording.schedule.intervals(0.0, last)
+    periods = recording.delivered.intervals(0.0, last)
     pumped = sum(
         (end - start) * max(well.rate, 0.0) * well.concentration
         for start, end, rates in periods
         for well in rates.values()
     )
-    assert (tracer * pores).sum() == pytest.approx(pumped, rel=0.1)
+    assert tracer.min() >= 0.0
+    assert tracer.max() <= 1.0
+    if name not in MILK:
+        assert (tracer * pores).sum() == pytest.approx(pumped, rel=0.1)
 
 
 @pytest.mark.parametrize('name', RIGS)

@@ -27,6 +27,7 @@ OWN_FILES = {
     'porotwin_cli/porotwin_cli/commands/diagnose.py': 'written a moment before',
     'porotwin_core/porotwin_core/basis/whole_folder.py': 'in an unfinished output',
     'porotwin_diagnosis/porotwin_diagnosis/report/report_folder.py': 'in an unfinished output',
+    'porotwin_recording/porotwin_recording/importers/packed.py': 'after a look at its kind',
     'porotwin_recording/porotwin_recording/tables/map_parts.py': 'in an unfinished output',
     'porotwin_recording/porotwin_recording/experiment/dataset_export.py': 'in an unfinished output',
     'porotwin_diagnosis/porotwin_diagnosis/archive.py': 'in the folder of a bench',

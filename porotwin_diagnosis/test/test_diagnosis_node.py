@@ -155,6 +155,7 @@ def test_a_photograph_with_a_wrong_stamp_does_not_end_the_run(tmp_path):
     try:
         publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         until(partial(graph.server.count_publishers, 'asset/new_state'))
+        until(publisher.get_subscription_count)
         now = time.time()
         for stamp in (now - 60.0, now - 30.0, now + DAY_S, now):
             tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, stamp)
