@@ -212,20 +212,28 @@ class Wish:
 
     @contextmanager
     def on_signals(self) -> 'Iterator[None]':
-        """Take the first signal of the block as the wish; a second one ends the program."""
+        """Take the first signal of the block as the wish; a second one ends the program.
 
-        def note(number: int, _frame: 'FrameType | None') -> None:
-            signal.signal(number, before[number])
+        What is ignored stays so: a background job of a shell ignores Ctrl-C.
+        """
+
+        def restore() -> None:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+        def note(_number: int, _frame: 'FrameType | None') -> None:
+            restore()
             self._wanted = True
             say('the answer so far follows; a second signal ends at once')
 
-        numbers: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.signal(number, note) for number in numbers}
+        found = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: one for number, one in found.items() if one is not signal.SIG_IGN}
+        for number in before:
+            signal.signal(number, note)
         try:
             yield
         finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            restore()
 
 
 def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
