@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from cli_examples import porotwin
 
-from porotwin_cli.commands.diagnose import Wish, _tell_about_rig
+from porotwin_cli.commands.diagnose import Wish, _remembered, _tell_about_rig
 from porotwin_diagnosis.progress import SINGLES_JUDGED
 
 
@@ -107,6 +107,13 @@ def test_a_background_job_goes_on_ignoring_ctrl_c() -> None:
             assert wish.heard()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize(('untried', 'kept'), [('', 'kept'), ('pairs of effects', 'does not keep')])
+def test_a_history_tells_that_it_keeps_no_preliminary_finding(untried: str, kept: str) -> None:
+    past: Any = SimpleNamespace(remember=lambda _: ['kept'])
+    (line,) = _remembered(past, {'untried': untried})
+    assert kept in line
 
 
 def test_a_quick_search_ends_when_single_effects_are_judged() -> None:
