@@ -142,8 +142,10 @@ def test_the_small_rig_is_not_odd() -> None:
                 (60, {'from_min': 7}, 'from_min begins the cycles'),
                 (None, {'on_min': 7, 'every_min': 9}, 'cycles need the end of the experiment'),
                 (60, {'on_min': 1e-6, 'every_min': 1e-5}, 'take at most 10000'),
+                (60, {'on_min': 1e-309, 'every_min': 1e-308}, 'take at most 10000'),
             )
         ),
+        ({'control.rate_step_ml_h': 1e-320}, 'no pump has such a step'),
         ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),
         (
             {'control.min_rate_ml_h': 9, 'control.max_total_rate_ml_h': 8},

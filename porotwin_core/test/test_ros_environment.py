@@ -38,6 +38,8 @@ from porotwin_core.ros.ros_environment import (
         ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'WORLD', 'is WORLD: no such range; set it to one of'),
         ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF', 'is OFF: the nodes cannot find each other'),
         ('ROS_STATIC_PEERS', '10.0.0.1;no host', "names 'no host', a host that is not known"),
+        (PROFILES, '/none.xml', f'{PROFILES} is /none.xml, which is no file; correct it or unset'),
+        (PROFILES, '/', f'{PROFILES} is /, which is no file'),
     ],
 )
 def test_a_wrong_variable_is_one_line(name: str, value: str, complaint: str) -> None:

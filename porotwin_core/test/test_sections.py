@@ -77,6 +77,11 @@ OLD_FINGERPRINT = '3bb408e3cd70'
         ({'a': {'corners_m': CORNERS, 'rate_ml_h': 3.0}}, {}, 'corners_m takes head_m only'),
         ({'a': {'side': 'left', 'from_m': 0.3, 'to_m': 0.2, 'head_m': 1}}, {}, 'less than to_m'),
         ({'a': {'side': 'left', 'to_m': 0.6, 'head_m': 0.4}}, {}, 'left side is 0.51 m long'),
+        (
+            {'a': {'side': 'left', 'from_m': 0.51, 'to_m': 0.51 + 1e-13, 'rate_ml_h': 9}},
+            {},
+            'left side is 0.51 m long',
+        ),
         ({'a': {'side': 'top', 'rate_ml_h': 9}}, {}, 'water cannot leave'),
         (
             {'a': {'side': 'left', 'head_m': 0.4}, 'b': {'side': 'left', 'head_m': 0.5}},

@@ -60,6 +60,9 @@ def test_sections_may_be_merged() -> None:
         (b'[' * 5000, 'nested too deeply; correct it'),
         (b'a: {', 'not readable as YAML: while parsing'),
         (b'a: 2026-99-99', 'not readable as YAML: month must be in 1..12'),
+        (b'\na: !!bool maybe', '\'maybe\' is no bool in "<unicode string>", line 2, column 4'),
+        (b'a: !!timestamp b', "'b' is no timestamp"),
+        (b"a: !!float ''", "'' is no float"),
         (b'a: 1\na: 2', "the key 'a' stands twice, in the lines 1 and 2"),
     ],
 )

@@ -87,6 +87,8 @@ class ArchiveTask:
             return f'the report was made without {", ".join(excluded)}'
         if found.get('belief'):
             return 'the report was made with --history'
+        if found.get('untried'):
+            return f'its search was ended before it tried {found["untried"]}'
         return self._change_since(read[0]) if read else ''
 
     def _change_since(self, read: dict[str, Any]) -> str:

@@ -169,6 +169,14 @@ def test_a_report_that_began_with_a_belief_is_made_again(monday: Path, tmp_path:
         assert task.is_done is done
 
 
+def test_a_report_of_a_search_that_was_ended_is_made_again(monday: Path, tmp_path: Path) -> None:
+    task = reported(ArchiveTask(monday, tmp_path / 'archive' / 'monday'))
+    path = task.folder / 'diagnosis.json'
+    found = json.loads(path.read_text())
+    path.write_text(json.dumps({**found, 'untried': 'pairs of effects'}))
+    assert task.difference == 'its search was ended before it tried pairs of effects'
+
+
 def test_a_damaged_report_is_made_again(monday: Path, tmp_path: Path) -> None:
     task = reported(ArchiveTask(monday, tmp_path / 'archive' / 'monday'))
     for damaged in ('{', '[]', '{"verdict": "rate"}'):

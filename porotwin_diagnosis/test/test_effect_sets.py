@@ -64,6 +64,14 @@ def test_the_evidence_is_that_of_the_normal_distribution(levels):
     assert [value for value, *_ in found] == sorted((value for value, *_ in found), reverse=True)
 
 
+@pytest.mark.parametrize('cells', [0, 6])
+def test_where_nothing_is_left_no_set_is_looked_for(levels, cells):
+    member = candidate(levels.samples, POROSITY)
+    comparison = SetComparison.of(np.zeros(cells), np.zeros((0, cells)), np.ones((1, cells)), 1.0)
+    sets = module.LinearSets(none(levels), (Block(member, (0,)),), (comparison,))
+    assert sets.best(1, 5) == []
+
+
 def test_a_prior_does_not_depend_on_the_unit_of_a_parameter():
     in_metres = FitParameter('radius', 'm', 0.0, 0.01, -0.03, 0.03)
     in_millimetres = FitParameter('radius', 'mm', 0.0, 10.0, -30.0, 30.0)

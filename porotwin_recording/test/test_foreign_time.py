@@ -163,3 +163,8 @@ def test_times_of_a_12_hour_clock_rise_through_noon_and_midnight() -> None:
 def test_rare_forms_of_a_date_are_read(word: str) -> None:
     (found,), _ = moments([word], 'p.csv: datetime')
     assert found == datetime(2024, 5, 31, 14, 30, tzinfo=UTC)
+
+
+def test_day_366_of_a_year_with_365_is_no_date() -> None:
+    with pytest.raises(InputError, match='is no date'):
+        moments(['2023-366T10:00:00'], 'log.csv: time')

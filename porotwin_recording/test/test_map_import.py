@@ -2,6 +2,7 @@
 
 import base64
 import io
+import re
 import struct
 import zipfile
 from dataclasses import replace
@@ -582,3 +583,19 @@ def test_times_as_text_in_a_group_in_percent_are_read(tmp_path: Path) -> None:
     made = open_recording(tmp_path / 'made').present_maps
     assert made.times.tolist() == [0.0, 300.0]
     assert made[:].max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ('times', 'fault'),
+    [
+        (['45443.1', '45443.2'], 'counts from a date'),
+        (['3/4/2024 10:00', '3/4/2024 11:00'], 'day and month, or month and day?'),
+        ([b'31 M\xe4rz 2024', b'1 April 2024'], 'the time of map 1'),
+        (np.array([1, 2], 'm8[Y]'), 'no one length'),
+    ],
+)
+def test_odd_times_are_one_line(tmp_path: Path, recording: Recording, times, fault: str) -> None:
+    path = tmp_path / 'maps.npz'
+    np.savez(path, maps=recording.concentration[:2], time=np.array(times))
+    with pytest.raises(InputError, match=re.escape(fault)):
+        imported(path)

@@ -1,6 +1,8 @@
 """Archives of data are read as what they hold."""
 
 import gzip
+import io
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -43,3 +45,37 @@ def test_a_cut_archive_is_refused_by_its_name(tmp_path: Path) -> None:
     fault = r'maps\.csv\.gz: not readable as an archive'
     with pytest.raises(InputError, match=fault), opened_archive(path):
         pass
+
+
+def tarred(path: Path, name: str, data: bytes = b'', **facts: object) -> Path:
+    member = tarfile.TarInfo(name)
+    member.size = len(data)
+    for fact, value in facts.items():
+        setattr(member, fact, value)
+    with tarfile.open(path, 'w') as archive:
+        archive.addfile(member, io.BytesIO(data))
+    return path
+
+
+def test_a_tar_that_ends_with_a_zip_is_a_tar(tmp_path: Path) -> None:
+    inner = packed(tmp_path / 'maps.npz', 'maps.npy', b'numbers').read_bytes()
+    with opened_archive(tarred(tmp_path / 'maps.tar', 'maps.npz', inner)) as found:
+        assert found.name == 'maps.npz'
+        assert found.read_bytes() == inner
+
+
+def test_damaged_names_links_times_and_parts_are_refused(tmp_path: Path) -> None:
+    zipped = packed(tmp_path / 'name.zip', 'm\xe4ps.csv', b'time')
+    zipped.write_bytes(zipped.read_bytes().replace('\xe4'.encode(), b'\xff\xfe'))
+    part = tmp_path / 'part.zip'
+    with zipfile.ZipFile(part, 'w', zipfile.ZIP_LZMA) as archive:
+        archive.writestr('maps.csv', bytes(range(256)) * 9)
+    data = bytearray(part.read_bytes())
+    data[80:140] = b'\xff' * 60
+    part.write_bytes(data)
+    link = tarred(tmp_path / 'link.tar', 'maps.csv', type=tarfile.LNKTYPE, linkname='none')
+    late = tarred(tmp_path / 'late.tar', 'maps.csv', mtime=float(1 << 70))
+    for path in (zipped, part, link, late):
+        fault = f'{path.name}: not readable as an archive'
+        with pytest.raises(InputError, match=fault), opened_archive(path):
+            pass

@@ -20,11 +20,13 @@ from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from types import FrameType
+    from typing import Any
 
     from rich.progress import Progress as Bar
 
+    from porotwin_cli.checking.rig_past import RigPast
     from porotwin_core.rig import Rig
     from porotwin_diagnosis.decision.verdict import Verdict
     from porotwin_diagnosis.progress import Progress
@@ -176,8 +178,7 @@ def command(
         summary = write_diagnosis(result, folder, apply=apply, compare=compare, progress=show)
         if not untried:
             simulations.remove()
-    remembered = past.remember(summary) if past and not untried else []
-    told = [*summary['history'], *remembered]
+    told = [*summary['history'], *_remembered(past, summary)]
     if as_json:
         print_json({'output': output, **summary, 'history': told})
         return
@@ -186,6 +187,15 @@ def command(
         print(line)
     say(f'report: {output / "report.html"}')
     _tell_about_rig(result.verdict, output, apply=apply)
+
+
+def _remembered(past: 'RigPast | None', summary: 'Mapping[str, Any]') -> list[str]:
+    """Add the finding in `summary` to the history, unless it is preliminary; return lines on it."""
+    if past is None:
+        return []
+    if summary['untried']:
+        return ['The history does not keep a preliminary finding.']
+    return past.remember(summary)
 
 
 class Wish:
@@ -212,20 +222,28 @@ class Wish:
 
     @contextmanager
     def on_signals(self) -> 'Iterator[None]':
-        """Take the first signal of the block as the wish; a second one ends the program."""
+        """Take the first signal of the block as the wish; a second one ends the program.
 
-        def note(number: int, _frame: 'FrameType | None') -> None:
-            signal.signal(number, before[number])
+        What is ignored stays so: a background job of a shell ignores Ctrl-C.
+        """
+
+        def restore() -> None:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+        def note(_number: int, _frame: 'FrameType | None') -> None:
+            restore()
             self._wanted = True
             say('the answer so far follows; a second signal ends at once')
 
-        numbers: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.signal(number, note) for number in numbers}
+        found = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: one for number, one in found.items() if one is not signal.SIG_IGN}
+        for number in before:
+            signal.signal(number, note)
         try:
             yield
         finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            restore()
 
 
 def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from cli_examples import porotwin
 
-from porotwin_cli.commands.diagnose import Wish, _tell_about_rig
+from porotwin_cli.commands.diagnose import Wish, _remembered, _tell_about_rig
 from porotwin_diagnosis.progress import SINGLES_JUDGED
 
 
@@ -83,6 +83,37 @@ def test_the_first_signal_asks_for_the_answer_so_far(number: signal.Signals) -> 
         assert wish.heard()
         assert signal.getsignal(number) is before, 'a second one ends the program'
     assert signal.getsignal(number) is before
+
+
+def test_a_second_signal_of_another_kind_ends_the_program() -> None:
+    ended: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
+    try:
+        with Wish(quick=False).on_signals():
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    assert ended == [signal.SIGTERM]
+
+
+def test_a_background_job_goes_on_ignoring_ctrl_c() -> None:
+    before, wish = signal.signal(signal.SIGINT, signal.SIG_IGN), Wish(quick=False)
+    try:
+        with wish.on_signals():
+            signal.raise_signal(signal.SIGINT)
+            assert not wish.heard()
+            signal.raise_signal(signal.SIGTERM)
+            assert wish.heard()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize(('untried', 'kept'), [('', 'kept'), ('pairs of effects', 'does not keep')])
+def test_a_history_tells_that_it_keeps_no_preliminary_finding(untried: str, kept: str) -> None:
+    past: Any = SimpleNamespace(remember=lambda _: ['kept'])
+    (line,) = _remembered(past, {'untried': untried})
+    assert kept in line
 
 
 def test_a_quick_search_ends_when_single_effects_are_judged() -> None:

@@ -76,11 +76,12 @@ class FixedWell(Section):
         """Return this well with the pauses of its cycles up to `end_min`."""
         if self.on_min is None or self.every_min is None:
             return self
-        cycles = math.ceil((end_min - self.from_min) / self.every_min)
-        if cycles > MOST_CYCLES:
+        number = (end_min - self.from_min) / self.every_min  # infinite for the shortest cycles
+        if number > MOST_CYCLES:
             raise ValueError(
-                f'{cycles} cycles of {self.every_min:g} min: take at most {MOST_CYCLES}'
+                f'{number:.6g} cycles of {self.every_min:g} min: take at most {MOST_CYCLES}'
             )
+        cycles = math.ceil(number)
         begins = [self.from_min + number * self.every_min for number in range(cycles)]
         rests = [(0.0, self.from_min)] if self.from_min else []
         rests += [(begin + self.on_min, begin + self.every_min) for begin in begins]
@@ -239,6 +240,8 @@ class Control(Section):
         greatest, step = self.max_rate_ml_h, self.rate_step_ml_h
         if 'rate_step_ml_h' in self.model_fields_set and step > greatest:
             raise ValueError(f'rate_step_ml_h {step:g} is above max_rate_ml_h {greatest:g}')
+        if math.isinf(greatest / step):
+            raise ValueError(f'rate_step_ml_h {step:g}: no pump has such a step; correct it')
         if self.min_rate_ml_h > greatest:
             raise ValueError(
                 f'min_rate_ml_h {self.min_rate_ml_h:g} is above max_rate_ml_h {greatest:g}'
@@ -306,7 +309,8 @@ class Control(Section):
 
     @pydantic.model_validator(mode='after')
     def _leaves_no_injection_to_the_producer(self) -> Self:
-        if self.producer is None:
+        takes_out = any(well.rate_ml_h < 0.0 for well in self.fixed.values())
+        if self.producer is None or not takes_out:
             return self
         starts = {start for well in self.fixed.values() for start, _ in well.pauses_min}
         for minute in sorted({0.0, *starts}):

@@ -241,7 +241,7 @@ class Rig(Section):
                 continue
             length = self.height_m if body.side in ('left', 'right') else self.width_m
             end = body.to_m or length
-            if not body.from_m < end <= length * (1.0 + ROUND_OFF):
+            if body.from_m >= min(end, length) or end > length * (1.0 + ROUND_OFF):
                 raise ValueError(
                     f"water '{name}' reaches from {body.from_m:g} to {end:g} m, but the "
                     f'{body.side} side is {length:g} m long; correct from_m and to_m'

@@ -19,6 +19,7 @@ import yaml
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.basis.remark import QUOTED
 
 LARGEST_TEXT = 2 << 20
 """Longest document [bytes], and most values in it, repeated aliases included: 20 s of work."""
@@ -46,6 +47,16 @@ class _Loader(yaml.CSafeLoader):
         if node is not None:
             check_declared('it', (_values(node, {}),), most=LARGEST_TEXT, unit='values')
         return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Return the value of `node`; name the line of a word that its tag does not allow."""
+        try:
+            return super().construct_object(node, deep=deep)
+        except (AttributeError, LookupError):  # PyYAML expects a right word
+            kind = node.tag.rpartition(':')[2]
+            raise yaml.MarkedYAMLError(
+                problem=f"'{str(node.value)[:QUOTED]}' is no {kind}", problem_mark=node.start_mark
+            ) from None
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Return the section `node` with its keys as texts; refuse a repeated key."""

@@ -103,6 +103,7 @@ def check_environment(environ: Mapping[str, str]) -> None:
         why = 'the nodes cannot find each other' if found == 'OFF' else 'no such range'
         raise InputError(f'{RANGE} is {found}: {why}; set it to one of {", ".join(RANGES)}')
     _check_middleware(environ)
+    _check_profiles(environ)
     _check_peers(environ.get(PEERS, ''))
 
 
@@ -190,6 +191,13 @@ def _check_middleware(environ: Mapping[str, str]) -> None:
             f'{MIDDLEWARE} is {name}, which is not installed; unset it or set it to one of '
             f'{", ".join(known)}'
         )
+
+
+def _check_profiles(environ: Mapping[str, str]) -> None:
+    """Refuse profiles that are no file: Fast DDS would send through shared memory again."""
+    found, middleware = environ.get(PROFILES), environ.get(MIDDLEWARE) or 'rmw_fastrtps_cpp'
+    if found and 'fastrtps' in middleware and not Path(found).is_file():
+        raise InputError(f'{PROFILES} is {found}, which is no file; correct it or unset it')
 
 
 def _check_peers(text: str) -> None:

@@ -125,6 +125,8 @@ class LinearSets(NamedTuple):
         """
         found: dict[frozenset[str], Extension] = {}
         for comparison in self.comparisons:
+            if not comparison.square > 0.0:  # no cell counts, or the own effects leave nothing
+                continue
             ranked: dict[frozenset[str], Extension] = {}
             every = [
                 one

@@ -71,7 +71,9 @@ def _ordinary(text: str) -> str:
     text = _OF_C.sub(r'\1 \3 \2', text)
     for form in ('%Y-%jT%H:%M:%S', '%Y-%j %H:%M:%S', '%Y%jT%H%M%S'):
         with suppress(ValueError):
-            return datetime.strptime(text, form).isoformat(' ')
+            time = datetime.strptime(text, form)
+            if text.startswith(str(time.year)):  # day 366 of another year is no date
+                return time.isoformat(' ')
     if _BASIC.fullmatch(text):
         with suppress(ValueError):
             return datetime.fromisoformat(text).isoformat(' ')

@@ -242,6 +242,8 @@ def _seconds(
         _check_rise(path, seconds, shown)
         told.append(f'{path}: time zero is {shown[0]}, its first map')
     elif times.dtype.kind == 'm':
+        if np.datetime_data(times.dtype)[0] in ('Y', 'M'):
+            raise InputError(f'{path}: years and months have no one length; write times in seconds')
         seconds = times / np.timedelta64(1, 's')
         _check_rise(path, seconds, [str(time) for time in times])
     else:
@@ -264,12 +266,15 @@ def _dates(path: Path, times: NDArray[Any], told: list[str]) -> NDArray[Any]:
     """
     if times.dtype.kind not in TEXT_KINDS:
         return times
-    if times.ndim > 1:  # a letter in each cell
-        times = np.array([b''.join(row) for row in times.astype('S1')])
-    words = [one.decode() if isinstance(one, bytes) else str(one) for one in times.tolist()]
+    rows = times.reshape(len(times), -1).tolist()  # perhaps with a letter in each cell
+    joined = [b''.join(row) if times.dtype.kind == 'S' else ''.join(map(str, row)) for row in rows]
+    words = [one.decode(errors='replace') if isinstance(one, bytes) else one for one in joined]
     words = [word.strip(' \0') for word in words]
     places = [f'{path}: the time of map {at}' for at in range(1, len(words) + 1)]
-    found, assumed = moments(words, f'{path}: time', places=places)
+    try:
+        found, assumed = moments(words, f'{path}: time', places=places)
+    except QuestionError as question:  # maps have no such answers
+        raise InputError(str(question)) from None
     told += [f'{path}: {line}' for line in assumed]
     return np.array([one.replace(tzinfo=None) for one in found], dtype='datetime64[us]')
 
@@ -314,11 +319,11 @@ def _counted_seconds(
         try:
             dates = cftime.num2date(np.asarray(times, dtype=float), words, calendar)
             begin = cftime.num2date(0.0, words, calendar)
+            return np.array([(date - begin).total_seconds() for date in dates])
         except (ValueError, TypeError, OverflowError):
             raise InputError(
                 f'{error}; write the times in days or shorter units, as CF does'
             ) from None
-        return np.array([(date - begin).total_seconds() for date in dates])
 
 
 def _told_epoch(

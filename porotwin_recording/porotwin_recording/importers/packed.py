@@ -5,7 +5,6 @@ import shutil
 import tarfile
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,19 +71,20 @@ def _unpack(path: Path, folder: Path) -> None:
         InputError: it is damaged or too large.
     """
     try:
-        if zipfile.is_zipfile(regular(path)):
-            with zipfile.ZipFile(path) as archive:
-                check_declared(path, (sum(one.file_size for one in archive.infolist()),))
-                archive.extractall(folder)
-        elif tarfile.is_tarfile(path):
+        if tarfile.is_tarfile(regular(path)):  # first: a npz at its end makes it look like a zip
             with tarfile.open(path) as archive:
                 check_declared(path, (sum(one.size for one in archive.getmembers()),))
                 archive.extractall(folder, filter='data')
+        elif zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                check_declared(path, (sum(one.file_size for one in archive.infolist()),))
+                archive.extractall(folder)
         else:
-            target = folder / path.stem
-            with gzip.open(open_regular(path)) as packed, target.open('wb') as file:
-                file.write(packed.read(LARGEST_BYTES))
-                check_declared(path, (target.stat().st_size + len(packed.read(1)),))
-    except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, tarfile.TarError, zlib.error) as e:
+            with gzip.open(open_regular(path)) as packed, (folder / path.stem).open('wb') as file:
+                written = file.write(packed.read(LARGEST_BYTES))
+                check_declared(path, (written + len(packed.read(1)),))
+    except (InputError, MemoryError):
+        raise
+    except Exception as e:  # damaged bytes make the libraries raise errors of many types
         shutil.rmtree(folder, ignore_errors=True)
         raise InputError(f'{path}: not readable as an archive ({e}); copy it again') from None
