@@ -152,7 +152,7 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
     assert text.startswith('**Unexplained** (confidence 90 %). There is a gap: the error')
-    assert 'None of the 2 effects of the library, and none of their best combinations' in text
+    assert 'None of the 2 tried effects, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
     (part,) = denser.held_out
     lost = replace(denser, held_out=(replace(part, error_before=0.9, error_after=1.0),))

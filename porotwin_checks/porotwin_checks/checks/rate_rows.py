@@ -41,7 +41,7 @@ def _end(known: Known) -> Iterator[Remark]:
     last = max((row.time for row in known.commanded.rows), default=0.0)
     pumping = sorted(well for well, rate in known.commanded.at(last).items() if rate.rate)
     if last <= 0.0 or pumping:
-        why = f'at its last rows {quoted(pumping)} pump, and nothing says until when'
+        why = f'its last rows let {quoted(pumping)} pump, and nothing says until when'
         if last <= 0.0:
             why = 'all its rows are at the start, so that nothing says when the experiment ends'
         yield Remark(

@@ -197,7 +197,7 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
             f'{best.capitalize()} fits the fronts best, but with it the error in the '
             f'held-out part is {after}{remaining}'
         )
-    return f'None of the {tried} effects of the library{pairs} explains it. {with_best}'
+    return f'None of the {tried} tried effects{pairs} explains it. {with_best}'
 
 
 def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
