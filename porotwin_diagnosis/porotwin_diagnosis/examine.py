@@ -257,7 +257,7 @@ def untried_lines(findings: Findings) -> list[str]:
         return []
     return [
         f'the search was ended before it tried {findings.untried}; call ./porotwin diagnose '
-        'again, without --quick, to try all'
+        'again (without --quick) to try all'
     ]
 
 

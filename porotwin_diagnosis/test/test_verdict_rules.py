@@ -136,6 +136,14 @@ def test_a_gap_that_nothing_closes_is_unexplained():
     assert verdict.members == ()
 
 
+def test_a_gap_is_hardly_unexplained_while_effects_are_untried():
+    found = findings(6.0, ('rate', 4.0), ('clock', 4.1))
+    whole, ended = verdict_on(found), verdict_on(replace(found, untried='leak'))
+    assert whole.name == ended.name == 'unexplained'
+    assert whole.confidence > 0.5
+    assert ended.confidence < 0.1
+
+
 def test_the_true_effect_may_leave_more_of_a_large_gap_than_of_a_small_one():
     large = verdict_on(findings(60.0, ('heterogeneity', 0.8), ('leak', 40.0)))
     assert large.name == 'heterogeneity'

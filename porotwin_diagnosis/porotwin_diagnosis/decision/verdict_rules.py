@@ -47,7 +47,8 @@ def decide(evidence: Evidence) -> Verdict:
        maps, a shifted picture `OPEN_CONFIDENCE` if its size is far off.
 
     On scant evidence, and after a search that was ended, no verdict has more than
-    `OPEN_CONFIDENCE`.
+    `OPEN_CONFIDENCE`. After such a search `unexplained` has the least confidence: an effect that
+    was not tried may explain all.
     """
     explanation = evidence.explanation
     probabilities = effect_probabilities(evidence.findings)
@@ -71,6 +72,7 @@ def decide(evidence: Evidence) -> Verdict:
         if applies and sure > OPEN_CONFIDENCE:
             doubt, sure = reason, OPEN_CONFIDENCE
     if name == UNEXPLAINED:
+        sure = CONFIDENCE_RANGE[0] if untried else sure
         members, inseparable, alternatives = (), (), ()
     return Verdict(
         name,
