@@ -16,6 +16,7 @@ from porotwin_cli.running.what_if_study import (
     objections_to,
     rate_step,
     rate_steps,
+    rested_plan,
     seconds_of,
     study_what_if,
     zone_noise,
@@ -172,6 +173,19 @@ def test_an_objection_tells_when_although_the_recording_has_pauses(
     assert len(found) == len(lines), found
     for objection, line in zip(found, lines, strict=True):
         assert line in objection
+
+
+def test_a_proposal_rests_in_the_announced_pauses_of_a_well() -> None:
+    rig = demo_scenario().rig
+    assert rig.control is not None
+    control = rig.control.with_pauses({'injector': ((50.0, 60.0),)}, 80.0)
+    pausing = rig.model_copy(update={'control': control})
+    plan = proposed_plan([rate_step('injector=600', rig, 2400.0)], PAUSED[:1], 'producer')
+    found = rested_plan(pausing, plan, 2400.0, 1800.0)
+    rates = {step.start: to_ml_h(step.rates['injector'].rate) for step in found}
+    assert rates == pytest.approx({0.0: 600.0, 600.0: 0.0, 1200.0: 600.0})
+    producer = [step.rates['producer'].rate for step in found]
+    assert producer[1] > producer[0], 'it takes out as much less'
 
 
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
