@@ -72,7 +72,15 @@ def sweep_backward(
             first = interval.states.pop()
             record = interval.records.pop()
             step = step_adjoint(
-                engine, first, rates, length, bar, varied, record=record, empty_cells=empty_cells
+                engine,
+                first,
+                rates,
+                length,
+                bar,
+                varied,
+                record=record,
+                empty_cells=empty_cells,
+                by_rates=True,
             )
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)

@@ -162,6 +162,7 @@ class _Run:
                 coefficients=coefficients,
                 record=record,
                 empty_cells=empty_cells,
+                by_rates=True,
             )
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
             by_rate, _ = well_derivatives(engine, rates, step, by_source)

@@ -91,6 +91,7 @@ def step_adjoint(
     coefficients: StepCoefficients | None = None,
     record: StepRecord | None = None,
     empty_cells: bool = True,
+    by_rates: bool = False,
 ) -> StepAdjoint:
     """Apply the adjoint of the step of `length` [s] from `first`, and consume its `record`.
 
@@ -98,7 +99,8 @@ def step_adjoint(
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
     part through the tracer-driven flow (`flow_adjoint`). Without a `record` the step is run again,
     and without given `coefficients` those of the step are computed. Without `empty_cells`, `bar` is
-    zero in cells without tracer. That is right if nothing adds tracer there.
+    zero in cells without tracer. That is right if nothing adds tracer there. `by_rates` tells that
+    `StepAdjoint.starting` is wanted: it takes a step for each well, where no water moves.
 
     Raises:
         InputError: as `Engine.coefficients`.
@@ -113,7 +115,7 @@ def step_adjoint(
         diffusion = not is_symmetric(engine, coefficients, varied=bool(varied))
         record = engine.recorded_step(first.copy(), coefficients, diffusion=diffusion)
     by_parameter = _reaction_derivatives(varied, bar, record.last, half)
-    rests = not (coefficients.flux.x.any() or coefficients.flux.z.any())
+    rests = by_rates and not (coefficients.flux.x.any() or coefficients.flux.z.any())
     starting = _starting(engine, first, rates, length, bar, coefficients) if rests else {}
     engine.react_adjoint(bar, half)
     derivatives = StepDerivatives.zeros(engine.grid)
