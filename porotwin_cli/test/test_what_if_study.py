@@ -16,7 +16,6 @@ from porotwin_cli.running.what_if_study import (
     objections_to,
     rate_step,
     rate_steps,
-    rested_plan,
     seconds_of,
     study_what_if,
     zone_noise,
@@ -24,6 +23,7 @@ from porotwin_cli.running.what_if_study import (
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.clock.time_units import HOURS, MINUTES
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import RateStep, Schedule, WellRate
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_recording.experiment.recording import Recording, open_recording
@@ -181,7 +181,7 @@ def test_a_proposal_rests_in_the_announced_pauses_of_a_well() -> None:
     control = rig.control.with_pauses({'injector': ((50.0, 60.0),)}, 80.0)
     pausing = rig.model_copy(update={'control': control})
     plan = proposed_plan([rate_step('injector=600', rig, 2400.0)], PAUSED[:1], 'producer')
-    found = rested_plan(pausing, plan, 2400.0, 1800.0)
+    found = FixedPauses.of(pausing).rested_plan(plan, 2400.0, 1800.0)
     rates = {step.start: to_ml_h(step.rates['injector'].rate) for step in found}
     assert rates == pytest.approx({0.0: 600.0, 600.0: 0.0, 1200.0: 600.0})
     producer = [step.rates['producer'].rate for step in found]

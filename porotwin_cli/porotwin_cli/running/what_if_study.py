@@ -300,7 +300,7 @@ def study_what_if(
     present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
-    proposed = rested_plan(recording.rig, proposed, begin, ahead)
+    proposed = FixedPauses.of(recording.rig).rested_plan(proposed, begin, ahead)
     check_balance(proposed, present, recording.rig)
     unit = time_unit(begin + ahead)
     objections = objections_to(recording.rig, proposed, present, begin, unit)
@@ -389,22 +389,6 @@ def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[Rat
     schedule = commands if commands is not None and commands.rows else recording.delivered
     return tuple(
         RateStep(low - begin, rates) for low, _, rates in schedule.intervals(begin, begin + ahead)
-    )
-
-
-def rested_plan(
-    rig: Rig, plan: Sequence[RateStep], begin: float, ahead: float
-) -> tuple[RateStep, ...]:
-    """Return a `plan` from `begin` [s] over `ahead` [s] with the pauses that `rig` announces.
-
-    A proposal may stop a fixed well, but in its pauses the running twin lets it rest.
-    """
-    pauses = FixedPauses.of(rig)
-    edges = {moment - begin for moment in pauses.moments(begin, begin + ahead)}
-    starts = sorted({*edges, *(step.start for step in plan)})
-    return tuple(
-        RateStep(start, pauses.rested(begin + start, planned_rates(plan, start)))
-        for start in starts
     )
 
 

@@ -152,12 +152,28 @@ class FixedPauses:
             before = rates
         return Schedule(tuple(rows), self.levels)
 
+    def rested_plan(
+        self, plan: Sequence[RateStep], begin: float, horizon: float
+    ) -> tuple[RateStep, ...]:
+        """Return a proposed `plan` from `begin` [s] over `horizon` [s], with the pauses.
+
+        A proposal may stop a well outside them too, see `rested`.
+        """
+        return tuple(
+            RateStep(start, self.rested(begin + start, planned_rates(plan, start)))
+            for start in self._starts(plan, begin, horizon)
+        )
+
+    def _starts(self, plan: Sequence[RateStep], begin: float, horizon: float) -> list[float]:
+        """Return when the rates of a `plan` from `begin` [s] or a pause change, after it [s]."""
+        edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
+        return sorted({*edges, *(step.start for step in plan)})
+
     def in_plan(
         self, plan: Sequence[RateStep], begin: float, horizon: float
     ) -> tuple[RateStep, ...]:
         """Return a `plan` of the rates from `begin` [s] over `horizon` [s], as announced."""
-        edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
-        starts = sorted({*edges, *(step.start for step in plan)})
+        starts = self._starts(plan, begin, horizon)
         rested = [
             RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
         ]
