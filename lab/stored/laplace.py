@@ -30,7 +30,7 @@ import numpy as np
 from scipy.special import gammaln, logsumexp
 
 from lab.blind.blind_cases import BlindCase
-from lab.blind.blind_table import SURE, expected_error
+from lab.blind.blind_table import expected_error, is_sure_and_wrong
 from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
 from lab.stored.linear_sets import (
     WAVES,
@@ -189,7 +189,8 @@ class EvidenceVerdict(NamedTuple):
     @property
     def sure_and_wrong(self) -> bool:
         """Whether a wrong name is stated with confidence."""
-        return not self.right and self.confidence >= SURE and self.first != (UNEXPLAINED,)
+        (name, *_) = self.first
+        return is_sure_and_wrong(name, self.confidence, confirmed=self.right)
 
 
 def judged(right: Collection[str], found: Mapping[tuple[str, ...], float]) -> EvidenceVerdict:
