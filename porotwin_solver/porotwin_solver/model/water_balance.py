@@ -15,7 +15,7 @@ from porotwin_core.rates.wells import WellRates, with_rises
 from porotwin_core.rig import Rig, SideName
 from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.coefficients.water_contact import entering, side_cover
+from porotwin_solver.coefficients.water_contact import Outline, entering, side_cover
 from porotwin_solver.effects import described_physics
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.flow import SHARED_FLOWS
@@ -73,20 +73,26 @@ def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None
     if rig.closed and abs(math.fsum(wells.values())) > SAME_RATE:
         return None
     flux = _flux(physics, rates)
-    canals = {
+    places = {**at_sides(rig, grid, entering(flux)), **into_canals(rig, grid, flux)}
+    return WaterBalance(wells, places, _through_sands(rig, grid, flux))
+
+
+def into_canals(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
+    """Return the rates [m^3/s] into the sand by canal, from the `flux` through all faces."""
+    return {
         name: float(flux.divergence()[_within(body.corners_m, grid)].sum())
         for name, body in rig.water.items()
         if body.corners_m is not None
     }
-    return WaterBalance(
-        wells, {**_at_sides(rig, grid, flux), **canals}, _through_sands(rig, grid, flux)
-    )
 
 
-def _at_sides(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
-    """Return the rates [m^3/s] into the sand by the water at its sides, else by the side."""
+def at_sides(rig: Rig, grid: Grid, outline: Outline) -> dict[str, float]:
+    """Return the rates [m^3/s] into the sand by the water at its sides, else by the side.
+
+    `outline` holds those through the outer faces of `grid`.
+    """
     found: dict[str, float] = {}
-    for side, into in zip(SIDES, entering(flux), strict=True):
+    for side, into in zip(SIDES, outline, strict=True):
         covers = {
             name: side_cover(grid, side, body.from_m, body.to_m)
             for name, body in rig.water_bodies.items()

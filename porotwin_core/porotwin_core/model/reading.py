@@ -1,0 +1,52 @@
+"""What a balance, a manometer or a sample of the outflow shows: a reading beside the maps."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class ReadingKind(StrEnum):
+    """What is read; the value of the kind is its word in `observations.csv`, with its unit."""
+
+    OUTFLOW = 'outflow_ml'
+    """Water that has left through a well, a side or other water since the start."""
+    PRESSURE = 'pressure_pa'
+    """Pressure at a port beyond that of resting water, against another port or the water."""
+    CONCENTRATION = 'concentration'
+    """Concentration of the water that leaves through a well, a side or other water."""
+
+
+Port = tuple[float, float]
+"""Where a pressure is read: (x, z) [m] from the lower left corner of the sand."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One reading.
+
+    Attributes:
+        time: seconds from the start of the experiment [s].
+        kind: what is read.
+        value: the reading [m^3], [Pa] or [-].
+        deviation: its standard deviation, above 0, in the unit of the value.
+        place: name of the well, of the side or of the water, for an outflow or a concentration.
+        port: where a pressure is read; None for other kinds.
+        against: the second port of a pressure; None for the lowest open water.
+    """
+
+    time: float
+    kind: ReadingKind
+    value: float
+    deviation: float
+    place: str = ''
+    port: Port | None = None
+    against: Port | None = None
+
+    @property
+    def where(self) -> str:
+        """The place in words, for tables."""
+        if self.port is None:
+            return self.place
+        here = f'x {self.port[0]:g} m, z {self.port[1]:g} m'
+        if self.against is None:
+            return here
+        return f'{here} against x {self.against[0]:g} m, z {self.against[1]:g} m'
