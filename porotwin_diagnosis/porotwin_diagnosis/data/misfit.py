@@ -61,6 +61,12 @@ def change_at_fronts(
     return _root_mean_squares(samples, squares)
 
 
+def with_squares(misfits: tuple[float, float], square: float) -> tuple[float, float]:
+    """Return both `misfits` [-] with `square` more of their squares."""
+    fitted, held_out = np.sqrt(np.square(misfits) + square)
+    return float(fitted), float(held_out)
+
+
 def front_cells(samples: Sequence[Sample]) -> tuple[int, int]:
     """Return the numbers of observed front cells, of the fitted and of the held-out frames."""
     counts = [

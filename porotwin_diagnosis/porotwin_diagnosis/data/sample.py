@@ -28,6 +28,7 @@ from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.reading import Reading
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
@@ -118,6 +119,8 @@ class Sample:
         least_scale: least map value [-] of undiluted stock, where the scale of the maps is open: 1
             for maps whose core counts as 1. No map shows more. Predictions take the scale that
             suits the fitted frames best, below the core. None if the scale is known.
+        readings: readings of the outflow and of pressures; they count for the fitted and for the
+            held-out part.
     """
 
     rig: Rig
@@ -136,6 +139,7 @@ class Sample:
     shared_errors: ErrorSizes | None = None
     rate_modes: FloatArray | None = None
     least_scale: float | None = None
+    readings: tuple[Reading, ...] = ()
 
     @property
     def model_start(self) -> float:
@@ -415,6 +419,7 @@ def read_sample(recording: Recording) -> Sample:
         own_deviation=own,
         shared_errors=shared,
         least_scale=1.0 if maps.origin.scale else None,
+        readings=recording.readings,
     )
 
 

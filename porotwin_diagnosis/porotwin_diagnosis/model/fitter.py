@@ -18,8 +18,10 @@ from porotwin_core.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, mi
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import (
     change_at_fronts,
+    front_cells,
     misfit,
     noise_misfit,
+    with_squares,
 )
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import (
@@ -39,7 +41,7 @@ from porotwin_diagnosis.model.fit import (
 )
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.rough_sand import RoughSands
-from porotwin_diagnosis.thresholds import MOVING_PRICE
+from porotwin_diagnosis.thresholds import MOVING_PRICE, SYSTEMATIC_MISFIT
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
 FREE_ITERATIONS_FACTOR = 8
@@ -82,17 +84,35 @@ class Fitter:
         """Return the whitened residuals with `effects`, smoothed over `width` [cells].
 
         Returns:
-            One array (nt, nz', nx') [-] per recording: all frames, or the fitted ones.
+            One array (nt, nz', nx') [-] per recording: all frames, or the fitted ones and then
+            those of `reading_residuals`.
 
         Raises:
             InputError: the model cannot run with these effects.
         """
-        return whitened_residuals(
-            self.forwards,
-            effects,
-            width=width,
-            fitted_only=fitted_only,
-        )
+        maps = whitened_residuals(self.forwards, effects, width=width, fitted_only=fitted_only)
+        return [*maps, *self.reading_residuals(effects)] if fitted_only else maps
+
+    def reading_residuals(self, effects: Sequence[EffectDescription]) -> list[FloatArray]:
+        """Return the residuals of the readings, (1, 1, n) [-] per recording that has some.
+
+        A deviation z adds (`SYSTEMATIC_MISFIT` z)^2 to misfit^2, so that log-odds change by z^2/2.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        cost = SYSTEMATIC_MISFIT * np.sqrt(front_cells(self.samples)[0])
+        return [
+            cost * forward.readings_off(effects)[None, None]
+            for forward in self.forwards
+            if forward.sample.readings
+        ]
+
+    def _reading_squares(self, effects: Sequence[EffectDescription]) -> tuple[float, float]:
+        """Return what the readings add to misfit^2 [-], and what their own errors add to it."""
+        squares = sum(float(np.sum(one**2)) for one in self.reading_residuals(effects))
+        count = sum(len(sample.readings) for sample in self.samples)
+        return squares / front_cells(self.samples)[0], SYSTEMATIC_MISFIT**2 * count
 
     def fit(
         self,
@@ -173,6 +193,7 @@ class Fitter:
         effects = effects_at(members, scaled_parameters)
         try:
             maps = [forward.maps(effects) for forward in self.forwards]
+            added = self._reading_squares(effects)
         except InputError:
             return infeasible_fit(members, scaled_parameters)
         unshared = [
@@ -183,9 +204,9 @@ class Fitter:
             sample.decorrelated(residual)
             for sample, residual in zip(self.samples, unshared, strict=True)
         ]
-        fitted, held_out = misfit(self.samples, residuals)
+        fitted, held_out = with_squares(misfit(self.samples, residuals), added[0])
         size = len(scaled_parameters)
-        noise = noise_misfit(self.samples, residuals)
+        noise = with_squares(noise_misfit(self.samples, residuals), added[1])
         fit = Fit(
             members=tuple(members),
             scaled_parameters=np.array(scaled_parameters, dtype=float),
@@ -199,7 +220,7 @@ class Fitter:
             fingering_amplification=self.rough_sands.fingering_amplification(
                 self.forwards, effects
             ),
-            unshared_misfit=misfit(self.samples, unshared),
+            unshared_misfit=with_squares(misfit(self.samples, unshared), added[0]),
             scheme_misfit=self._scheme_misfit,
             described=tuple(effect.name for effect in self.samples[0].rig.effects),
         )
@@ -220,8 +241,8 @@ class Fitter:
     def distance(self, one: Fit, other: Fit) -> float:
         """Return the whitened root mean square difference [-] of two predictions.
 
-        The distance is the difference of the residuals per compared cell with tracer. The noise of
-        the recordings cancels.
+        The distance is the difference of the residuals per compared cell with tracer, and of the
+        readings as in `reading_residuals`. The noise of the recordings cancels.
 
         Raises:
             InputError: the model cannot run with one of the fits.
@@ -233,7 +254,9 @@ class Fitter:
         )
         total = sum(float(np.sum((first - second) ** 2)) for first, second in pairs)
         cells = sum(sample.tracer_cells for sample in self.samples)
-        return float(np.sqrt(total / max(cells, 1)))
+        readings = zip(*map(self.reading_residuals, (one.effects, other.effects)), strict=True)
+        apart = sum(float(np.sum((first - second) ** 2)) for first, second in readings)
+        return float(np.sqrt(total / max(cells, 1) + apart / front_cells(self.samples)[0]))
 
     def with_covariance(self, fit: Fit) -> Fit:
         """Return `fit` with the covariance of its scaled parameters (see `covariance`).
@@ -290,13 +313,13 @@ class Fitter:
         Args:
             members: the effects.
             scaled_parameters: where to differentiate, (p,).
-            residuals: residuals at that point, (nt, nz', nx') per recording.
+            residuals: residuals at that point, as `residuals` returns them.
             width: width [cells] of the smoothing.
             fitted_only: whether `residuals` hold the fitted frames only.
             first: index of the first parameter to differentiate by.
 
         Returns:
-            One array (p - first, nt, nz', nx') per recording.
+            One array (p - first, nt, nz', nx') for each of `residuals`.
         """
         central = all_of_the_camera(members)
         parameters = _parameters(members)

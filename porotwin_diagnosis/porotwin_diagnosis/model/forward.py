@@ -15,6 +15,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_solver.effects import observation_operator
+from porotwin_solver.model.readings import simulated_readings
 from porotwin_solver.model.simulation import simulated_maps
 
 REMEMBERED_SIMULATIONS = 40
@@ -107,6 +108,36 @@ class Forward:
             maps = np.clip(maps + self.correction[: len(maps)], 0.0, 1.0)
         return np.stack(list(self._as_shown(maps, image))) if image else maps
 
+    def readings_off(self, effects: Effects) -> FloatArray:
+        """Return how far the readings lie above the model with `effects`, in deviations, (n,) [-].
+
+        It is 0 for readings from before the model starts.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        sample, physics = self.sample, _simulated_part(effects)
+        run = partial(
+            simulated_readings,
+            sample.rig,
+            sample.schedule,
+            sample.readings,
+            grid=sample.grid,
+            preset=self.preset,
+            effects=physics,
+            initial=sample.initial_on(sample.grid),
+            start=sample.model_start,
+            refinement=self.refinement,
+        )
+        shown = self.memory.maps(f'readings {physics!r}', len(sample.readings), self._made(run))
+        read, deviation = np.array([(one.value, one.deviation) for one in sample.readings]).T
+        return np.nan_to_num((read - shown) / deviation)
+
+    def _made(self, run: Callable[[], FloatArray]) -> Callable[[], FloatArray]:
+        """Return a call of `run` by the crew, if there is one."""
+        crew = self.crew
+        return run if crew is None else lambda: crew.submit(run).result()
+
     def _as_shown(self, maps: FloatArray, image: Effects) -> Iterator[FloatArray]:
         """Yield `maps` as a camera with the effects `image` would show them."""
         sample = self.sample
@@ -158,11 +189,7 @@ class Forward:
             start=sample.model_start,
             refinement=self.refinement,
         )
-
-        def make() -> FloatArray:
-            return simulation() if self.crew is None else self.crew.submit(simulation).result()
-
-        return self.memory.maps(repr(physics), wanted, make)
+        return self.memory.maps(repr(physics), wanted, self._made(simulation))
 
 
 def _simulation(*args: Any, **options: Any) -> FloatArray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from porotwin_core.model.reading import ReadingKind
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS, effects_of
@@ -40,6 +41,9 @@ def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
         grid=sample.grid,
         duration=sample.duration,
         pumping_wells=tuple(pumping_wells(samples)),
+        measures_pressure=any(
+            one.kind is ReadingKind.PRESSURE for each in samples for one in each.readings
+        ),
         strongest_rate=max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0),
     )
 

@@ -251,14 +251,17 @@ def _responses(
 def _residuals(
     levels: Levels, effects: Sequence[EffectDescription], counted: Masks
 ) -> list[FloatArray]:
-    """Return the residuals of the cells that count, of all recordings in a row, by width.
+    """Return the residuals of the cells that count, then of the readings, in a row, by width.
 
     Raises:
         InputError: the model cannot run with these effects.
     """
     by_width = [levels.screening.residuals(effects, width) for width in WIDTHS]
+    readings = [one.ravel() for one in levels.screening.reading_residuals(effects)]
     return [
-        np.concatenate([one[cells] for one, cells in zip(residuals, counted, strict=True)])
+        np.concatenate(
+            [*(one[cells] for one, cells in zip(residuals, counted, strict=True)), *readings]
+        )
         for residuals in by_width
     ]
 

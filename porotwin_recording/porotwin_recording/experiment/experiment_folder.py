@@ -1,4 +1,4 @@
-"""The experiment folder: rig.yaml, rates.csv, concentration.nc, imaging.csv and photographs."""
+"""The experiment folder: rig.yaml, tables of rates and readings, maps, and photographs."""
 
 import logging
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from porotwin_recording.tables.concentration import (
 from porotwin_recording.tables.map_files import files_with_maps
 from porotwin_recording.tables.photos import IMAGING_FILE, read_photos, write_photos
 from porotwin_recording.tables.rates import read_rates, write_rates
+from porotwin_recording.tables.readings import read_readings, write_readings
 from porotwin_recording.tables.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')
@@ -24,11 +25,12 @@ RIG_FILE = 'rig.yaml'
 COMMANDED_FILE = 'rates.csv'
 MEASURED_FILE = 'rates_measured.csv'
 MAPS_FILE = 'concentration.nc'
+READINGS_FILE = 'observations.csv'
 
 BEGUN_MAPS_FILE = f'{MAPS_FILE}.partial'
 """The maps while they are written."""
 
-FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE)
+FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE, READINGS_FILE)
 """All files of an experiment folder; photographs lie where imaging.csv says."""
 
 CAMERA_ENDINGS = ('.jpg', '.jpeg', '.tif', '.tiff')
@@ -72,6 +74,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         rig = load_rig(folder)
     commanded, measured = folder / COMMANDED_FILE, folder / MEASURED_FILE
     maps, imaging = folder / MAPS_FILE, folder / IMAGING_FILE
+    readings = folder / READINGS_FILE
     if not (commanded.exists() or maps.exists() or imaging.exists()):
         found = files_with_maps(folder)
         rename = f'; if {" or ".join(found)} holds its maps, name it {MAPS_FILE}' if found else ''
@@ -92,6 +95,7 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
         photos=read_photos(folder) if imaging.exists() else (),
         remarks=(*_unfinished(folder), *_untold_photographs(folder)),
         replaced_rig=replaced,
+        readings=read_readings(readings, rig) if readings.exists() else (),
     )
 
 
@@ -154,6 +158,8 @@ def write_folder(folder: Path, data: RecordedData, *, progress: Progress | None 
         write_rates(folder / COMMANDED_FILE, data.commanded)
     if data.measured is not None and data.measured.rows:
         write_rates(folder / MEASURED_FILE, data.measured)
+    if data.readings:
+        write_readings(folder / READINGS_FILE, data.readings)
     if data.maps is not None:
         _write_maps(folder / MAPS_FILE, data.maps, lambda count: report(count, total))
     if data.photos:

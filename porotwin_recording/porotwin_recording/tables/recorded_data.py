@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from porotwin_checks.known import Known
+from porotwin_core.model.reading import Reading
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import balanced
 from porotwin_core.rates.water_levels import WaterLevels
@@ -27,6 +28,7 @@ class RecordedData:
         photos: photographs, ordered by time.
         remarks: faults of the recording that did not prevent reading it, one line each.
         replaced_rig: the description that the recording holds, if `rig` was given instead.
+        readings: readings of the outflow and of pressures, ordered by time.
     """
 
     rig: Rig
@@ -36,6 +38,7 @@ class RecordedData:
     photos: tuple[Photo, ...] = ()
     remarks: tuple[str, ...] = ()
     replaced_rig: Rig | None = None
+    readings: tuple[Reading, ...] = ()
 
     @property
     def announced(self) -> Schedule | None:

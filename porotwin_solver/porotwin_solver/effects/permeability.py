@@ -28,8 +28,11 @@ def change(physics: Physics, values: Values) -> Physics:
 
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the factor where heads drive water; wells alone drive the same flow in any sand."""
-    if not with_true_levels(context.rig).is_driven:
+    """Fit the factor where heads drive water, or pressures are read.
+
+    Wells alone drive the same flow in any sand.
+    """
+    if not (context.measures_pressure or with_true_levels(context.rig).is_driven):
         return []
     fitted = FitParameter('factor', '-', 1.0, 0.05, 0.01, 100.0, log=True)
     return [Candidate('permeability', (fitted,))]

@@ -21,6 +21,7 @@ class SearchContext:
         duration: length of the recording [s].
         pumping_wells: names of the wells that pump in the recording.
         strongest_rate: largest absolute rate of a well [m^3/s].
+        measures_pressure: whether the recording has readings of pressure.
         well: for an effect of a well, its name.
     """
 
@@ -29,6 +30,7 @@ class SearchContext:
     duration: float
     pumping_wells: tuple[str, ...] = ()
     strongest_rate: float = 0.0
+    measures_pressure: bool = False
     well: str = ''
 
     @property
