@@ -7,6 +7,7 @@ from porotwin_diagnosis.advice.proposals import Proposal
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.strength import Strength
 from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.decision.compared_readings import ComparedReading
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.verdict import Verdict
@@ -34,6 +35,7 @@ class Diagnosis:
         remainder: the form of an unexplained gap; None for other verdicts.
         partial: effects that close much of an unexplained gap, and the remainder.
         remarks: lines on what is odd in the recordings.
+        readings: the readings beside the maps, and the model in their place.
     """
 
     recordings: tuple[Recording, ...]
@@ -50,3 +52,4 @@ class Diagnosis:
     partial: PartialCause | None = None
     remarks: tuple[str, ...] = ()
     rates: tuple[SourceRate, ...] = ()
+    readings: tuple[ComparedReading, ...] = ()

@@ -24,6 +24,7 @@ from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_diagnosis.data.odd_heads import odd_heads
 from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.decision.compared_readings import compared_readings
 from porotwin_diagnosis.decision.evidence import Evidence, gather
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors, measure_held_out
@@ -141,6 +142,7 @@ def examine(
         remainder=remainder,
         partial=partial,
         rates=judged.rates,
+        readings=compared_readings(samples, verdict.model.effects, settings.crew),
         remarks=(
             *judged.unmeasured,
             *untried_lines(findings),

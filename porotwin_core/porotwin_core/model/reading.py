@@ -3,16 +3,23 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from porotwin_core.basis.units import ML
+
 
 class ReadingKind(StrEnum):
     """What is read; the value of the kind is its word in `observations.csv`, with its unit."""
 
     OUTFLOW = 'outflow_ml'
-    """Water that has left through a well, a side or other water since the start."""
+    """Water that has left through a well, a side or other water; negative if it came in."""
     PRESSURE = 'pressure_pa'
     """Pressure at a port beyond that of resting water, against another port or the water."""
     CONCENTRATION = 'concentration'
     """Concentration of the water that leaves through a well, a side or other water."""
+
+    @property
+    def per_si(self) -> float:
+        """Factor from SI to the unit in the word of the kind."""
+        return ML if self is ReadingKind.OUTFLOW else 1.0
 
 
 Port = tuple[float, float]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from porotwin_diagnosis.advice.cause import Place
 from porotwin_diagnosis.advice.proposals import Proposal
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
+from porotwin_diagnosis.decision.compared_readings import ComparedReading
 from porotwin_diagnosis.decision.held_out import (
     HeldOut,
     gap_closed,
@@ -94,6 +95,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'belief': _belief(result),
         'history': [],
         'rates': [asdict(rate) for rate in result.rates],
+        'readings': [_reading(one) for one in result.readings],
         'remarks': list(result.remarks),
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
@@ -105,6 +107,17 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'read': [origin_of(recording) for recording in result.recordings],
         },
     }
+
+
+def _reading(one: ComparedReading) -> dict[str, Any]:
+    """Return a reading in the units of observations.csv, beside the model."""
+    read, unit = one.reading, one.reading.kind.per_si
+    numbers = {
+        'measured': read.value, 'deviation': read.deviation,
+        'before': one.before, 'after': one.after,
+    }  # fmt: skip
+    where = {'time_s': read.time, 'kind': str(read.kind), 'place': read.where}
+    return {**where, **{name: float(f'{unit * value:.6g}') for name, value in numbers.items()}}
 
 
 def _remaining(held_out: Sequence[HeldOut]) -> dict[str, float] | None:

@@ -67,6 +67,7 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         without_row=sections.effects_without_row(result, summary),
         pairs=sections.tried_pairs(result, summary),
         phases=sections.phases(result),
+        readings=list(sections.readings(result, summary)),
         checks=sections.laboratory_checks(result),
         experiments=sections.next_experiments(result, summary),
         compares=any(proposal['gain'] is not None for proposal in summary['next_experiment']),

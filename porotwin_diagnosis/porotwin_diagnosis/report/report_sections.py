@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.clock.time_units import time_unit
+from porotwin_core.model.reading import ReadingKind
 from porotwin_diagnosis.advice.proposals import checks_of_form
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -23,6 +24,13 @@ BAR_PIXELS, LONGEST_BAR = 80, 1.5
 NO_SIGN = 0.003
 """Relative change of the error below which a fitted effect changed nothing: its parameters are then
 those of no effect, and words for them read like nonsense."""
+
+READ = {
+    ReadingKind.OUTFLOW: 'outflow [ml]',
+    ReadingKind.PRESSURE: 'pressure [Pa]',
+    ReadingKind.CONCENTRATION: 'concentration of the outflow',
+}
+"""The kinds of readings in words."""
 
 PUMPS = {
     'injecting': 'inject tracer',
@@ -113,6 +121,16 @@ def phases(result: Diagnosis) -> Iterator[list[str]]:
         if len(result.recordings) > 1:
             time = f'{time}, {result.recordings[phase.recording].source.name}'
         yield [time, PUMPS[phase.state], f'{100 * phase.share:.0f} %']
+
+
+def readings(result: Diagnosis, summary: Summary) -> Iterator[list[str]]:
+    """Yield the readings beside the maps, with the model before and after."""
+    unit = time_unit(result.samples[0].duration)
+    for one in summary['readings']:
+        values = (number(one[key], 4) for key in ('before', 'after'))
+        measured = f'{number(one["measured"], 4)} ± {number(one["deviation"], 2)}'
+        place = f'{READ[one["kind"]]}, {one["place"]}'
+        yield [place, unit.text(one['time_s']), measured, *values]
 
 
 def laboratory_checks(result: Diagnosis) -> dict[str, str]:

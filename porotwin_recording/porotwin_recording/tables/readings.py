@@ -5,7 +5,7 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import was_percent
-from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, ML
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.reading import Port, Reading, ReadingKind
 from porotwin_core.rig import SIDES, Rig
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
@@ -64,13 +64,8 @@ def _reading(words: list[str], where: str, rig: Rig) -> Reading:
         raise InputError(f"{where}: unknown place '{words[2]}'; the rig has {', '.join(known)}")
     if words[3]:
         raise InputError(f"{where}: against '{words[3]}' belongs to a pressure; leave it empty")
-    unit = _of_unit(kind)
+    unit = kind.per_si
     return Reading(time, kind, value / unit, deviation / unit, words[2])
-
-
-def _of_unit(kind: ReadingKind) -> float:
-    """Return the factor from SI to the unit of the table."""
-    return ML if kind is ReadingKind.OUTFLOW else 1.0
 
 
 def _port(text: str, where: str, rig: Rig) -> Port:
@@ -92,7 +87,7 @@ def write_readings(path: Path, readings: Iterable[Reading]) -> None:
 
 
 def _row(one: Reading) -> tuple[str, ...]:
-    unit = _of_unit(one.kind)
+    unit = one.kind.per_si
     place = one.place if one.port is None else _port_text(one.port)
     against = '' if one.against is None else _port_text(one.against)
     numbers = (number_text(number * unit) for number in (one.value, one.deviation))
