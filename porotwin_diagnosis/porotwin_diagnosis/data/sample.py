@@ -28,7 +28,7 @@ from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.model.reading import Reading
+from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
@@ -139,7 +139,7 @@ class Sample:
     shared_errors: ErrorSizes | None = None
     rate_modes: FloatArray | None = None
     least_scale: float | None = None
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[GaugeReading, ...] = ()
 
     @property
     def model_start(self) -> float:

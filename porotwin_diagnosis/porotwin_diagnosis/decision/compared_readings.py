@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
-from porotwin_core.model.reading import Reading
+from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.numerics import ACCURATE
@@ -12,9 +12,9 @@ from porotwin_diagnosis.model.forward import Forward
 
 
 class ComparedReading(NamedTuple):
-    """A reading, and what the model has in its place without and with effects, in SI units."""
+    """A reading, and the model in its place without and with effects, in SI units."""
 
-    reading: Reading
+    reading: GaugeReading
     before: float
     after: float
 
@@ -40,5 +40,5 @@ def compared_readings(
     return tuple(found)
 
 
-def _shown(reading: Reading, off: float) -> float:
+def _shown(reading: GaugeReading, off: float) -> float:
     return float(reading.value - off * reading.deviation)

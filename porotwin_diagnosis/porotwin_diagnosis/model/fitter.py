@@ -85,7 +85,7 @@ class Fitter:
 
         Returns:
             One array (nt, nz', nx') [-] per recording: all frames, or the fitted ones and then
-            those of `reading_residuals`.
+            `reading_residuals`.
 
         Raises:
             InputError: the model cannot run with these effects.
@@ -109,7 +109,7 @@ class Fitter:
         ]
 
     def _reading_squares(self, effects: Sequence[EffectDescription]) -> tuple[float, float]:
-        """Return what the readings add to misfit^2 [-], and what their own errors add to it."""
+        """Return the part of the readings in misfit^2 [-], and the part of their own errors."""
         squares = sum(float(np.sum(one**2)) for one in self.reading_residuals(effects))
         count = sum(len(sample.readings) for sample in self.samples)
         return squares / front_cells(self.samples)[0], SYSTEMATIC_MISFIT**2 * count

@@ -15,7 +15,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_solver.effects import observation_operator
-from porotwin_solver.model.readings import simulated_readings
+from porotwin_solver.model.simulated_readings import simulated_readings
 from porotwin_solver.model.simulation import simulated_maps
 
 REMEMBERED_SIMULATIONS = 40

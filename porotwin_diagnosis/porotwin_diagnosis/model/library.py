@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.model.reading import ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_solver.effects import EFFECTS, effects_of
@@ -42,7 +42,7 @@ def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
         duration=sample.duration,
         pumping_wells=tuple(pumping_wells(samples)),
         measures_pressure=any(
-            one.kind is ReadingKind.PRESSURE for each in samples for one in each.readings
+            one.kind is GaugeKind.PRESSURE for each in samples for one in each.readings
         ),
         strongest_rate=max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.clock.time_units import time_unit
-from porotwin_core.model.reading import ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind
 from porotwin_diagnosis.advice.proposals import checks_of_form
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -26,9 +26,9 @@ NO_SIGN = 0.003
 those of no effect, and words for them read like nonsense."""
 
 READ = {
-    ReadingKind.OUTFLOW: 'outflow [ml]',
-    ReadingKind.PRESSURE: 'pressure [Pa]',
-    ReadingKind.CONCENTRATION: 'concentration of the outflow',
+    GaugeKind.OUTFLOW: 'outflow [ml]',
+    GaugeKind.PRESSURE: 'pressure [Pa]',
+    GaugeKind.CONCENTRATION: 'concentration of the outflow',
 }
 """The kinds of readings in words."""
 

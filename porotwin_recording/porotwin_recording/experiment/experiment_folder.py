@@ -13,9 +13,9 @@ from porotwin_recording.tables.concentration import (
     open_maps,
 )
 from porotwin_recording.tables.map_files import files_with_maps
+from porotwin_recording.tables.observations import read_readings, write_readings
 from porotwin_recording.tables.photos import IMAGING_FILE, read_photos, write_photos
 from porotwin_recording.tables.rates import read_rates, write_rates
-from porotwin_recording.tables.readings import read_readings, write_readings
 from porotwin_recording.tables.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from porotwin_checks.known import Known
-from porotwin_core.model.reading import Reading
+from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rates_in_force import balanced
 from porotwin_core.rates.water_levels import WaterLevels
@@ -38,7 +38,7 @@ class RecordedData:
     photos: tuple[Photo, ...] = ()
     remarks: tuple[str, ...] = ()
     replaced_rig: Rig | None = None
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[GaugeReading, ...] = ()
 
     @property
     def announced(self) -> Schedule | None:

@@ -1,6 +1,6 @@
 """Simulated readings of a balance, of manometers and of the outflow.
 
-The pressure p beyond that of resting water follows from the flux q through the faces. With the
+The excess pressure p over resting water follows from the flux q through the faces. With the
 transmissibility T and the flux b that the weight of the tracer drives, q = -T grad p + b on every
 face inside the sand. The sum of (b - q) / T along a row of cells and then along a column gives the
 difference of two ports, whatever drives the water: wells, heads, rain or a background flow.
@@ -14,7 +14,7 @@ import numpy as np
 from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.reading import Port, Reading, ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.face_field import FaceField
@@ -33,19 +33,19 @@ from porotwin_solver.model.water_balance import SIDES, at_sides, into_canals
 def simulated_readings(
     rig: Rig,
     schedule: Schedule,
-    readings: Sequence[Reading],
+    readings: Sequence[GaugeReading],
     *,
     grid: Grid,
     preset: str = 'accurate',
     effects: Iterable[EffectDescription] = (),
     initial: FloatArray | None = None,
-    start: float = 0.0,
+    start: float,
     refinement: int | None = None,
 ) -> FloatArray:
-    """Return what the model shows for each of the `readings`, in their units, (n,).
+    """Return the values of the model for each of the `readings`, in their units, (n,).
 
-    The arguments are those of `simulation.simulated_maps`. Readings before `start` [s] are not
-    known; they are NaN. The tracer moves only where a reading depends on it.
+    The arguments are as in `simulation.simulated_maps`. Readings before `start` [s] are NaN.
+    The tracer moves only where a reading depends on it.
 
     Raises:
         InputError: a place or a port that the rig does not have, or as `simulated_maps`.
@@ -55,7 +55,7 @@ def simulated_readings(
         model.initial_condition() if initial is None else model.validated_map(initial, 'initial')
     )
     run = _Run(rig, model.engine, refine(begin, model.engine.grid.shape))
-    run.needs_tracer |= any(one.kind is ReadingKind.CONCENTRATION for one in readings)
+    run.needs_tracer |= any(one.kind is GaugeKind.CONCENTRATION for one in readings)
     found = np.full(len(readings), np.nan)
     now = start
     for index in sorted(range(len(readings)), key=lambda k: readings[k].time):
@@ -89,15 +89,15 @@ class _Run:
             if self.needs_tracer:
                 engine.advance(self._state, rates, length, longest)
 
-    def value(self, reading: Reading, rates: WellRates) -> float:
-        """Return what the model shows for `reading` at `rates`."""
-        if reading.kind is ReadingKind.PRESSURE:
+    def value(self, reading: GaugeReading, rates: WellRates) -> float:
+        """Return the value of the model for `reading` at `rates`."""
+        if reading.kind is GaugeKind.PRESSURE:
             assert reading.port is not None
             return self._pressure(reading.port, reading.against, rates)
         if reading.place not in self._outflow(rates):
             known = ', '.join(self._outflow(rates))
             raise InputError(f"unknown place '{reading.place}'; the rig has {known}")
-        if reading.kind is ReadingKind.OUTFLOW:
+        if reading.kind is GaugeKind.OUTFLOW:
             return self._left.get(reading.place, 0.0)
         return self._concentration(reading.place, rates)
 
@@ -133,7 +133,7 @@ class _Run:
         return carried / water if water > 0.0 else 0.0
 
     def _pressure(self, port: Port, against: Port | None, rates: WellRates) -> float:
-        """Return the pressure [Pa] at `port` minus that `against` a second one, or the water's.
+        """Return the pressure [Pa] at `port` minus the one `against` it, or of the water.
 
         Raises:
             InputError: a port outside the sand, no open water, or no sand on the way.
@@ -170,12 +170,12 @@ def _rises(flux: FaceField, driven: FaceField, trans: FaceField) -> FaceField:
 
 
 def _between(grid: Grid, base: Cell, port: Port, rises: FaceField) -> float:
-    """Return the pressure [Pa] at `port`, interpolated between cells, minus that of `base`."""
+    """Return the pressure [Pa] at `port`, interpolated between cells, minus the one of `base`."""
     return sum(share * _along(base, cell, rises) for cell, share in _cells_around(grid, port))
 
 
 def _along(base: Cell, cell: Cell, rises: FaceField) -> float:
-    """Return the pressure [Pa] of `cell` minus that of `base`: along a row, and up a column.
+    """Return the pressure [Pa] of `cell` minus the one of `base`: along a row, and up a column.
 
     Where no water flows on that way, it goes up first; NaN if no water flows there either.
     """
@@ -217,7 +217,7 @@ def _neighbours(place: float, count: int) -> list[tuple[int, float]]:
 
 
 def _at_water(flux: FaceField, trans: FaceField, physics: Physics) -> tuple[Cell, float]:
-    """Return a cell beside open water, and its pressure [Pa] above that of the lowest water.
+    """Return a cell beside open water, and its pressure [Pa] above the lowest water.
 
     Raises:
         InputError: no water stands at a side.

@@ -1,4 +1,4 @@
-"""What a balance, a manometer or a sample of the outflow shows: a reading beside the maps."""
+"""Readings of a balance, of a manometer or of the outflow, beside the maps."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,20 +6,20 @@ from enum import StrEnum
 from porotwin_core.basis.units import ML
 
 
-class ReadingKind(StrEnum):
-    """What is read; the value of the kind is its word in `observations.csv`, with its unit."""
+class GaugeKind(StrEnum):
+    """The kinds of readings. Each value is the word in `observations.csv`, with its unit."""
 
     OUTFLOW = 'outflow_ml'
     """Water that has left through a well, a side or other water; negative if it came in."""
     PRESSURE = 'pressure_pa'
-    """Pressure at a port beyond that of resting water, against another port or the water."""
+    """Excess pressure over resting water at a port, against another port or the water."""
     CONCENTRATION = 'concentration'
     """Concentration of the water that leaves through a well, a side or other water."""
 
     @property
     def per_si(self) -> float:
         """Factor from SI to the unit in the word of the kind."""
-        return ML if self is ReadingKind.OUTFLOW else 1.0
+        return ML if self is GaugeKind.OUTFLOW else 1.0
 
 
 Port = tuple[float, float]
@@ -27,12 +27,12 @@ Port = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Reading:
+class GaugeReading:
     """One reading.
 
     Attributes:
         time: seconds from the start of the experiment [s].
-        kind: what is read.
+        kind: the kind of the reading.
         value: the reading [m^3], [Pa] or [-].
         deviation: its standard deviation, above 0, in the unit of the value.
         place: name of the well, of the side or of the water, for an outflow or a concentration.
@@ -41,7 +41,7 @@ class Reading:
     """
 
     time: float
-    kind: ReadingKind
+    kind: GaugeKind
     value: float
     deviation: float
     place: str = ''
@@ -53,7 +53,7 @@ class Reading:
         """The place in words, for tables."""
         if self.port is None:
             return self.place
-        here = f'x {self.port[0]:g} m, z {self.port[1]:g} m'
+        here = f'x {self.port[0]:.4g} m, z {self.port[1]:.4g} m'
         if self.against is None:
             return here
-        return f'{here} against x {self.against[0]:g} m, z {self.against[1]:g} m'
+        return f'{here} against x {self.against[0]:.4g} m, z {self.against[1]:.4g} m'

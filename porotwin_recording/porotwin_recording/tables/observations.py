@@ -6,14 +6,14 @@ from pathlib import Path
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
-from porotwin_core.model.reading import Port, Reading, ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
 from porotwin_core.rig import SIDES, Rig
 from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
 
 HEADER = ('time_s', 'kind', 'place', 'against', 'value', 'deviation')
 
 
-def read_readings(path: Path, rig: Rig) -> tuple[Reading, ...]:
+def read_readings(path: Path, rig: Rig) -> tuple[GaugeReading, ...]:
     """Return the readings in the file `path`, converted to SI units, in the order of their times.
 
     Raises:
@@ -25,16 +25,16 @@ def read_readings(path: Path, rig: Rig) -> tuple[Reading, ...]:
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _reading(words: list[str], where: str, rig: Rig) -> Reading:
+def _reading(words: list[str], where: str, rig: Rig) -> GaugeReading:
     time = parse_number(words[0], f'{where}: time_s')
     if time < 0:
         raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
     if time > LONGEST_EXPERIMENT_S:
         raise InputError(f'{where}: time_s {time:g} is more than a year; write seconds')
     try:
-        kind = ReadingKind(words[1])
+        kind = GaugeKind(words[1])
     except ValueError:
-        known_kinds = ', '.join(ReadingKind)
+        known_kinds = ', '.join(GaugeKind)
         raise InputError(f"{where}: unknown kind '{words[1]}'; write {known_kinds}") from None
     value, deviation = (
         parse_number(word, f'{where}: {name}')
@@ -44,12 +44,12 @@ def _reading(words: list[str], where: str, rig: Rig) -> Reading:
         raise InputError(
             f'{where}: deviation {deviation:g}; write how far the reading may be off, above 0'
         )
-    if kind is ReadingKind.CONCENTRATION and not 0.0 <= value <= 1.0:
+    if kind is GaugeKind.CONCENTRATION and not 0.0 <= value <= 1.0:
         raise InputError(
             f'{where}: concentration {value:g}; must lie between 0 (water) and 1 (stock)'
             f'{was_percent(value)}'
         )
-    if kind is ReadingKind.PRESSURE:
+    if kind is GaugeKind.PRESSURE:
         port = _port(words[2], f'{where}: place', rig)
         against = _port(words[3], f'{where}: against', rig) if words[3] else None
         at_side = (body.side for body in rig.water_bodies.values() if body.head_m is not None)
@@ -58,14 +58,14 @@ def _reading(words: list[str], where: str, rig: Rig) -> Reading:
                 f"{where}: against is empty, but no water stands at a side of '{rig.name}'; write "
                 'the x and z of a second port'
             )
-        return Reading(time, kind, value, deviation, port=port, against=against)
+        return GaugeReading(time, kind, value, deviation, port=port, against=against)
     known = (*rig.wells, *SIDES, *rig.water)
     if words[2] not in known:
         raise InputError(f"{where}: unknown place '{words[2]}'; the rig has {', '.join(known)}")
     if words[3]:
         raise InputError(f"{where}: against '{words[3]}' belongs to a pressure; leave it empty")
     unit = kind.per_si
-    return Reading(time, kind, value / unit, deviation / unit, words[2])
+    return GaugeReading(time, kind, value / unit, deviation / unit, words[2])
 
 
 def _port(text: str, where: str, rig: Rig) -> Port:
@@ -81,12 +81,12 @@ def _port(text: str, where: str, rig: Rig) -> Port:
     return x, z
 
 
-def write_readings(path: Path, readings: Iterable[Reading]) -> None:
+def write_readings(path: Path, readings: Iterable[GaugeReading]) -> None:
     """Write `readings` as a table that `read_readings` reads back."""
     write_table(path, HEADER, map(_row, readings))
 
 
-def _row(one: Reading) -> tuple[str, ...]:
+def _row(one: GaugeReading) -> tuple[str, ...]:
     unit = one.kind.per_si
     place = one.place if one.port is None else _port_text(one.port)
     against = '' if one.against is None else _port_text(one.against)

@@ -9,10 +9,10 @@ from test_water_balance import layered
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, from_ml_h
-from porotwin_core.model.reading import Port, Reading, ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_solver.model.readings import simulated_readings
+from porotwin_solver.model.simulated_readings import simulated_readings
 
 CLOSED = {'boundaries': {'top': 'closed'}}
 SAND = {
@@ -23,12 +23,12 @@ SAND = {
 RESTING = Schedule(())
 
 
-def pressure(port: Port, against: Port | None = None, time: float = 0.0) -> Reading:
-    return Reading(time, ReadingKind.PRESSURE, 0.0, 1.0, port=port, against=against)
+def pressure(port: Port, against: Port | None = None, time: float = 0.0) -> GaugeReading:
+    return GaugeReading(time, GaugeKind.PRESSURE, 0.0, 1.0, port=port, against=against)
 
 
-def outflow(place: str, time: float) -> Reading:
-    return Reading(time, ReadingKind.OUTFLOW, 0.0, 1.0, place)
+def outflow(place: str, time: float) -> GaugeReading:
+    return GaugeReading(time, GaugeKind.OUTFLOW, 0.0, 1.0, place)
 
 
 def pumped(rate_ml_h: float) -> Schedule:
@@ -36,9 +36,11 @@ def pumped(rate_ml_h: float) -> Schedule:
     return Schedule.from_rates([(0.0, {'a': there, 'b': WellRate(-there.rate)})])
 
 
-def shown(rig: Rig, *readings: Reading, schedule: Schedule = RESTING, **given: Any) -> list[float]:
-    grid = rig.grid(50, 20)
-    return simulated_readings(rig, schedule, readings, grid=grid, **given).tolist()
+def shown(
+    rig: Rig, *readings: GaugeReading, schedule: Schedule = RESTING, **given: Any
+) -> list[float]:
+    given = {'start': 0.0, **given}
+    return simulated_readings(rig, schedule, readings, grid=rig.grid(50, 20), **given).tolist()
 
 
 def test_the_pressure_falls_evenly_between_two_levels() -> None:
@@ -97,7 +99,8 @@ def test_the_outflow_has_the_concentration_of_the_sand_beside_it() -> None:
     rig = layered(**SAND)
     half = np.full((20, 50), 0.5)
     asked = [
-        Reading(60.0, ReadingKind.CONCENTRATION, 0.0, 1.0, place) for place in ('right', 'b', 'top')
+        GaugeReading(60.0, GaugeKind.CONCENTRATION, 0.0, 1.0, place)
+        for place in ('right', 'b', 'top')
     ]
     found = shown(rig, *asked, initial=half)
     assert found == pytest.approx([0.5, 0.5, 0.0], rel=1e-2)
@@ -115,9 +118,9 @@ def test_a_reading_from_before_the_model_starts_is_unknown() -> None:
         (outflow('drain', 60.0), 'drain'),
         (pressure((1.5, 0.1), (0.5, 0.1)), 'outside'),
         (pressure((0.5, 0.1)), 'second port'),
-        (Reading(0.0, ReadingKind.CONCENTRATION, 0.0, 1.0, 'drain'), 'drain'),
+        (GaugeReading(0.0, GaugeKind.CONCENTRATION, 0.0, 1.0, 'drain'), 'drain'),
     ],
 )
-def test_a_place_that_the_rig_lacks_is_named(reading: Reading, word: str) -> None:
+def test_a_place_that_the_rig_lacks_is_named(reading: GaugeReading, word: str) -> None:
     with pytest.raises(InputError, match=word):
         shown(layered(**CLOSED, **SAND), reading)

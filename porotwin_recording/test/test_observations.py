@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from lab.blind.blind_cases import SMALL
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.reading import Reading, ReadingKind
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rig.sections import Boundaries
-from porotwin_recording.tables.readings import HEADER, read_readings, write_readings
+from porotwin_recording.tables.observations import HEADER, read_readings, write_readings
 
 FINITE = st.floats(0.0, 1.0, allow_subnormal=False)
 
@@ -27,10 +27,10 @@ def test_readings_come_back(
     path = tmp_path_factory.getbasetemp() / 'observations.csv'
     port, other = (x * SMALL.width_m, z * SMALL.height_m), (0.1, 0.1)
     readings = (
-        Reading(time, ReadingKind.PRESSURE, value, deviation, port=port),
-        Reading(time, ReadingKind.PRESSURE, -value, deviation, port=port, against=other),
-        Reading(time, ReadingKind.CONCENTRATION, value, deviation, 'producer'),
-        Reading(time, ReadingKind.OUTFLOW, -value * 1e-6, deviation * 1e-6, 'top'),
+        GaugeReading(time, GaugeKind.PRESSURE, value, deviation, port=port),
+        GaugeReading(time, GaugeKind.PRESSURE, -value, deviation, port=port, against=other),
+        GaugeReading(time, GaugeKind.CONCENTRATION, value, deviation, 'producer'),
+        GaugeReading(time, GaugeKind.OUTFLOW, -value * 1e-6, deviation * 1e-6, 'top'),
     )
     write_readings(path, readings)
     back = read_readings(path, SMALL)
