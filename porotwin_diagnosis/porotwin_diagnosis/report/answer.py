@@ -6,7 +6,12 @@ from typing import Any
 from porotwin_diagnosis.advice.partial_cause import is_dipole
 from porotwin_diagnosis.data.error_parts import in_words
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
-from porotwin_diagnosis.decision.held_out import camera_errors, remaining_parts
+from porotwin_diagnosis.decision.compared_readings import ComparedReading
+from porotwin_diagnosis.decision.held_out import (
+    camera_errors,
+    remaining_parts,
+    root_mean_square,
+)
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
@@ -146,6 +151,12 @@ def _hidden_improvement(result: Diagnosis) -> str:
     seen_before, seen_after = camera_errors(result.held_out)
     before = result.evidence.findings.null.fitted_error
     after = result.verdict.model.fitted_error
+    if seen_after >= seen_before / WORSENED and result.readings and after >= before / WORSENED:
+        off = [root_mean_square(one) for one in zip(*map(_off, result.readings), strict=True)]
+        return (
+            'The maps are the same with and without the correction. The readings beside them lie '
+            f'{number(off[1])} instead of {number(off[0])} standard deviations off.'
+        )
     if seen_after >= seen_before / WORSENED:
         return (
             f'The gap lies in the part before the held-out one: there the error is '
@@ -157,6 +168,12 @@ def _hidden_improvement(result: Diagnosis) -> str:
         f'With the correction, and with the blur of the camera{level}, the error of the model in '
         f'the held-out part is {percent(seen_after)} instead of {percent(seen_before)}.'
     )
+
+
+def _off(one: ComparedReading) -> tuple[float, float]:
+    """Return how far a reading lies off the model before and after [standard deviations]."""
+    read = one.reading
+    return (read.value - one.before) / read.deviation, (read.value - one.after) / read.deviation
 
 
 def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
