@@ -155,7 +155,7 @@ def _hidden_improvement(result: Diagnosis) -> str:
         off = [root_mean_square(one) for one in zip(*map(_off, result.readings), strict=True)]
         return (
             'The maps are the same with and without the correction. The readings beside them lie '
-            f'{number(off[1])} instead of {number(off[0])} standard deviations off.'
+            f'{number(off[1], 2)} instead of {number(off[0], 2)} standard deviations off.'
         )
     if seen_after >= seen_before / WORSENED:
         return (
