@@ -11,6 +11,7 @@ from recording_examples import SHARED, controlled_rig
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import write_rig
 from porotwin_recording.experiment.bag_conversion import export_bag, import_experiment
@@ -24,6 +25,7 @@ from porotwin_recording.tables.concentration import (
     MapOrigin,
     MapSeries,
 )
+from porotwin_recording.tables.observations import write_readings
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 
@@ -133,6 +135,18 @@ def test_deviations_and_the_origin_of_maps_survive_the_way_through_a_bag(
     assert_same(open_recording(tmp_path / 'run.mcap'), original)
     export_bag(tmp_path / 'run.mcap', tmp_path / 'again')
     assert_same(open_recording(tmp_path / 'again'), original)
+
+
+def test_readings_stay_beside_the_bag(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig = open_recording(folder).rig
+    read = GaugeReading(5.0, GaugeKind.OUTFLOW, -1e-6, 1e-7, next(iter(rig.wells)))
+    write_readings(folder / 'observations.csv', [read])
+    assert open_recording(folder).readings == (read,)
+    import_experiment(folder, tmp_path / 'bag.mcap')
+    assert any('observations.csv' in line for line in caplog.messages)
+    assert open_recording(tmp_path / 'bag.mcap').readings == ()
 
 
 def test_importing_twice_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:

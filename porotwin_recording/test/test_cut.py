@@ -7,6 +7,7 @@ import pytest
 from recording_examples import SCHEDULE, bench_rig
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.experiment.cut import cut
 from porotwin_recording.experiment.experiment_folder import write_folder
@@ -42,6 +43,14 @@ def test_rates_before_the_part_stay_and_later_ones_go(recording):
     assert cut(recording, 60.0, 90.0).commanded == SCHEDULE
     early = cut(recording, 0.0, 30.0).commanded
     assert [row.time for row in early.rows] == [0.0, 0.0]
+
+
+def test_readings_after_the_part_go(recording):
+    readings = tuple(
+        GaugeReading(time, GaugeKind.OUTFLOW, 1e-6, 1e-7, 'out') for time in (10.0, 50.0, 80.0)
+    )
+    part = cut(replace(recording, readings=readings), 30.0, 60.0)
+    assert [one.time for one in part.readings] == [10.0, 50.0]
 
 
 def test_rates_of_a_part_were_measured_to_its_end(recording):

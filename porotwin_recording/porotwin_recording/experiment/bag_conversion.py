@@ -9,6 +9,7 @@ diagnostics.
 
 import array
 import heapq
+import logging
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,7 +42,7 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_recording.experiment.cut import cut
-from porotwin_recording.experiment.experiment_folder import Progress, write_folder
+from porotwin_recording.experiment.experiment_folder import READINGS_FILE, Progress, write_folder
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_recording.experiment.segments import SINCE_1970_NS
@@ -53,6 +54,9 @@ from porotwin_recording.mcap.serialization import SECOND, Serializer, message_ty
 from porotwin_recording.tables.one_writer import one_writer
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
+
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for what a bag cannot hold."""
 
 IMPORT_START = SINCE_1970_NS
 """Start of every imported experiment [ns], 2001-09-09 01:46:40 UTC; equal folders, equal bags."""
@@ -106,6 +110,13 @@ def import_experiment(
         InputError: one line that names a fault in the folder, or the bag exists.
     """
     recording = open_recording(folder)
+    if recording.readings:
+        LOG.warning(
+            '%s: a bag holds no readings; keep %s beside it, and copy it into a folder that export '
+            'makes of the bag',
+            folder,
+            READINGS_FILE,
+        )
     serializer = Serializer()
     counts: dict[str, int] = {}
     total = len(recording.photos) + (len(recording.maps) if recording.maps else 0)

@@ -36,6 +36,7 @@ def cut(recording: Recording, start: float, end: float) -> Recording:
         measured=_measured_until(recording.measured, end),
         maps=maps or None,
         photos=photos,
+        readings=tuple(one for one in recording.readings if one.time <= end),
     )
 
 
