@@ -12,8 +12,9 @@ and some frames share one:
     G = A^T A / tv,  h = A^T r / tv + m
 
 (MacKay, Information Theory, section 28.1). The variance has an inverse gamma prior about what the
-noise leaves, and is integrated out. *Something else* is a set with random fields beside its modes,
-whose amplitude and length are integrated out too. A class (none, one effect, several, something
+noise leaves, and is integrated out. Every set has random fields beside its modes, since no model is
+exact; their amplitude and length are integrated out too. `SMALL` ones are errors of the
+model. *Something else* is a set with larger ones. A class (none, one effect, several, something
 else) is as probable as another, and so are its sets. A power tempers the probabilities. It and the
 frames that share an error are fitted.
 """
@@ -57,8 +58,9 @@ SHAPE = 10.0
 VARIANCES = np.geomspace(0.01, 30.0, 81)
 """Variances over which the evidence is integrated."""
 
-AMPLITUDES, LENGTHS = (0.1, 0.3, 1.0, 3.0), (0.0, 0.3)
-"""Amplitudes of the random fields, and their correlation lengths [sides of the rig]."""
+SMALL, LARGE, LENGTHS = (0.0, 0.003, 0.01), (0.03, 0.1, 0.3, 1.0, 3.0), (0.0, 0.3)
+"""Amplitudes of the random fields as errors of the model and as something else, and their
+correlation lengths [sides of the rig]."""
 
 FRAMES, TEMPERS = (1.0, 2.0, 4.0, 8.0), np.geomspace(0.01, 1.0, 41)
 """Frames that share an error, and powers of the probabilities, that are tried."""
@@ -68,7 +70,7 @@ LISTED = 1.0 / 3.0
 
 
 class SetEvidence(NamedTuple):
-    """The names of a set, its log evidence alone, and with something else beside it."""
+    """The names of a set, its log evidence with small errors, and with something else beside it."""
 
     names: tuple[str, ...]
     alone: float
@@ -122,25 +124,21 @@ def numbers_of(recording: LinearRecording, frames: float) -> dict[str, float]:
     }
 
 
-def without_fields(one: LinearSet, fields: int) -> LinearSet:
-    """Return the set without its last `fields` amplitudes."""
-    own = slice(len(one.mean) - fields)
-    return LinearSet(one.names, one.square, one.gram[own, own], one.moments[own], one.mean[own])
-
-
 def set_evidence(one: LinearSet, fields: int, numbers: Mapping[str, float]) -> SetEvidence:
     """Return the evidence of a set whose last `fields` amplitudes are those of something else.
 
     `numbers` are the named arguments of `log_evidence`.
     """
     size = len(one.mean) - fields
-    alone = without_fields(one, fields)
-    beside = [
-        log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
-        for length, amplitude in product(LENGTHS, AMPLITUDES)
-    ]
-    mean = float(logsumexp(beside) - np.log(len(beside)))
-    return SetEvidence(one.names, log_evidence(alone, 1.0, **numbers), mean)
+
+    def mean(amplitudes: Sequence[float]) -> float:
+        logs = [
+            log_evidence(one, np.append(np.ones(size), amplitude * spectrum_of(length)), **numbers)
+            for length, amplitude in product(LENGTHS, amplitudes)
+        ]
+        return float(logsumexp(logs) - np.log(len(logs)))
+
+    return SetEvidence(one.names, mean(SMALL), mean(LARGE))
 
 
 def spectrum_of(length: float) -> FloatArray:

@@ -69,11 +69,10 @@ def drawn_set(generator, responses, fields):
     chosen = [int(n) for n in generator.permutation(EFFECTS)[:count]]
     names = tuple(f'effect {n}' for n in chosen)
     maps = sum((generator.normal() * responses[n] for n in chosen), np.zeros(CELLS))
-    if kind == 'beside':
-        length = generator.choice(laplace.LENGTHS)
-        scale = generator.choice(laplace.AMPLITUDES) * spectrum_of(length)
-        return ('unexplained',), maps + (scale * generator.normal(size=len(scale))) @ fields
-    return names or ('none',), maps
+    amplitude = generator.choice(laplace.LARGE if kind == 'beside' else laplace.SMALL)
+    scale = amplitude * spectrum_of(generator.choice(laplace.LENGTHS))
+    maps = maps + (scale * generator.normal(size=len(scale))) @ fields
+    return ('unexplained',) if kind == 'beside' else names or ('none',), maps
 
 
 def test_the_confidence_is_calibrated_on_draws_from_the_priors(monkeypatch):
