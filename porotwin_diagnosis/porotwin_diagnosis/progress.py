@@ -16,7 +16,7 @@ SINGLES_JUDGED, SEARCH_ENDED = 0.25, 0.92
 """Positions at which every single effect is judged, and at which the verdict follows. A quick
 search leaves out what lies between."""
 
-MOST = {ALL_TRIED: 1.0, 0.15: 3.0, SINGLES_JUDGED: 4.0, 0.55: 30.0, SEARCH_ENDED: 50.0, 1.0: 3.0}
+MOST = {ALL_TRIED: 1.0, 0.15: 3.0, SINGLES_JUDGED: 6.0, 0.55: 30.0, SEARCH_ENDED: 50.0, 1.0: 3.0}
 """The most time of the stages that end at these positions (effects without a place, with one,
 judged effects, pairs, triples, verdict), relative to that of the first one. Measured with no effect
 to three effects, on grids of 187 x 112 to 280 x 150, and rounded up."""
