@@ -247,7 +247,7 @@ class _Told:
         error = f'{before} to {after}'
         nearest = '' if verdict.kept else f'; nearest: {in_words(best.effects)}'
         if not verdict.kept and best.held_out_error >= null.held_out_error:
-            nearest, error = '', before  # what makes the error larger is near to nothing
+            nearest, error = '', before  # it makes the error larger
         self._tell(
             f'so far: {named}, confidence {percent(verdict.confidence)}{nearest}; error of the '
             f'held-out maps {error}, on the cells of this stage'

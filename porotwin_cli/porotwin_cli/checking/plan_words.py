@@ -1,4 +1,4 @@
-"""Where the wells of a rig lie, and what they will do, in words to compare with the protocol."""
+"""The places of wells and their plan in words, to compare with the protocol."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ HEIGHTS, SIDES = ('lower', 'middle', 'upper'), ('left', 'middle', 'right')
 
 
 def place_words(rig: Rig) -> str:
-    """Return one line: the part of the rig in which every well and canal lies, and its sand."""
+    """Return one line: the part of the rig of every well and canal, and its sand."""
     told = []
     for name, well in rig.wells.items():
         sand = _sand_at(rig, well.x_m, well.z_m)
@@ -41,7 +41,7 @@ def plan_words(rates: Schedule, end: float) -> str:
 
 
 def _part(rig: Rig, x: float, z: float) -> str:
-    """Return the third of the height and of the width in which a place lies, as a reader says."""
+    """Return the third of the height and of the width of a place, in words."""
     shares = (z / rig.height_m, x / rig.width_m)
     words = [
         names[min(int(share * len(names)), len(names) - 1)]

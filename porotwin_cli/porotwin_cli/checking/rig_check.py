@@ -340,7 +340,7 @@ def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
 
 
 def announced_rates(checked: CheckedRig) -> Schedule:
-    """Return the recorded rates, or those of the plan with the announced pauses."""
+    """Return the recorded rates, or a plan with the announced pauses."""
     rig = checked.planned or checked.rig
     known = None if checked.data is None else checked.data.known_rates
     if known is None:
