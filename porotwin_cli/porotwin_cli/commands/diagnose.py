@@ -274,9 +274,9 @@ def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
 
 
 def _left_in_words(clock: 'WorkClock') -> str:
-    """Return the time left; empty: it is not known yet."""
+    """Return the time left; empty: none, or it is not known yet."""
     whole, singles = clock.left, clock.left_for_singles
-    if not math.isfinite(whole):
+    if not 0.0 < whole < math.inf:
         return ''
     if not 0.0 < singles < whole:
         return f'at most {duration_in_words(whole)}'
