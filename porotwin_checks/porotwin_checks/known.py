@@ -86,9 +86,6 @@ class Known:
         return numbers
 
 
-CONVERTED = (0.7, 1.3)
-"""Ratio of two numbers, one of them converted, that shows a mistaken unit [-]."""
-
 VISIBLE_TRACER = 0.1
 """Concentration [-] that a cell of a map exceeds if the map shows tracer."""
 

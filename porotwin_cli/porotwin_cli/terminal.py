@@ -148,53 +148,18 @@ def seconds_left(task: Task) -> float | None:
     return max(recent, elapsed * (task.remaining or 0.0) / task.completed)
 
 
-class LatestEnd:
-    """The latest end of a work whose speed changes from stage to stage.
-
-    While the share that is done doubled, the estimate of the whole time changed by a factor. It may
-    change by this factor again. A later end replaces the told one only when that has passed.
-    """
-
-    def __init__(self) -> None:
-        self._totals: list[tuple[float, float]] = []
-        self._end: float | None = None
-
-    def seen(self, task: Task, done: float) -> float | None:
-        """Return the end [s since the begin of the task]; None as long as nothing tells it.
-
-        `done` is the part of its total that is now done.
-        """
-        elapsed, total = task.elapsed or 0.0, float(task.total or 0.0)
-        if not done:
-            return None
-        self._totals.append((done, elapsed * total / done))
-        if 100.0 * done < KNOWN_FROM_PERCENT * total and elapsed < KNOWN_FROM_S:
-            return None
-        recent = [total for then, total in self._totals if 2.0 * then >= done]
-        end = recent[-1] * max(recent) / min(recent)
-        if self._end is None or end < self._end or elapsed > self._end:
-            self._end = end
-        return self._end
-
-
 def left_in_words(task: Task) -> str:
     """Return the remaining time of a task, such as "2 min left"; empty where it is unknown.
 
-    Where work may be left out, the least time comes first: "2 min left, 9 min if no simple cause
-    suffices". The field `least_left` of the task, in the unit of its total, tells the least work,
-    and `latest_end` the time of all of it. The time is unknown at the very beginning, where the
-    time to start would count as slow work.
+    A task that knows it tells it by its field `left`, a function. Of others it is unknown at the
+    very beginning, where the time to start would count as slow work.
     """
+    if 'left' in task.fields:
+        return str(task.fields['left']())
     if task.percentage < KNOWN_FROM_PERCENT and (task.elapsed or 0.0) < KNOWN_FROM_S:
         return ''
-    most, end = seconds_left(task), task.fields.get('latest_end')
-    if most is None or not task.remaining:
-        return ''
-    if end is not None:
-        most = max(end - (task.elapsed or 0.0), 0.0)
-    share = min(task.fields.get('least_left', task.remaining) / task.remaining, 1.0)
-    high, low = duration_in_words(most), duration_in_words(share * most)
-    return f'{low} left' if low == high else f'{low} left, {high} if no simple cause suffices'
+    left = seconds_left(task)
+    return f'{duration_in_words(left)} left' if left and task.remaining else ''
 
 
 class _TimeLeft(ProgressColumn):
@@ -204,7 +169,7 @@ class _TimeLeft(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """Return the column of `task`."""
-        if 'least_left' in task.fields:
+        if 'left' in task.fields:
             return Text(left_in_words(task) or '-:--:--')
         left = seconds_left(task)
         return Text('-:--:--' if left is None else str(timedelta(seconds=round(left))))

@@ -7,7 +7,6 @@ import pytest
 
 from porotwin_cli import terminal
 from porotwin_cli.terminal import (
-    LatestEnd,
     left_in_words,
     print_json,
     print_table,
@@ -101,43 +100,7 @@ def test_a_slow_start_makes_no_estimate() -> None:
             assert bool(left_in_words(bar.tasks[0])) is known
 
 
-def test_the_latest_end_holds_while_stages_become_slower() -> None:
-    """A real course: seconds, and per cent that are done of a work of about 1700 s."""
-    course = [(20.5, 1.7), (75.3, 4.4), (113.2, 6.6), (149.1, 7.9), (200.7, 9.1), (226.2, 9.6),
-              (259.0, 14.2), (278.8, 17.4)]  # fmt: skip
-    now, end, told = 0.0, LatestEnd(), []
+def test_a_task_may_know_its_remaining_time() -> None:
     with progress() as bar:
-        bar.get_time = lambda: now
-        number = bar.add_task('diagnosis', total=100)
-        task = bar.tasks[-1]
-        for now, done in course:  # noqa: B007
-            told.append(end.seen(task, done))
-            bar.update(number, completed=done)
-        assert told[0] is None
-        known = [one for one in told if one is not None]
-        assert known == sorted(known, reverse=True)
-        assert known[-1] > 278.8 / 0.174
-        now = 1e4
-        assert end.seen(task, done) > now  # it has passed
-
-
-@pytest.mark.parametrize(
-    ('fields', 'words'),
-    [
-        ({}, '6 min left'),
-        ({'least_left': 20.0}, '2 min left, 6 min if no simple cause suffices'),
-        ({'least_left': 5.0}, '40 s left, 6 min if no simple cause suffices'),
-        ({'least_left': 50.0}, '6 min left'),
-    ],
-)
-def test_the_remaining_time_has_a_least_one_where_work_may_be_left_out(
-    fields: dict[str, float], words: str
-) -> None:
-    now = 0.0
-    with progress() as bar:
-        bar.get_time = lambda: now
-        number = bar.add_task('work', total=100.0, **fields)
-        for completed in (10.0, 30.0, 50.0):
-            now = 7.2 * completed
-            bar.update(number, completed=completed)
-        assert left_in_words(bar.tasks[0]) == words
+        bar.add_task('diagnosis', total=100, left=lambda: 'at most 9 min')
+        assert left_in_words(bar.tasks[0]) == 'at most 9 min'

@@ -142,6 +142,7 @@ def test_the_small_rig_is_not_odd() -> None:
                 (60, {'from_min': 7}, 'from_min begins the cycles'),
                 (None, {'on_min': 7, 'every_min': 9}, 'cycles need the end of the experiment'),
                 (60, {'on_min': 1e-6, 'every_min': 1e-5}, 'take at most 10000'),
+                (60, {'on_min': 360, 'every_min': 720}, 'lasts longer than end_min 60'),
                 (60, {'on_min': 1e-309, 'every_min': 1e-308}, 'take at most 10000'),
             )
         ),

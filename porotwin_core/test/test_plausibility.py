@@ -3,7 +3,12 @@
 import pytest
 
 from porotwin_core.basis import plausibility
-from porotwin_core.basis.plausibility import PlausibleRange, plausible_rate_ml_h, rate_remark
+from porotwin_core.basis.plausibility import (
+    PlausibleRange,
+    extent_remark,
+    plausible_rate_ml_h,
+    rate_remark,
+)
 
 RANGES = [value for value in vars(plausibility).values() if isinstance(value, PlausibleRange)]
 SMALL_RIG_PORES = 1.97e-3
@@ -78,3 +83,11 @@ def test_a_small_permeability_may_be_clay() -> None:
     low = plausibility.PERMEABILITY.remark('sands.clay.permeability_m2', 1e-14)
     assert low is not None
     assert str(low).endswith('correct the number, unless it is clay')
+
+
+@pytest.mark.parametrize(
+    ('last_min', 'is_odd'),
+    [(63.0, False), (70.0, False), (30.0, False), (0.0, False), (1.05, True), (3780.0, True)],
+)
+def test_changes_that_do_not_suit_the_experiment_are_odd(last_min: float, is_odd: bool) -> None:
+    assert (extent_remark('rates.csv', last_min, 63.0, 'seconds') is not None) is is_odd

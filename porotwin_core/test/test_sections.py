@@ -114,6 +114,7 @@ def test_a_level_in_another_unit_is_odd_or_refused() -> None:
         rig_with({**water, 'a': {'side': 'left', 'head_m': 45.2}})
 
 
+HIGH = {'corners_m': [[0.61, 0.4], [0.65, 0.4], [0.65, 0.48], [0.61, 0.48]], 'head_m': 0.455}
 OPEN = {'boundaries': {'top': 'closed', 'left': 'open', 'heads_m': {'left': 0.6}}}
 SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
 
@@ -122,7 +123,9 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
     ('water', 'others', 'odd'),
     [
         (WATER, {}, []),
-        ({'low': {**WATER['canal'], 'head_m': 0.43}, 'sea': SEA}, {}, ['water.low.head_m']),
+        ({'low': {**WATER['canal'], 'head_m': 0.44}, 'sea': SEA}, {}, []),
+        ({'low': {**WATER['canal'], 'head_m': 0.446}, 'high': HIGH}, {}, []),
+        ({'low': {**WATER['canal'], 'head_m': 0.476}, 'high': HIGH}, {}, ['water.low.head_m']),
         ({'below': {**SEA, 'from_m': 0.1, 'head_m': 0.05}}, {}, ['water.below.head_m']),
         ({'above': {'side': 'top', 'head_m': 0.5}}, {}, ['water.above.head_m']),
         ({'partly': {**SEA, 'head_m': 0.3}}, {}, ['water.partly.head_m']),

@@ -1,10 +1,10 @@
 """The diagnosis as an action beside the live twin: of a recording, or of the run so far."""
 
+import math
 import os
 import shutil
 import tempfile
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -42,10 +42,6 @@ from porotwin_msgs.msg import CleanState, NewState
 from porotwin_recording.experiment.bag import origin_of_state
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_solver.model.presets import PRESETS
-
-FIRST_ESTIMATE = 0.02
-"""Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
-
 
 DIAGNOSE = 'diagnosis/diagnose'
 """Action of this node."""
@@ -262,22 +258,18 @@ class _Feedback:
 
     def __init__(self, goal: ServerGoalHandle) -> None:
         self._goal = goal
-        self._begin = time.monotonic()
         self._clock = WorkClock()
 
     def __call__(self, stage: str, fraction: float) -> None:
         if self._goal.is_cancel_requested and fraction < 1.0:  # a finished diagnosis is delivered
             raise CanceledError
-        elapsed = time.monotonic() - self._begin
-        remaining = 0.0
         self._clock.reach(fraction)
-        if self._clock.share > FIRST_ESTIMATE:
-            remaining = elapsed * (1.0 - self._clock.share) / self._clock.share
+        left = self._clock.left
         self._goal.publish_feedback(
             Diagnose.Feedback(
                 stage=stage,
                 fraction=float(fraction),
-                remaining=conversions.duration_to_msg(remaining),
+                remaining=conversions.duration_to_msg(left if math.isfinite(left) else 0.0),
             )
         )
 

@@ -245,11 +245,14 @@ class _Told:
         )
         verdict = decide(gather(self._samples, findings, explanation, numerics, errors))
         named = in_words(verdict.model.effects) if verdict.kept else verdict.name
+        before, after = (percent(fit.held_out_error) for fit in (null, best))
+        error = f'{before} to {after}'
         nearest = '' if verdict.kept else f'; nearest: {in_words(best.effects)}'
+        if not verdict.kept and best.held_out_error >= null.held_out_error:
+            nearest, error = '', before  # it makes the error larger
         self._tell(
             f'so far: {named}, confidence {percent(verdict.confidence)}{nearest}; error of the '
-            f'held-out maps {percent(null.held_out_error)} to {percent(best.held_out_error)}, on '
-            'the cells of this stage'
+            f'held-out maps {error}, on the cells of this stage'
         )
 
 

@@ -6,7 +6,7 @@ from diagnosis_examples import candidate, sample_of
 
 from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.model.library import library
-from porotwin_diagnosis.progress import STAGE_ENDS
+from porotwin_diagnosis.progress import MOST
 from porotwin_diagnosis.search.effect_search import fitted_again_alone, search_effects
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import make_levels
@@ -50,6 +50,6 @@ def test_a_member_that_was_stuck_alone_is_fitted_again(denser_sand):
     _, singles = fitted_again_alone(levels, findings, 0.52)
     assert singles[0].effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.004)
     assert normalised_misfit(singles[0]) < 0.3 * normalised_misfit(stuck)
-    before_triples = STAGE_ENDS[3]
+    before_triples = sorted(MOST)[3]
     assert positions[0] == 0.52
     assert 0.52 < max(positions) <= before_triples, 'the search for a third effect follows'

@@ -107,6 +107,9 @@ def test_effects_and_diagnoses_are_told(tmp_path: Path) -> None:
     entry = catalogue_entry(path, KnownVerdicts(tmp_path))
     assert entry.effects == ('decay', 'leak')
     assert entry.diagnosed == 'leak (93 %)'
+    ended = {'verdict': 'leak', 'confidence': 0.6, 'untried': 'pairs of effects'}
+    (diagnosis / 'diagnosis.json').write_text(json.dumps(ended))
+    assert KnownVerdicts(tmp_path).of(path) == 'preliminary: leak (60 %)'
 
 
 def test_the_newest_report_on_a_recording_is_told(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.known import CONVERTED, Known
+from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.plausibility import CONVERTED
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import HOUR_S, MINUTE_S
 

@@ -4,13 +4,16 @@ from collections.abc import Iterator
 
 from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.plausibility import extent_remark
 from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.rates.wells import quoted
 
 
 def _find(known: Known) -> Iterator[Remark]:
     yield from _idle_producer(known)
     yield from _end(known)
+    yield from _extent(known)
 
 
 def _idle_producer(known: Known) -> Iterator[Remark]:
@@ -47,6 +50,16 @@ def _end(known: Known) -> Iterator[Remark]:
         yield Remark(
             'rates.csv', '', why, 'end with rows of rate 0 at the last time', code='no_end'
         )
+
+
+def _extent(known: Known) -> Iterator[Remark]:
+    """Yield a remark if a plan does not suit the time of the experiment."""
+    end_min = known.rig.control.end_min if known.rig.control is not None else None
+    if known.commanded is None or end_min is None or known.has('times') or known.photos:
+        return
+    odd = extent_remark('rates.csv', known.commanded.rows[-1].time / MINUTE_S, end_min, 'seconds')
+    if odd:
+        yield odd
 
 
 CHECK = Check(needs=('commanded',), find=_find)

@@ -14,6 +14,7 @@ from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
+from porotwin_cli.checking.plan_words import place_words, plan_words
 from porotwin_cli.options.planned_rig import holds_plan, plan_in_words
 from porotwin_cli.terminal import gathered_warnings
 from porotwin_core.basis.check import asked
@@ -26,6 +27,7 @@ from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.announced_rates import uncontrolled_rates, with_plan
 from porotwin_core.rates.bottle import bottle_at
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, quoted, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
@@ -292,6 +294,8 @@ def in_words(checked: CheckedRig) -> list[str]:
     if checked.cost is not None:
         seconds, origin = checked.interval
         lines.append(f'one prediction over {seconds:g} s{origin} on {checked.grid}: {checked.cost}')
+    if checked.rig.wells:
+        lines.append(place_words(checked.rig))
     if checked.data is not None and (checked.data.commanded or checked.data.measured):
         pumped = injected(checked.data.known())
         share = pumped.volume / checked.rig.pore_volume
@@ -303,6 +307,9 @@ def in_words(checked: CheckedRig) -> list[str]:
             lines.append(density_words(checked.rig, checked.grid, pumped.stock, pumped.end))
     elif checked.data is None:
         lines += fixed_wells_in_words(checked.rig)
+    rates = announced_rates(checked)
+    if rates.rows and (end := last_time(checked.rig, rates)):
+        lines.append(plan_words(rates, end))
     if (words := stock_words(checked)) is not None:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
@@ -330,6 +337,15 @@ def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
         why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
         taken = plan.injected_stock(0.0, end) * ML
         yield Remark('control.stock_ml', '', why, f'the plan takes {taken:.4g} ml; fill in more')
+
+
+def announced_rates(checked: CheckedRig) -> Schedule:
+    """Return the recorded rates, or a plan with the announced pauses."""
+    rig = checked.planned or checked.rig
+    known = None if checked.data is None else checked.data.known_rates
+    if known is None:
+        return uncontrolled_rates(rig)
+    return known if checked.planned is None else FixedPauses.of(rig).in_schedule(known)
 
 
 def stock_words(checked: CheckedRig) -> str | None:

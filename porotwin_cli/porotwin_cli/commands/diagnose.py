@@ -1,5 +1,6 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
+import math
 import signal
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
@@ -10,7 +11,15 @@ import typer
 
 from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.rig_choice import Domain, Namespace
-from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
+from porotwin_cli.terminal import (
+    Json,
+    WorkFailed,
+    duration_in_words,
+    print_json,
+    print_table,
+    progress,
+    say,
+)
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.units import percent
@@ -29,7 +38,7 @@ if TYPE_CHECKING:
     from porotwin_cli.checking.rig_past import RigPast
     from porotwin_core.rig import Rig
     from porotwin_diagnosis.decision.verdict import Verdict
-    from porotwin_diagnosis.progress import Progress
+    from porotwin_diagnosis.progress import Progress, WorkClock
     from porotwin_recording.experiment.recording import Recording
 
 LEAST_OFFERED = 0.5
@@ -248,23 +257,32 @@ class Wish:
 
 def _shown_on(bar: 'Bar', *, quick: bool) -> 'Progress':
     """Return a function that shows the stages of a diagnosis on `bar`, with the time left."""
-    from porotwin_cli.terminal import LatestEnd
     from porotwin_diagnosis.progress import WorkClock
 
-    number, clock, end = bar.add_task('diagnosis', total=100), WorkClock(quick=quick), LatestEnd()
-    task = bar.tasks[-1]
+    number, clock = bar.add_task('diagnosis', total=100), WorkClock(quick=quick)
 
     def show(stage: str, position: float) -> None:
         clock.reach(position)
         bar.update(
             number,
             completed=100 * clock.share,
-            least_left=100 * clock.least_left,
-            latest_end=end.seen(task, 100 * clock.share),
+            left=lambda: _left_in_words(clock),
             description=stage,
         )
 
     return show
+
+
+def _left_in_words(clock: 'WorkClock') -> str:
+    """Return the time left; empty: none, or it is not known yet."""
+    whole, singles = clock.left, clock.left_for_singles
+    if not 0.0 < whole < math.inf:
+        return ''
+    if not 0.0 < singles < whole:
+        return f'at most {duration_in_words(whole)}'
+    return (
+        f'single effects in at most {duration_in_words(singles)}, all in {duration_in_words(whole)}'
+    )
 
 
 def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:

@@ -157,7 +157,7 @@ def command(
     ways = ' or '.join(_ways_out(recording, effects))
     print(
         f'{output}: {len(made.times)} {kind} over {duration / 60.0:.0f} min; '
-        f'{made.injected * ML:.1f} ml of stock injected, {made.removed * ML:.1f} ml of it removed'
+        f'{made.injected * ML:z.1f} ml of stock injected, {made.removed * ML:z.1f} ml of it removed'
         + (f' by {ways}' if made.removed > 0.0 and ways else '')
     )
     if effect:

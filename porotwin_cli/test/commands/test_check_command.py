@@ -485,3 +485,16 @@ def test_a_picture_that_is_no_png_is_refused_before_the_work(name: str, tmp_path
     result = porotwin('check', small_rig(), '--output', tmp_path / name)
     assert result.returncode == 2
     assert 'give a name that ends in .png' in result.stderr
+
+
+def test_a_plan_and_levels_in_another_unit_are_odd(tmp_path: Path) -> None:
+    data = yaml.safe_load(small_rig().read_text()) | {'boundaries': BETWEEN}
+    data['control']['end_min'] = 80
+    data['levels'] = {'left': {'points': [[600, 0.33], [2400, 0.31]]}}
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump(data))
+    (tmp_path / 'rates.csv').write_text(
+        'time_s,well,rate_ml_h,concentration\n0,injector,500,1\n0,producer,-500,\n'
+        '80,injector,0,1\n80,producer,0,\n'
+    )
+    odd = {one.key for one in check(tmp_path).remarks if one.code == 'extent'}
+    assert odd == {'rates.csv', 'levels.left'}

@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from porotwin_core.basis.remark import NAMED, Remark
-from porotwin_core.basis.units import DARCY, GRAVITY, ML_H
+from porotwin_core.basis.units import DARCY, GRAVITY, MINUTE_S, ML_H
+
+CONVERTED = (0.7, 1.3)
+"""Ratio of two numbers, one of them converted, that shows a mistaken unit [-]."""
 
 CORRECT = 'correct the number'
 """Remedy for a value that no other unit explains."""
@@ -202,3 +205,16 @@ def rate_remark(key: str, rate_ml_h: float, pore_volume_m3: float) -> Remark | N
         f'no pump delivers less than {low:g} ml/h',
         remedy or 'write 0 for a well that rests',
     )
+
+
+def extent_remark(key: str, last_min: float, end_min: float, unit: str) -> Remark | None:
+    """Return a remark if changes until `last_min` do not suit an experiment of `end_min`.
+
+    They reach far beyond it, or would suit it if they were in minutes in place of seconds. `unit`
+    is the one to write.
+    """
+    low, high = (share * end_min for share in CONVERTED)
+    if last_min <= high and not low < last_min * MINUTE_S < high:
+        return None
+    why = f'its last change is at {last_min:.4g} min, and the experiment ends at {end_min:g} min'
+    return Remark(key, '', why, f'were its times in another unit? Write {unit}', code='extent')

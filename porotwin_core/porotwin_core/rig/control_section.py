@@ -81,6 +81,11 @@ class FixedWell(Section):
             raise ValueError(
                 f'{number:.6g} cycles of {self.every_min:g} min: take at most {MOST_CYCLES}'
             )
+        if self.from_min + self.every_min > end_min:
+            raise ValueError(
+                f'a cycle of {self.every_min:g} min from {self.from_min:g} min on lasts longer '
+                f'than end_min {end_min:g}; write minutes, or pauses_min'
+            )
         cycles = math.ceil(number)
         begins = [self.from_min + number * self.every_min for number in range(cycles)]
         rests = [(0.0, self.from_min)] if self.from_min else []
@@ -230,8 +235,12 @@ class Control(Section):
         if cyclic and self.end_min is None:
             raise ValueError(f'fixed.{cyclic[0]}: cycles need the end of the experiment, end_min')
         if cyclic and self.end_min is not None:
-            wells = self.fixed.items()
-            fixed = {name: well.with_cycles_as_pauses(self.end_min) for name, well in wells}
+            fixed = {}
+            for name, well in self.fixed.items():
+                try:
+                    fixed[name] = well.with_cycles_as_pauses(self.end_min)
+                except ValueError as error:
+                    raise ValueError(f'fixed.{name}: {error}') from None
             object.__setattr__(self, 'fixed', fixed)
         return self
 

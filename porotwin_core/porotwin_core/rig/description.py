@@ -480,6 +480,12 @@ class Rig(Section):
         sand = self.sands[name]
         return sand.permeability_m2 or self._permeability_of(sand.hydraulic_conductivity_m_s)
 
+    def is_of_sand(self, name: str) -> NDArray[np.bool_]:
+        """Return where the sand `name` lies, (nz, nx) on the raster of the sands."""
+        own = self.permeability_of_sand(name)
+        same_porosity = self.nominal_map('porosity') == self.sands[name].porosity
+        return np.asarray(same_porosity & (self.nominal_map('permeability_m2') == own))
+
     def _permeability_of(self, conductivity: float | None) -> float:
         """Return the permeability [m^2] of a hydraulic conductivity [m/s] for this rig's water."""
         assert conductivity is not None

@@ -13,7 +13,7 @@ function line(node) {
     age: isNumber(node.age_s) ? `${duration(node.age_s)} ago` : '',
   };
   const spans = Object.entries(parts)
-    .map(([className, textContent]) => element('span', { className, textContent }));
+    .map(([className, textContent]) => element('span', { className }, textContent));
   return element('li', { className: node.level }, ...spans);
 }
 

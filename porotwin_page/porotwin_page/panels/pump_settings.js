@@ -195,7 +195,7 @@ function renderRates(root, setpoint) {
 }
 
 function ratesRow(well, setpoint) {
-  const span = (className, textContent) => element('span', { className, textContent });
+  const span = (className, textContent) => element('span', { className }, textContent);
   const changed = setpoint.pumps_report ? 'moved' : 'changed';
   const marked = well.changed && !setpoint.confirmed && !setpoint.doubt;
   const measured = setpoint.pumps_report ? well.measured_ml_h : null;

@@ -37,7 +37,7 @@ export function create(root) {
     if (!hasChanged(list, [lines[0], lines.length])) return;
     list.replaceChildren(...lines.map((line, i) => {
       const rates = ratesText(line.rates_ml_h, ratesBefore(lines, i));
-      const span = (className, textContent) => element('span', { className, textContent });
+      const span = (className, textContent) => element('span', { className }, textContent);
       return element('li', { className: line.event }, span('time', clockTime(line.clock_s)),
         span('event', eventText(line)), span('rates', rates));
     }));

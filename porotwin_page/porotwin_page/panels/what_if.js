@@ -91,7 +91,7 @@ function renderSliders(root, content, proposal, current) {
 function slider(well, most, step, moved) {
   const input = element('input', { type: 'range', name: well, min: 0, max: most, step });
   input.addEventListener('input', () => moved(input.valueAsNumber));
-  return element('label', {}, element('span', { textContent: well }), input, element('output'));
+  return element('label', {}, element('span', {}, well), input, element('output'));
 }
 
 function renderCharts(root, { present }, answer, theme) {

@@ -9,11 +9,18 @@ export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;
 }
 
-/* A new element with properties and children, which are elements or texts. */
+/* A new element with properties and children, which are elements or texts. A long name may go on in
+   the next line after its underscores. */
 export function element(name, properties = {}, ...children) {
   const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
+  made.append(...children.flatMap(breakable));
   return made;
+}
+
+function breakable(child) {
+  if (typeof child !== 'string' || !child.includes('_')) return [child];
+  const parts = child.split(/(?<=_)/);
+  return parts.flatMap((part, number) => number ? [document.createElement('wbr'), part] : [part]);
 }
 
 /* A new SVG element at the end of `parent`. */

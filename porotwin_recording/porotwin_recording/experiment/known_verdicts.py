@@ -39,6 +39,8 @@ class KnownVerdicts:
         try:
             content = json_value(read_regular(file))
             words = f'{content["verdict"]} ({100 * float(content["confidence"]):.0f} %)'
+            if content.get('untried'):
+                words = f'preliminary: {words}'
             recordings = [*_recordings(content), *_owners(file)]
             verdict = _Verdict(file.stat().st_mtime, words)
         except (OSError, ValueError, LookupError, TypeError, AttributeError):

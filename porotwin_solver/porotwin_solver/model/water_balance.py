@@ -136,12 +136,10 @@ def _through_sands(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:
     if len(rig.sands) < 2:
         return {}
     middle = grid.nx // 2
-    porosity, permeability = rig.nominal_map('porosity'), rig.nominal_map('permeability_m2')
     conducts: dict[str, FloatArray] = {}
-    for name, sand in rig.sands.items():
+    for name in rig.sands:
         own = rig.permeability_of_sand(name)
-        here = (porosity == sand.porosity) & (permeability == own)
-        share = conservative_resample(own * np.asarray(here, dtype=float), grid.shape)
+        share = conservative_resample(own * rig.is_of_sand(name), grid.shape)
         conducts[name] = share[:, max(middle - 1, 0) : middle + 1].mean(axis=1)
     total = np.sum(list(conducts.values()), axis=0)
     return {

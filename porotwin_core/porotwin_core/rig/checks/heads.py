@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.plausibility import extent_remark
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rig.description import Rig
 
@@ -46,8 +47,9 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
 
 
 def _courses(rig: Rig) -> Iterator[Remark]:
-    """Yield a remark about every course of a level that goes too far from its head."""
+    """Yield a remark about every course of a level that goes too far from its head, or too long."""
     size = max(rig.width_m, rig.height_m)
+    end_min = rig.control.end_min if rig.control is not None else None
     for name, course in rig.levels.items():
         head = rig.water_bodies[name].head_m or 0.0
         level = max((level for _, level in course.points), key=lambda level: abs(level - head))
@@ -56,6 +58,9 @@ def _courses(rig: Rig) -> Iterator[Remark]:
             remedy = 'is it in cm? write m, or the unit behind it, such as 48 cm'
             far = apart > MOST_GRADIENT * size
             yield Remark(f'levels.{name}', f'{level:g} m', why, remedy, refused=far)
+        last_min = course.every_min or course.points[-1][0]
+        if end_min and (odd := extent_remark(f'levels.{name}', last_min, end_min, 'minutes')):
+            yield odd
 
 
 CHECK = Check(find=remarks_about_heads)

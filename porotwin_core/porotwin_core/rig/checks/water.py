@@ -1,6 +1,7 @@
 """Do canals lie in the sand, with believable heads and rates, and no well in them?"""
 
 from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 
@@ -34,13 +35,13 @@ def _water(rig: Rig) -> Iterator[Remark]:
         if body.corners_m is None:
             continue
         yield from outline_remarks(rig, f'{key}.corners_m', body.corners_m)
-        yield from _drawn_level(rig, name, body)
         wells = np.array([(well.x_m, well.z_m) for well in rig.wells.values()]).reshape(-1, 2)
         for well, within in zip(rig.wells, inside(wells, np.array(body.corners_m)), strict=True):
             if within:
                 why = f"it lies in the open water '{name}'"
                 yield Remark(f'wells.{well}', '', why, 'move it into the sand', refused=True)
 
+    yield from _exchanged_heads(rig)
     if rig.water or rig.water_table:  # only then are heads heights above the lower edge
         for name, body in rig.water_bodies.items():
             yield from _low_level(rig, name, body)
@@ -49,15 +50,23 @@ def _water(rig: Rig) -> Iterator[Remark]:
         yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
 
 
-def _drawn_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
-    """Yield a remark about open water that is drawn above all its levels by more than a square."""
-    assert body.corners_m is not None
-    top = max(z for _, z in body.corners_m)
+def _exchanged_heads(rig: Rig) -> Iterator[Remark]:
+    """Yield a remark about two drawn canals if each reaches the other's level rather than its own.
+
+    A canal that is drawn above its level is right: its wall shows in photographs.
+    """
     square = sand_raster(rig.width_m, rig.height_m).dz
-    if body.head_m is not None and top > max(_levels(rig, name, body.head_m)) + square:
-        why = f'it is drawn up to {top:g} m, above its level; were two heads exchanged?'
-        remedy = 'correct the head or the corners'
-        yield Remark(_head_key(rig, name), f'{body.head_m:g} m', why, remedy)
+    drawn = [
+        (max(z for _, z in body.corners_m), body.head_m, name)
+        for name, body in rig.water.items()
+        if body.corners_m is not None and body.head_m is not None
+    ]
+    for (top, head, name), (other_top, other_head, other) in combinations(drawn, 2):
+        off = abs(top - head) + abs(other_top - other_head)
+        if abs(top - other_head) + abs(other_top - head) + square < off:
+            why = f"it is drawn up to {top:g} m, and '{other}' up to {other_top:g} m"
+            remedy = f'were their heads exchanged? {other} has {other_head:g} m'
+            yield Remark(_head_key(rig, name), f'{head:g} m', why, remedy)
 
 
 def _levels(rig: Rig, name: str, head: float) -> list[float]:
