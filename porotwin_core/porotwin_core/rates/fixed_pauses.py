@@ -3,6 +3,9 @@
 State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
 """
 
+import bisect
+import functools
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -83,11 +86,23 @@ class FixedPauses:
 
     def resting(self, time: float) -> frozenset[str]:
         """Return the wells that pause at `time` [s]."""
-        return frozenset(
-            name
-            for name, pauses in self.of_wells.items()
-            if any(start <= time < end for start, end in pauses)
+        rests = (
+            (name, latest[bisect.bisect_right(starts, time)])
+            for name, (starts, latest) in self._ends.items()
         )
+        return frozenset(name for name, end in rests if time < end)
+
+    @functools.cached_property
+    def _ends(self) -> dict[str, tuple[list[float], list[float]]]:
+        """The starts of the pauses by well, in order, and the last end before and after each."""
+        ordered = {name: sorted(pauses) for name, pauses in self.of_wells.items()}
+        return {
+            name: (
+                [start for start, _ in pauses],
+                [-math.inf, *itertools.accumulate((end for _, end in pauses), max)],
+            )
+            for name, pauses in ordered.items()
+        }
 
     def at(self, time: float, rates: WellRates) -> WellRates:
         """Return the `rates` [m^3/s] that nobody has measured, with the pauses at `time` [s].
