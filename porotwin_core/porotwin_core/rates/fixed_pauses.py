@@ -3,13 +3,11 @@
 State estimates, forecasts, plans and siblings ask here which fixed wells rest at a time.
 """
 
-import bisect
-import functools
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from porotwin_core.basis.spans import is_within
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
 from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 from porotwin_core.rates.wells import (
@@ -32,8 +30,8 @@ class FixedPauses:
     """The announced pauses of each fixed well, and the announced levels of water.
 
     Attributes:
-        of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
-            of `since`.
+        of_wells: the pauses by well in order, in seconds since the start of the experiment, or on
+            the clock of `since`.
         running: the rate of each of these wells outside its pauses [m^3/s].
         producer: the well that takes out the water of all others; None: there is none.
         levels: the levels that change, on the same clock.
@@ -86,23 +84,9 @@ class FixedPauses:
 
     def resting(self, time: float) -> frozenset[str]:
         """Return the wells that pause at `time` [s]."""
-        rests = (
-            (name, latest[bisect.bisect_right(starts, time)])
-            for name, (starts, latest) in self._ends.items()
+        return frozenset(
+            name for name, pauses in self.of_wells.items() if is_within(time, pauses)
         )
-        return frozenset(name for name, end in rests if time < end)
-
-    @functools.cached_property
-    def _ends(self) -> dict[str, tuple[list[float], list[float]]]:
-        """The starts of the pauses by well, in order, and the last end before and after each."""
-        ordered = {name: sorted(pauses) for name, pauses in self.of_wells.items()}
-        return {
-            name: (
-                [start for start, _ in pauses],
-                [-math.inf, *itertools.accumulate((end for _, end in pauses), max)],
-            )
-            for name, pauses in ordered.items()
-        }
 
     def at(self, time: float, rates: WellRates) -> WellRates:
         """Return the `rates` [m^3/s] that nobody has measured, with the pauses at `time` [s].
