@@ -37,14 +37,14 @@ TEXT = """\
 *map*: mean error over the mean. *toe*: negative if the wedge is too short.
 
 - **Henry.** His equations, solved by collocation. Salt enters with the water of the sea only. In
-  the second ones it also diffuses, as Henry has it (`diffuses: true`), on cells of 10 cm.
+  the second ones it also diffuses, as Henry has it (`diffuses: true`), on cells of 8 cm.
 - **Glover** holds for deep sand without mixing; here it is 20 cm deep, and the scheme mixes.
 - **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
 - **Salt lake**: water evaporates at the top left, and salt diffuses from there; the numbers are
   those of `ex-gwt-saltlake` of MODFLOW 6 (Simmons 1999).
 - **MODFLOW 6**: mean difference of maps on cells twice as large, over their mean; a comparison with
   a peer. `flopy` writes its input from `rig.yaml`. It needs `pip install flopy`, and `mf6` in
-  the path.
+  the path. Without them a figure stays, with its date.
 """
 
 

@@ -39,7 +39,7 @@ def command(
         Path,
         typer.Argument(
             help='Experiment folder, folder with protocols or photographs, file of maps, or an '
-            'archive (zip, tar, gz) of one.'
+            'archive (zip, tar, gz, bz2, xz) of one.'
         ),
     ],
     target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
