@@ -25,7 +25,7 @@ TEXT = """\
 [rigs/verification](../rigs/verification) holds problems with a known answer. Nothing was fitted.
 
 ```sh
-./porotwin simulate rigs/verification/henry --output henry.nc --grid 50x25 --times 0:60000:3000
+./porotwin simulate rigs/verification/henry --output henry.nc --grid 40x20 --times 0:60000:3000
 ```
 
 `docs/make_verification.py --measure` measures anew.
@@ -37,7 +37,7 @@ TEXT = """\
 *map*: mean error over the mean. *toe*: negative if the wedge is too short.
 
 - **Henry.** His equations, solved by collocation. Salt enters with the water of the sea only. In
-  the second ones it also diffuses, as Henry has it (`diffuses: true`), on cells of 8 cm.
+  the second ones it also diffuses, as Henry has it (`diffuses: true`), on cells of 10 cm.
 - **Glover** holds for deep sand without mixing; here it is 20 cm deep, and the scheme mixes.
 - **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
 - **Salt lake**: water evaporates at the top left, and salt diffuses from there; the numbers are

@@ -74,7 +74,7 @@ class Co2Photographs:
 
     @classmethod
     def read(cls, folder: Path) -> 'Co2Photographs':
-        """Return the photographs in `folder`, which is that of the shared data."""
+        """Return the photographs in `folder`, laid out as the shared data are."""
         (table,) = folder.glob('*_segmentation_*.csv')
         return cls(
             rig_of(json.loads((folder / 'config_co2.json').read_text())),
@@ -225,7 +225,7 @@ def _judged(fluids: Fluids, least: float, grid: Grid) -> NDArray[np.uint8]:
 
 
 def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
-    """Yield all figures: what, figure and value."""
+    """Yield all figures: subject, figure and value."""
     with_stain = {**BOXES, WATER: [STAINED]}
     for name, boxes in (
         ('without boxes', {}),
@@ -237,6 +237,11 @@ def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
             yield f'overlap with the official map, all cells, {name}', phase, overlap
         if boxes:
             continue
+        seen = np.isin(found.phase, (DISSOLVED, GAS))
+        official = case.official != WATER
+        yield 'cells of CO2', 'official', float(official.sum())
+        yield 'cells of CO2', 'ours alone', float((seen & ~official).sum())
+        yield 'cells of CO2', 'official alone', float((official & ~seen).sum())
         unknown = (found.phase == UNKNOWN) & (case.official != WATER)
         yield 'official CO2 cells without a phase', 'share', float(unknown.mean())
         agrees = found.phase == case.official

@@ -1,4 +1,4 @@
-"""What the descriptions of Pennink's series 3 and 5 predict, beside what he told.
+"""Predictions for Pennink's series 3 and 5, beside his words.
 
     .venv/bin/python -m lab.photographs.rain_and_milk
 
@@ -23,24 +23,26 @@ from porotwin_solver.model.water_balance import water_balance
 
 RIGS = Path(__file__).resolve().parents[2] / 'rigs'
 MILK_BEGAN_H = 9.0 + 35.0 / 60.0
-"""Time of day at which the rates of pennink_rain begin."""
+"""Begin of the rates of pennink_rain [h]."""
 RISEN_S, SHOWN_S = 17880.0, 104400.0
 """14:33, when the milk stood at 0.13 m, and 14:35 of the next day, when it showed in the canal."""
-SHOWS = 0.02
-"""Concentration of milk in the canal that a photograph shows."""
+SHOWS = 0.5
+"""Concentration of milk that shows in the canal."""
 SLOPES_MIN = {'1:5': 620.0, '1:10': 830.0}
-"""Minutes of pennink_milk at which Pennink measured the flow."""
+"""Minutes of pennink_milk when Pennink measured the flow."""
 
 
 def rain() -> Iterator[tuple[str, str]]:
-    """Yield what was told of the rain and what is predicted."""
+    """Yield the words of Pennink on the rain, and the predictions."""
     recording = open_recording(RIGS / 'pennink_rain')
     rig, rates = recording.rig, recording.delivered
     grid = rig.default_grid(0.01)
     table = Model(rig, grid, preset='fast').engine.table(rates.at(SHOWN_S))
     heights = table.surface.sum(axis=0) * table.physics.grid.dz
     canal = rig.water['canal']
-    above = 1e3 * (float(heights.max()) - (canal.head_m or 0.0))
+    assert rig.water_table is not None
+    assert canal.head_m is not None
+    above = 1e3 * (float(heights.max()) - rig.water_table.fringe_m - canal.head_m)
     yield 'rain of 4.2 l/h: 7.5 mm (6 mm in series 1)', f'{above:.1f} mm'
     times = [RISEN_S, *np.arange(RISEN_S, SHOWN_S + HOUR_S, 0.5 * HOUR_S)]
     risen, *later = simulate(rig, rates, times, grid=grid, preset='fast')
@@ -48,11 +50,11 @@ def rain() -> Iterator[tuple[str, str]]:
     water = _cells(rig, 'canal', grid)
     shown = [time for time, one in zip(times[1:], later, strict=True) if one[water].max() > SHOWS]
     hour = MILK_BEGAN_H + shown[0] / HOUR_S if shown else np.nan
-    yield 'milk shows in the canal at 14:35 next day', f'at {hour - 24.0:+.1f} h next day'
+    yield 'milk shows in the canal at 14:35 next day', f'{hour - 24.0:+.1f} h after midnight'
 
 
 def milk() -> Iterator[tuple[str, str]]:
-    """Yield what was told of the flow below the canal and what is predicted, without milk."""
+    """Yield the told and the predicted flow to the canal, without milk."""
     rig = open_recording(RIGS / 'pennink_milk').rig
     grid = rig.default_grid(0.01)
     levels = WaterLevels.of(rig)

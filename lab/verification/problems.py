@@ -42,7 +42,7 @@ FINGER = 0.25
 """Salt of a finger: a quarter of the rise to saturation."""
 
 Figures = dict[str, float]
-"""What is wrong, with its unit in brackets, and by how much."""
+"""The errors, each by a name with its unit in brackets."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Problem:
 
     @property
     def words(self) -> str:
-        """What a user writes after `simulate rigs/verification/`."""
+        """The words of a user after `simulate rigs/verification/`."""
         grid = open_recording(FOLDER / self.name).rig.default_grid(self.cell_m)
         return f'{self.name} --grid {grid}{self.options}'
 
@@ -338,7 +338,7 @@ PROBLEMS = (
         'henry',
         "Henry's problem",
         'Simpson and Clement 2004',
-        0.04,
+        0.05,
         ' --times 0:60000:3000',
         henrys,
         ((60000.0,), 240.0),

@@ -1,6 +1,6 @@
 """Data of other programs in archives: zip, tar, gzip, bzip2 and xz, also one within another.
 
-The first bytes tell what a file is: people rename them.
+The first bytes tell its kind: people rename files.
 """
 
 import bz2
@@ -29,7 +29,7 @@ PACKERS: dict[bytes, Callable[[BinaryIO], Any]] = {
     b'BZh': bz2.open,
     b'\xfd7zXZ': lzma.open,
 }
-"""First bytes of a file that was packed alone, and what opens it."""
+"""First bytes of a file that was packed alone, and its reader."""
 PACKED_ENDINGS = ('.gz', '.bz2', '.xz')
 """Endings that such a file adds to its own name."""
 READ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
@@ -51,7 +51,7 @@ UNREAD = {
     b'<!doctype html': 'a web page; download the file itself',
     b'<html': 'a web page; download the file itself',
 }
-"""First bytes of files that are not read, what they are, and the remedy."""
+"""First bytes of files that are not read, their kind, and the remedy."""
 
 
 @contextmanager
@@ -143,7 +143,7 @@ def _unpack(path: Path, folder: Path) -> None:
 
 
 def _packer(path: Path) -> Callable[[BinaryIO], Any] | None:
-    """Return what opens a file that was packed alone; None for others."""
+    """Return the reader of a file that was packed alone; None for others."""
     begin = read_regular(path, len(ZIP) + 2)
     return next((opened for sign, opened in PACKERS.items() if begin.startswith(sign)), None)
 
