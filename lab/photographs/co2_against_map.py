@@ -29,9 +29,11 @@ from porotwin_cli.workspace import ROOT
 from porotwin_core.geometry.grid import Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import make_baseline
+from porotwin_imaging.geometry.alignment import align
 from porotwin_imaging.phases.colour_change import Box
 from porotwin_imaging.phases.phase_colours import DISSOLVED, GAS, PHASES, UNKNOWN, WATER
 from porotwin_imaging.phases.phase_segmentation import PhaseMap
+from porotwin_imaging.phases.phase_series import series_match
 from porotwin_imaging.phases.phase_study import PhaseStudy
 from porotwin_recording.tables.phase_csv import read_phase_csv
 
@@ -46,6 +48,12 @@ STAINED = Box(1.5, 1.03, 2.4, 1.08)
 """The thin upper band, which is red in the photograph and water in the official map."""
 SIZES = {'large': 0.8, 'small': 0.3}
 """Sizes of the composed plumes."""
+SERIES_S = np.geomspace(900.0, 10800.0, 40)
+"""Times of the maps of a composed series; plumes grow with the square root of time."""
+DATED = (10, 20, 28, 36)
+"""Photographs are taken half-way from these maps to the next ones."""
+PEERS = {'as true': 0.5, 'larger plumes': 0.25, 'smaller plumes': 0.75}
+"""Share of the colour above which the maps of the series have a phase."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,7 @@ class Co2Photographs:
 
     @classmethod
     def read(cls, folder: Path) -> 'Co2Photographs':
-        """Return the photographs in `folder`, which is that of the shared data."""
+        """Return the photographs in `folder`, laid out as the shared data are."""
         (table,) = folder.glob('*_segmentation_*.csv')
         return cls(
             rig_of(json.loads((folder / 'config_co2.json').read_text())),
@@ -179,8 +187,45 @@ def _composed(seed: int) -> Iterator[tuple[str, dict[str, float]]]:
             yield size, overlaps(found, truth)
 
 
+def _dated(seed: int) -> Iterator[tuple[str, float]]:
+    """Yield the errors of the times of composed photographs within series, by the series' maker.
+
+    No map of a series has the time of a photograph.
+    """
+    from lab.test.photo_examples import small_rig, textured_baseline
+
+    rig, sand = small_rig(), textured_baseline()
+    grid = rig.default_grid(0.01)
+
+    def grown(time: float) -> Fluids:
+        growth = float(time / SERIES_S[-1]) ** 0.5
+        return drawn_fluids(rig, np.random.default_rng(seed), growth)
+
+    fluids = {float(time): grown(time) for time in SERIES_S}
+    series = {
+        peer: {time: _judged(one, least, grid) for time, one in fluids.items()}
+        for peer, least in PEERS.items()
+    }
+    shot = drawn_shot(np.random.default_rng(seed))
+    for indicator in INDICATORS.values():
+        scene = Co2Sand(rig, sand, indicator)
+        first = scene.photograph(Fluids(np.zeros((2, 2)), np.zeros((2, 2))), Shot(), seed=1)
+        for time in (float(SERIES_S[at : at + 2].mean()) for at in DATED):
+            last = scene.photograph(grown(time), shot, seed=2)
+            found = _phases(rig, grid, first, last, {}).phase
+            for peer, maps in series.items():
+                yield peer, series_match(found, maps).time_s / time - 1.0
+
+
+def _judged(fluids: Fluids, least: float, grid: Grid) -> NDArray[np.uint8]:
+    """Return the map of somebody to whom a phase begins at the share `least` of its colour."""
+    fields = (fluids.indicator, fluids.gas)
+    indicator, gas = (conservative_resample(part, grid.shape) for part in fields)
+    return Fluids(indicator + 0.5 - least, gas + 0.5 - least).phases
+
+
 def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
-    """Yield all figures: what, figure and value."""
+    """Yield all figures: subject, figure and value."""
     with_stain = {**BOXES, WATER: [STAINED]}
     for name, boxes in (
         ('without boxes', {}),
@@ -192,6 +237,11 @@ def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
             yield f'overlap with the official map, all cells, {name}', phase, overlap
         if boxes:
             continue
+        seen = np.isin(found.phase, (DISSOLVED, GAS))
+        official = case.official != WATER
+        yield 'cells of CO2', 'official', float(official.sum())
+        yield 'cells of CO2', 'ours alone', float((seen & ~official).sum())
+        yield 'cells of CO2', 'official alone', float((official & ~seen).sum())
         unknown = (found.phase == UNKNOWN) & (case.official != WATER)
         yield 'official CO2 cells without a phase', 'share', float(unknown.mean())
         agrees = found.phase == case.official
@@ -206,6 +256,7 @@ def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
         for phase, overlap in overlaps(case.phases(state=state).phase, case.official).items():
             if phase != 'dissolved':
                 yield f'overlap with the official map, {name}', phase, overlap
+    yield from _date_lines()
     composed = list(_composed(seed=3))
     for size in SIZES:
         for phase in ('CO2', 'gas', 'dissolved'):
@@ -213,12 +264,25 @@ def _lines(case: Co2Photographs) -> Iterator[tuple[str, str, float]]:
             yield f'overlap on four composed photographs, {size} plumes: {phase}', 'worst', worst
 
 
+def _date_lines() -> Iterator[tuple[str, str, float]]:
+    """Yield the median and the largest error of the times of composed photographs."""
+    dated = [one for seed in (3, 4) for one in _dated(seed)]
+    for peer in PEERS:
+        errors = [abs(error) for name, error in dated if name == peer]
+        what = f'time of {len(errors)} composed photographs within a series of maps, {peer}'
+        yield what, 'median error', float(np.median(errors))
+        yield what, 'largest error', max(errors)
+
+
 def _picture(case: Co2Photographs, target: Path) -> None:
     """Draw the photograph, the map and the official map below each other."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
 
-    pixels = _decoded(case.state, cv2.IMREAD_REDUCED_COLOR_4)
-    bright = np.clip(pixels[..., ::-1].astype(float) * 1.8, 0, 255).astype(np.uint8)
+    reference = make_baseline(case.rig, case.grid, [case.baseline])
+    pixels = reference.decode(case.state).pixels
+    moved = reference.sampling.sample(pixels, align(pixels, reference.features).homography)
+    bright = np.clip(moved[..., ::-1].astype(float) * 1.8, 0, 255).astype(np.uint8)
     found = case.phases()
     extent = (0.0, case.rig.width_m, 0.0, case.rig.height_m)
     figure, axes = plt.subplots(3, 1, figsize=(6, 10), layout='constrained')
@@ -227,7 +291,9 @@ def _picture(case: Co2Photographs, target: Path) -> None:
     for axis, phases in ((axes[1], found.phase), (axes[2], case.official)):
         shown = np.ma.masked_equal(phases, UNKNOWN)
         axis.imshow(shown, origin='lower', extent=extent, cmap=palette, norm=steps)
-    titles = ('photograph, brightened', 'segment, without boxes', 'official map')
+    keys = [Patch(color=colour, label=name) for colour, name in zip(COLOURS, PHASES, strict=True)]
+    axes[1].legend(handles=keys, loc='upper right', fontsize='small')
+    titles = ('photograph, registered and brightened', 'segment, without boxes', 'official map')
     for axis, title in zip(axes, titles, strict=True):
         axis.set_title(title)
         axis.set_ylabel('z [m]')

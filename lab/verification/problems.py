@@ -42,7 +42,7 @@ FINGER = 0.25
 """Salt of a finger: a quarter of the rise to saturation."""
 
 Figures = dict[str, float]
-"""What is wrong, with its unit in brackets, and by how much."""
+"""The errors, each by a name with its unit in brackets."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Problem:
 
     @property
     def words(self) -> str:
-        """What a user writes after `simulate rigs/verification/`."""
+        """The words of a user after `simulate rigs/verification/`."""
         grid = open_recording(FOLDER / self.name).rig.default_grid(self.cell_m)
         return f'{self.name} --grid {grid}{self.options}'
 
@@ -137,17 +137,21 @@ def push_pull(_: Problem, recording: Recording, grid: Grid) -> Figures:
 
 
 def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
-    """Return the errors of the steady map beside both conditions at the sea."""
+    """Return the errors of the steady map beside both conditions at the sea.
+
+    With salt that diffuses in, the cells are twice as large: the same errors take much longer.
+    """
     rig = recording.rig
     rate = from_ml_h(rig.water['land'].rate_ml_h or 0.0) / _of(rig, 'depth_m')
     weight = _parameter(rig, 'buoyancy', 'density_difference') / rig.density_kg_m3
     speed = _conductivity(rig) * weight
     spread = _parameter(rig, 'dispersion', 'diffusion') * _of(rig, 'porosity')
     errors: Figures = {}
-    for diffuses, name in ((False, ''), (True, ', Henry')):
+    coarse = rig.grid(grid.nx // 2, grid.nz // 2)
+    for diffuses, name, cells in ((False, '', grid), (True, ', Henry', coarse)):
         sea = rig.water['sea'].model_copy(update={'diffuses': diffuses})
         described = rig.model_copy(update={'water': {**rig.water, 'sea': sea}})
-        (found,) = _maps(replace(recording, rig=described), grid, [_end(problem)])
+        (found,) = _maps(replace(recording, rig=described), cells, [_end(problem)])
         x, z, c = henry(
             rate / (speed * rig.height_m),
             spread / rate,
@@ -155,9 +159,9 @@ def henrys(problem: Problem, recording: Recording, grid: Grid) -> Figures:
             counts=(30, 20),
             sea_diffuses=diffuses,
         )
-        along = BarycentricInterpolator(x * rig.height_m, c.T)(grid.x)
-        exact = BarycentricInterpolator(z * rig.height_m, along.T)(grid.z)
-        toe = _crossing(found[0], grid) - _crossing(exact[0], grid)
+        along = BarycentricInterpolator(x * rig.height_m, c.T)(cells.x)
+        exact = BarycentricInterpolator(z * rig.height_m, along.T)(cells.z)
+        toe = _crossing(found[0], cells) - _crossing(exact[0], cells)
         wrong = float(np.abs(found - exact).mean())
         errors |= {f'cells{name} [%]': _percent(wrong), f'toe{name} [cm]': 100.0 * toe}
     return errors
@@ -334,7 +338,7 @@ PROBLEMS = (
         'henry',
         "Henry's problem",
         'Simpson and Clement 2004',
-        0.04,
+        0.05,
         ' --times 0:60000:3000',
         henrys,
         ((60000.0,), 240.0),

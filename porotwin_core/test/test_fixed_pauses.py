@@ -24,6 +24,12 @@ def test_a_well_rests_from_the_start_of_a_pause_to_its_end() -> None:
     assert pauses.moments(900.0, 2400.0) == {1200.0, 2100.0}
 
 
+def test_a_well_of_many_cycles_rests_in_each() -> None:
+    pauses = FixedPauses({'injector': tuple((60.0 * n, 60.0 * n + 30.0) for n in range(1, 9))})
+    rests = [pauses.resting(30.0 * half) == {'injector'} for half in range(20)]
+    assert rests == [half % 2 == 0 and 2 <= half <= 16 for half in range(20)]
+
+
 def test_pauses_are_in_minutes_in_rig_yaml() -> None:
     assert RIG.control is not None
     assert FixedPauses.of(RIG) == NO_PAUSES

@@ -121,6 +121,12 @@ def test_names_of_zones_are_read_that_one_zone_alone_has() -> None:
     assert f'{time:%H:%M}' == '12:30'
 
 
+def test_an_offset_and_the_name_of_its_zone_are_read() -> None:
+    for word in ('2024-05-31 14:30 UTC+2', '2024-05-31T14:30:00+02:00[Europe/Oslo]'):
+        (time,), _ = moments([word], 'p.csv: when')
+        assert f'{time:%H:%M}' == '12:30'
+
+
 @pytest.mark.parametrize(
     ('numbers', 'word'),
     [
@@ -129,12 +135,14 @@ def test_names_of_zones_are_read_that_one_zone_alone_has() -> None:
         ('matlab', '739403,604225'),
         ('unix-s', '1717165805'),
         ('unix-ms', '1717165805000'),
+        ('unix-ns', '1717165805000000000'),
+        ('labview', '3800010605'),
     ],
 )
 def test_numbers_are_dates_of_the_program_that_a_person_names(numbers, word: str) -> None:
     (time,), _ = moments([word], 'p.csv: when', numbers=numbers)
     assert f'{time:%Y-%m-%d %H:%M:%S}' == '2024-05-31 14:30:05'
-    if not numbers.startswith('unix'):  # the clock of the machine is a local one
+    if not numbers.startswith(('unix', 'labview')):  # the clock of the machine is a local one
         (time,), _ = moments([word], 'p.csv: when', numbers=numbers, zone='Europe/Oslo')
         assert f'{time:%H:%M:%S}' == '12:30:05'
 
@@ -158,6 +166,12 @@ def test_times_of_a_12_hour_clock_rise_through_noon_and_midnight() -> None:
         'Fri May 31 14:30:00 2024',
         '31-May-24 2:30:00 PM',
         '2024年5月31日 14時30分',
+        '2024年5月31日 下午2:30',
+        '2024년 5월 31일 14시 30분',
+        '2024-05-31_14-30-00',
+        '31 maja 2024 14:30',
+        '31 de maio de 2024 14:30',
+        "'2024-05-31 14:30",
     ],
 )
 def test_rare_forms_of_a_date_are_read(word: str) -> None:

@@ -1,7 +1,9 @@
 """Archives of data are read as what they hold."""
 
+import bz2
 import gzip
 import io
+import lzma
 import tarfile
 import zipfile
 from pathlib import Path
@@ -78,4 +80,34 @@ def test_damaged_names_links_times_and_parts_are_refused(tmp_path: Path) -> None
     for path in (zipped, part, link, late):
         fault = f'{path.name}: not readable as an archive'
         with pytest.raises(InputError, match=fault), opened_archive(path):
+            pass
+
+
+@pytest.mark.parametrize('pack', [gzip.compress, bz2.compress, lzma.compress])
+def test_a_packed_file_is_known_by_its_first_bytes(tmp_path: Path, pack) -> None:
+    path = tmp_path / 'maps.csv'
+    path.write_bytes(pack(b'time'))
+    with opened_archive(path) as found:
+        assert (found.name, found.read_bytes()) == ('maps.csv', b'time')
+
+
+def test_a_file_that_is_not_read_is_told_with_its_remedy(tmp_path: Path) -> None:
+    locked = packed(tmp_path / 'locked.zip', 'maps.csv', b'time')
+    data = bytearray(locked.read_bytes())
+    for sign, bits in ((b'PK\x03\x04', 6), (b'PK\x01\x02', 8)):
+        data[data.find(sign) + bits] |= 1
+    sheet = packed(tmp_path / 'sheet.xlsx', '[Content_Types].xml', b'')
+    files = {
+        'password': bytes(data),
+        'spreadsheet': sheet.read_bytes(),
+        '7z x': b"7z\xbc\xaf'\x1c\0",
+        'unrar': b'Rar!\x1a\x07',
+        'git lfs pull': b'version https://git-lfs.github.com/spec/v1',
+        'web page': b'<!DOCTYPE html>',
+        'is empty': b'',
+    }
+    for remedy, content in files.items():
+        path = tmp_path / 'maps.nc'
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=remedy), opened_archive(path):
             pass

@@ -39,7 +39,7 @@ def command(
         Path,
         typer.Argument(
             help='Experiment folder, folder with protocols or photographs, file of maps, or an '
-            'archive (zip, tar, gz) of one.'
+            'archive (zip, tar, gz, bz2, xz) of one.'
         ),
     ],
     target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
@@ -52,7 +52,17 @@ def command(
         typer.Option(help='Order of day and month in dates such as 3/4/2024.'),
     ] = None,
     date_numbers: Annotated[
-        Literal['excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms'] | None,
+        Literal[
+            'excel-1900',
+            'excel-1904',
+            'matlab',
+            'unix-s',
+            'unix-ms',
+            'unix-us',
+            'unix-ns',
+            'labview',
+        ]
+        | None,
         typer.Option(help='What numbers in place of dates count.'),
     ] = None,
     clock: Annotated[
@@ -113,10 +123,12 @@ def command(
     """
     from porotwin_imaging.photograph.exposure_time import exif_words
     from porotwin_recording.experiment.bag_conversion import import_experiment
-    from porotwin_recording.importers.map_import import SUFFIXES, MapAnswers, import_maps
+    from porotwin_recording.experiment.experiment_folder import RIG_FILE
+    from porotwin_recording.importers.map_import import MapAnswers, import_maps
     from porotwin_recording.importers.packed import opened_archive
     from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
     from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
+    from porotwin_recording.mcap.bag_folder import is_bag
     from porotwin_recording.tables.one_writer import one_writer
     from porotwin_recording.tables.photos import IMAGING_FILE
 
@@ -144,7 +156,8 @@ def command(
             'name a folder elsewhere'
         )
     with opened_archive(source) as data:
-        has_maps = data.suffix.lower() in SUFFIXES
+        is_experiment = data.name == RIG_FILE or is_bag(data)
+        has_maps = data.suffix == '.zarr' or (data.is_file() and not is_experiment)
         if has_maps:
             _refuse_others(given, MAP_OPTIONS, f'{source}: a file of maps')
         elif data.is_dir() and is_lab_folder(data):

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from porotwin_core.basis.spans import is_within
 from porotwin_core.basis.units import MINUTE_S, from_ml_h
 from porotwin_core.rates.water_levels import NO_LEVELS, WaterLevels
 from porotwin_core.rates.wells import (
@@ -29,8 +30,8 @@ class FixedPauses:
     """The announced pauses of each fixed well, and the announced levels of water.
 
     Attributes:
-        of_wells: the pauses by well, in seconds since the start of the experiment, or on the clock
-            of `since`.
+        of_wells: the pauses by well in order, in seconds since the start of the experiment, or on
+            the clock of `since`.
         running: the rate of each of these wells outside its pauses [m^3/s].
         producer: the well that takes out the water of all others; None: there is none.
         levels: the levels that change, on the same clock.
@@ -84,9 +85,7 @@ class FixedPauses:
     def resting(self, time: float) -> frozenset[str]:
         """Return the wells that pause at `time` [s]."""
         return frozenset(
-            name
-            for name, pauses in self.of_wells.items()
-            if any(start <= time < end for start, end in pauses)
+            name for name, pauses in self.of_wells.items() if is_within(time, pauses)
         )
 
     def at(self, time: float, rates: WellRates) -> WellRates:

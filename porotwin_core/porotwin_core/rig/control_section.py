@@ -8,6 +8,7 @@ import pydantic
 from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
+from porotwin_core.basis.spans import is_within
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import (
     NotNegative,
@@ -108,7 +109,7 @@ class FixedWell(Section):
 
     def is_paused(self, minute: float) -> bool:
         """Return whether the well is in a pause at a `minute` after the start."""
-        return any(start <= minute < end for start, end in self.pauses_min)
+        return is_within(minute, self.pauses_min)
 
     @pydantic.field_validator('pauses_min')
     @classmethod
@@ -127,7 +128,7 @@ class FixedWell(Section):
                     f'{told} overlaps the one from {before[0]:g} to {before[1]:g} min; join them'
                 )
             before = start, end
-        return pauses
+        return tuple(sorted(pauses))
 
 
 class ObjectiveDescription(Section):

@@ -29,6 +29,7 @@ from porotwin_core.rig.sand_sections import (
     SandPolygon,
 )
 from porotwin_core.rig.sections import (
+    MOST_PLACES,
     Boundaries,
     Camera,
     EffectDescription,
@@ -153,6 +154,8 @@ class Rig(Section):
 
     @pydantic.model_validator(mode='after')
     def _is_consistent(self) -> Self:
+        if len(self.wells) > MOST_PLACES:
+            raise ValueError(f'{len(self.wells)} wells: describe at most {MOST_PLACES}')
         for name, well in self.wells.items():
             if not (name.isprintable() and name.strip() and plain(name) == name):
                 raise ValueError(f'well {name!r}: its name cannot be printed in a line; rename it')

@@ -48,8 +48,8 @@ Point = tuple[Number, Number]
 LEAST_CORNERS = 3
 """Fewest corners of a polygon."""
 
-MOST_CORNERS = 1000
-"""Most corners of a polygon: maps take a time and a memory that grow with them."""
+MOST_PLACES = 1000
+"""Most corners of a polygon, and most wells: maps take a time and a memory that grow with them."""
 
 
 def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -60,8 +60,8 @@ def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
     """
     if len(points) < LEAST_CORNERS:
         raise ValueError('needs at least three corners')
-    if len(points) > MOST_CORNERS:
-        raise ValueError(f'has {len(points)} points; leave out all but {MOST_CORNERS}')
+    if len(points) > MOST_PLACES:
+        raise ValueError(f'has {len(points)} points; leave out all but {MOST_PLACES}')
     return points
 
 

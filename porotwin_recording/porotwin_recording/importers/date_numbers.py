@@ -5,7 +5,9 @@ from typing import Literal
 
 from porotwin_core.basis.units import DAY_S
 
-DateNumbers = Literal['excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms']
+DateNumbers = Literal[
+    'excel-1900', 'excel-1904', 'matlab', 'unix-s', 'unix-ms', 'unix-us', 'unix-ns', 'labview'
+]
 
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 """Years of experiments; other ones are slips."""
@@ -16,10 +18,13 @@ DATE_NUMBERS: dict[DateNumbers, tuple[float, float]] = {
     'matlab': (719529.0, DAY_S),
     'unix-s': (0.0, 1.0),
     'unix-ms': (0.0, 1e-3),
+    'unix-us': (0.0, 1e-6),
+    'unix-ns': (0.0, 1e-9),
+    'labview': (24107.0 * DAY_S, 1.0),
 }
 """Numbers that programs count dates with: the number of 1970-01-01, and the unit [s]."""
 
-UNIX = ('unix-s', 'unix-ms')
+UNIX = ('unix-s', 'unix-ms', 'unix-us', 'unix-ns', 'labview')
 """Those that count in UTC."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

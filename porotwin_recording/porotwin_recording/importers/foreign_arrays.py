@@ -215,6 +215,8 @@ _READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     '.nc': (_netcdf, 'NetCDF'),
     '.nc4': (_netcdf, 'NetCDF'),
     '.cdf': (_netcdf, 'NetCDF'),
+    '.h5': (_netcdf, 'HDF5'),
+    '.hdf5': (_netcdf, 'HDF5'),
     '.zarr': (_zarr, 'zarr'),
     '.npz': (_npz, 'npz'),
     '.mat': (_matlab, 'a MATLAB file'),

@@ -29,7 +29,7 @@ CENTURY = 2000
 """Years of two digits belong to this century."""
 
 _TIME = (
-    r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)'
+    r'(?:[T_\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)'
     r'\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?)?'
 )
 _ZONE = rf'\s*(?P<zone>[+-]\d{{2}}:?\d{{2}}|{"|".join(ZONES)})?'
@@ -46,8 +46,10 @@ _NAMED_DAY = re.compile(
 )
 _OF_C = re.compile(r'([^\W\d_]{3,}\s+\d{1,2})\s+(\d{1,2}:\d{2}:\d{2})\s+(\d{4})')
 """Dates as the function asctime of C writes them, such as Fri May 31 14:30:00 2024."""
-_EASTERN = str.maketrans(dict(zip('年月日時分秒时', '-- ::  ', strict=True)))
-"""Signs of China and Japan between the parts of a date, and what stands for each here."""
+_EASTERN = str.maketrans(dict(zip('年月日時分秒时년월일시분초', '-- ::  -- :: ', strict=True)))
+"""Signs of China, Japan and Korea between the parts of a date, and what stands for each here."""
+_EASTERN_HALF = re.compile(r'(上午|午前|오전)|(?:下午|午後|오후)')
+"""Words of the East for the half of the day, which stand before the time."""
 _NAMED_MONTH = re.compile(r'([^\W\d_]{3,})\.?\s+(\d{1,2})(?:st|nd|rd|th)?,?\s+(\d{4})')
 _AROUND = re.compile(
     r'^(?:le\s+)?[^\W\d_]{2,}[.,]*\s+(?=\d)|\b(?:uhr|kl\.?|klo|kello|um|h)(?=\s|$)|\sà(?=\s)',
@@ -66,8 +68,14 @@ TIME_ALONE = re.compile(
 
 def _ordinary(text: str) -> str:
     """Return a date in a rare form of ISO 8601, of C or of the East in the usual one."""
-    if any(sign in text for sign in '年月'):
-        return ' '.join(text.translate(_EASTERN).split()).rstrip(':').replace('- ', ' ')
+    if any(sign in text for sign in '年月년월'):
+        if half := _EASTERN_HALF.search(text):
+            text = f'{text.replace(half[0], "")} {"AM" if half[1] else "PM"}'
+        text = ' '.join(text.translate(_EASTERN).split()).replace('- ', '-').replace(': ', ':')
+        return re.sub(r'[:-](?=$|[AP]M$)', ' ', text).strip()
+    text = re.sub(r"^'|\[[\w/]+\]$", '', text)  # of a spreadsheet; the name of a zone
+    text = re.sub(r'\s*(?:UTC|GMT)([+-])(\d{1,2})(?::?00)?$', _offset, text)
+    text = re.sub(r'(?<=\d[T_ ]\d\d)-(\d\d)-(\d\d)$', r':\1:\2', text)
     text = _OF_C.sub(r'\1 \3 \2', text)
     for form in ('%Y-%jT%H:%M:%S', '%Y-%j %H:%M:%S', '%Y%jT%H%M%S'):
         with suppress(ValueError):
@@ -78,6 +86,11 @@ def _ordinary(text: str) -> str:
         with suppress(ValueError):
             return datetime.fromisoformat(text).isoformat(' ')
     return text
+
+
+def _offset(found: re.Match[str]) -> str:
+    """Return UTC+2 as +02:00."""
+    return f'{found[1]}{int(found[2]):02d}:00'
 
 
 def plain_date(word: str) -> str:

@@ -37,13 +37,16 @@ _NAMED = re.compile(
 
 
 def unit_in(title: str) -> str:
-    """Return the unit in a title: `rate [ml/min]`, `rate (ml/min)`, `rate_ml/min`, `rate_ml_min`.
+    """Return the unit in a title: `rate [ml/min]`, `rate / ml/min`, `rate_ml/min`, `rate_ml_min`.
 
     Empty: there is none.
     """
     bracket = re.search(r'[\[(]([^\])]*)[\])]', title)
     if bracket:
         return with_plain_signs(bracket[1]).strip().lower()
+    name, slash, behind = with_plain_signs(title).partition(' / ')
+    if slash and not is_unit(name):
+        return behind.strip().lower()
     word = plain(title).replace(',', '')
     named = _NAMED.match(word)
     _, _, rest = ('', '', word[named.end() :]) if named else word.partition('_')

@@ -1,7 +1,8 @@
 """Words of other languages and programs: heads of tables, units, months, time zones.
 
-One table each: English, German, French, Swedish, Danish, Norwegian, Finnish, Spanish, Italian,
-Dutch. All words stand in the form of `plain`: small, without accents, with _ for spaces.
+One table each: English, German, French, Swedish, Danish, Norwegian, Finnish, Icelandic, Spanish,
+Italian, Portuguese, Dutch, Polish. All words stand in the form of `plain`: small, without accents,
+with _ for spaces.
 """
 
 import unicodedata
@@ -19,7 +20,7 @@ _SIGNS = str.maketrans(
 )
 """Signs that spreadsheets write for minus, space and apostrophe, and those that nobody sees."""
 
-_LETTERS = str.maketrans({'ø': 'o', 'æ': 'ae', 'œ': 'oe', 'ł': 'l', 'đ': 'd'})
+_LETTERS = str.maketrans({'ø': 'o', 'æ': 'ae', 'œ': 'oe', 'ł': 'l', 'đ': 'd', 'ð': 'd', 'þ': 'th'})
 """Letters that are no letter with an accent."""
 
 NAMES: dict[str, tuple[str, ...]] = {
@@ -28,13 +29,13 @@ NAMES: dict[str, tuple[str, ...]] = {
         'date_de_debut', 'begin_time', 'beginn', 'anfang', 'startzeit', 'von',
         'debut', 'heure_de_debut', 'de', 'borjan', 'starttid', 'borjar', 'begynnelse', 'alku',
         'aloitus', 'fra', 'fran', 'inicio', 'inizio', 'comienzo', 'desde', 'da', 'starttijd',
-        'aanvang', 'van', 'from', 'on',
-    ),
+        'aanvang', 'van', 'from', 'on', 'poczatek', 'upphaf',),
     'end': (
         'end', 'stop', 'end_time', 'sluttidspunkt', 'endzeitpunkt', 'enddatum', 'date_de_fin',
         'stop_time', 'ende', 'endzeit', 'bis', 'fin', 'heure_de_fin',
         'a', 'slut', 'sluttid', 'stopp', 'slutt', 'loppu', 'lopetus', 'til', 'till', 'final',
         'fine', 'hasta', 'einde', 'eindtijd', 'tot', 'to', 'until', 'off',
+        'fim', 'ate', 'koniec', 'lok', 'endir',
     ),
     'datetime': (
         'datetime', 'date_time', 'timestamp', 'zeitstempel', 'zeitpunkt', 'horodatage',
@@ -46,10 +47,9 @@ NAMES: dict[str, tuple[str, ...]] = {
         'time', 'times', 't', 'zeit', 'uhrzeit', 'temps', 'heure', 'tid', 'klokkeslett',
         'klockslag', 'klokkeslaet', 'aika', 'kello', 'kellonaika', 'tiempo', 'hora', 'tempo',
         'ora',
-        'tijd',
-    ),
+        'tijd', 'czas', 'godzina', 'timi',),
     'date': ('date', 'datum', 'dato', 'paivamaara', 'paivays', 'fecha', 'data', 'dag', 'tag',
-             'day'),
+             'day', 'dagsetning',),
     'duration': ('duration', 'dauer', 'duree', 'varaktighet', 'varighed', 'varighet', 'kesto',
                  'duracion', 'durata', 'duur'),
     'rate': (
@@ -60,17 +60,16 @@ NAMES: dict[str, tuple[str, ...]] = {
         'pumprate', 'durchfluss', 'fluss', 'volumenstrom', 'debit', 'flode', 'flow_hastighed',
         'pumphastighet', 'pumpehastighed', 'strom', 'virtaus', 'virtaama', 'pumppausnopeus',
         'caudal', 'flujo', 'tasa', 'portata', 'flusso', 'debiet', 'stroming', 'pompsnelheid',
+        'vazao', 'przeplyw', 'rennsli',
     ),
     'well': (
         'well', 'location', 'pump', 'port', 'brunnen', 'pumpe', 'ort', 'kanal', 'anschluss',
         'puits', 'pompe', 'lieu', 'position', 'brunn', 'brond', 'bronn', 'kaivo', 'pumppu', 'pozo',
-        'bomba', 'pozzo', 'pompa', 'put', 'pomp',
-    ),
+        'bomba', 'pozzo', 'pompa', 'put', 'pomp', 'poco', 'studnia', 'hola', 'brunnur',),
     'concentration': (
         'concentration', 'maps', 'c', 'tracer', 'data', 'images', 'konzentration', 'konsentrasjon',
         'koncentration', 'pitoisuus', 'konsentraatio', 'concentracion', 'concentrazione',
-        'concentratie', 'conc', 'konz',
-    ),
+        'concentratie', 'conc', 'konz', 'concentracao', 'stezenie', 'styrkur',),
     'density': ('density', 'density_kg/m3', 'density_kg_m3', 'dichte', 'densite',
                 'masse_volumique', 'densitet', 'massefylde', 'tetthet', 'tiheys', 'densidad',
                 'densita', 'dichtheid'),
@@ -88,6 +87,7 @@ UNITS = {
     **dict.fromkeys(('pro', 'je', 'par', 'per', 'pr', 'por'), '/'),
     **dict.fromkeys(('std', 'stunde', 'stunden', 'heure', 'heures', 'timme', 'timmar', 'time',
                      'timer', 'tunti', 'tuntia', 'hora', 'horas', 'ora', 'ore', 'uur', 'hr', 'hrs',
+                     'klst', 'godz',
                      't', 'u'), 'h'),
     **dict.fromkeys(('sek', 'sekunde', 'sekunden', 'seconde', 'secondes', 'sekund', 'sekunder',
                      'sekuntia', 'segundo', 'segundos', 'secondo', 'secondi', 'seconden', 'sec',
@@ -108,18 +108,18 @@ UNITS = {
 """Words in units, and their meanings."""
 
 _MONTHS = (
-    'january janvier januar januari tammikuu enero gennaio',
-    'february fevrier februar februari helmikuu febrero febbraio',
-    'march mars marz maerz marts maaliskuu marzo maart mrt',
-    'april avril huhtikuu abril aprile',
-    'may mai maj toukokuu mayo maggio mei',
-    'june juin juni kesakuu junio giugno',
-    'july juillet juli heinakuu julio luglio',
-    'august aout augusti elokuu agosto augustus',
-    'september septembre syyskuu septiembre settembre',
-    'october octobre oktober lokakuu octubre ottobre',
-    'november novembre marraskuu noviembre',
-    'december decembre dezember desember joulukuu diciembre dicembre',
+    'january janvier januar januari tammikuu enero gennaio janeiro styczen stycznia',
+    'february fevrier februar februari helmikuu febrero febbraio fevereiro luty lutego',
+    'march mars marz maerz marts maaliskuu marzo maart mrt marco marzec marca',
+    'april avril huhtikuu abril aprile kwiecien kwietnia',
+    'may mai maj toukokuu mayo maggio mei maio maja',
+    'june juin juni kesakuu junio giugno junho czerwiec czerwca',
+    'july juillet juli heinakuu julio luglio julho lipiec lipca',
+    'august aout augusti elokuu agosto augustus agust sierpien sierpnia',
+    'september septembre syyskuu septiembre settembre setembro wrzesien wrzesnia',
+    'october octobre oktober lokakuu octubre ottobre outubro pazdziernik pazdziernika',
+    'november novembre marraskuu noviembre novembro listopad listopada',
+    'december decembre dezember desember joulukuu diciembre dicembre dezembro grudzien grudnia',
 )
 
 ZONES = {

@@ -28,15 +28,17 @@ def unpacked(raw: NDArray[Any], attributes: Mapping[str, Any]) -> tuple[NDArray[
     """
     if raw.dtype.kind not in 'biuf':
         return raw, {}
-    if str(attributes.get('_Unsigned', '')).lower() == 'true' and raw.dtype.kind == 'i':
+    is_unsigned = str(attributes.get('_Unsigned', '')).lower() == 'true'
+    if is_unsigned and raw.dtype.kind == 'i':
         raw = raw.view(raw.dtype.str.replace('i', 'u'))
     counts: Counts = {}
     scale, offset = attributes.get('scale_factor'), attributes.get('add_offset')
     is_packed = scale is not None or offset is not None
     missing = np.zeros(raw.shape, dtype=bool)
     for name in ('_FillValue', 'missing_value'):
-        for number in np.atleast_1d(attributes.get(name, [])).tolist():
-            _add(missing, _equal(raw, number), f'{number:g} ({name})', counts)
+        for number in _numbers(attributes.get(name, [])):
+            meant = number + np.iinfo(raw.dtype).max + 1 if is_unsigned and number < 0 else number
+            _add(missing, _equal(raw, meant), f'{meant:g} ({name})', counts)
     values = raw.astype(np.float64) if is_packed or raw.dtype.kind != 'f' else raw
     values = values * (1.0 if scale is None else float(scale)) if scale is not None else values
     values = values + float(offset) if offset is not None else values
@@ -59,6 +61,16 @@ def netcdf_attributes(variable: netCDF4.Variable) -> dict[str, Any]:
 def has_range(attributes: Mapping[str, Any]) -> bool:
     """Return whether a variable says which of its values count."""
     return any(name in attributes for name in _VALID)
+
+
+def _numbers(attribute: Any) -> list[Any]:
+    """Return the numbers of an attribute; some programs write them as text."""
+    if not isinstance(attribute, str):
+        return list(np.atleast_1d(attribute).tolist())
+    try:
+        return [float(word) for word in attribute.replace(',', ' ').split()]
+    except ValueError:
+        return []
 
 
 def _equal(raw: NDArray[Any], number: Any) -> NDArray[np.bool_]:

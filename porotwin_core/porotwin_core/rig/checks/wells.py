@@ -1,5 +1,6 @@
 """Do the wells lie in the sand, each at a place and with a name of its own?"""
 
+import functools
 import itertools
 import math
 import unicodedata
@@ -54,6 +55,7 @@ def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
         )
 
 
+@functools.cache
 def _plain(name: str) -> str:
     """Return a name as a person reads it: small, usual letters, each accent with its letter."""
     return ' '.join(unicodedata.normalize('NFKC', name).lower().split())
