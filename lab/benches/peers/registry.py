@@ -28,7 +28,7 @@ class Peer:
     """A program of others.
 
     Attributes:
-        name: in a table.
+        name: in a table; its version takes the place of {}.
         module: ours that calls it, with `prepare` (see `child`) and `version`.
         package: that it imports; also its environment in `ENVIRONMENTS`, if it has one.
         home: where a user finds it.
@@ -91,7 +91,7 @@ def run_peer(peer: Peer, problem: Problem, limit_s: float = LIMIT_S) -> Outcome:
         folder = Path(name)
         np.savez(folder / PROBLEM, **problem)
         if trouble := _trouble(peer, folder, limit_s):
-            return Outcome(f'{peer.name.format("").replace(" :", ":")}: {trouble}')
+            return Outcome(f'{peer.name.replace(" {}", "")}: {trouble}')
         with np.load(folder / RESULT) as found:
             return Outcome(
                 peer.name.format(found['version']),
