@@ -42,9 +42,8 @@ TEXT = """\
 - **Photographed wedges**: SS-1, SS-2 and SS-3 of a real tank.
 - **Salt lake**: water evaporates at the top left, and salt diffuses from there; the numbers are
   those of `ex-gwt-saltlake` of MODFLOW 6 (Simmons 1999).
-- **MODFLOW 6**: mean difference of maps on cells twice as large, over their mean; a comparison with
-  a peer. `flopy` writes its input from `rig.yaml`. It needs `pip install flopy`, and `mf6` in
-  the path.
+- **MODFLOW 6**: mean difference of maps on cells twice as large, over their mean. `flopy`
+  writes its input from `rig.yaml`. It needs `pip install flopy`, and `mf6` in the path.
 """
 
 

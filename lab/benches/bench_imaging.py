@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.benches.peers.registry import IMAGERS, Peer, run_peer
+from lab.benches.peers.peer_process import IMAGERS, Peer, run_peer
 from porotwin_core.geometry.grid import conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
@@ -38,6 +38,8 @@ COLUMNS = ('median_s', 'longest_s', 'processor_s', 'memory_mb', 'error', 'times_
 """Figures of a row; the last four are known for whole photographs."""
 ROUNDS = 9
 """Photographs whose median time is reported."""
+PEER_ROUNDS = 3
+"""The same for a peer, which takes seconds for each."""
 _MARGIN, _UPPER_MARGIN = 200, 400
 """Distance of the rig from the edges of the photograph [px]; the chart is above the rig."""
 _CHART = (300, 40, 70)
@@ -63,9 +65,10 @@ def run(
     rows = _in_a_process(_measure, camera, rounds, dict(grids), baseline, state)
     name, maps = next(iter(grids.items()))
     ours = next(row for row in rows if row['stage'] == 'whole')
-    peers = [_peer_row(peer, name, maps, camera, rounds, (baseline, state)) for peer in IMAGERS]
+    peers = [_peer_row(peer, name, maps, camera, (baseline, state)) for peer in IMAGERS]
     for row in (ours, *peers):
-        row['times_ours'] = row['median_s'] and round(row['median_s'] / ours['median_s'], 1)
+        seconds = row['processor_s']
+        row['times_ours'] = seconds and round(seconds / ours['processor_s'], 1)
     return rows + peers
 
 
@@ -74,7 +77,6 @@ def _peer_row(
     name: str,
     maps: Maps,
     camera: tuple[int, int],
-    rounds: int,
     photographs: tuple[bytes, bytes],
 ) -> dict[str, Any]:
     """Return the row of a peer: the mean time of a photograph, and the error of its map."""
@@ -89,15 +91,15 @@ def _peer_row(
         'chart': np.array(picture.colour_checker_px),
         'size': np.array(size),
         'shape': np.array([nz, nx]),
-        'rounds': np.array(rounds),
+        'rounds': np.array(PEER_ROUNDS),
     }
     title, found, processor, wall, memory = run_peer(peer, problem)
     row = {'grid': name, 'stage': title} | dict.fromkeys(COLUMNS, '')
     if found is None or processor is None or wall is None or memory is None:
         return row
     return row | {
-        'median_s': round(wall / rounds, 4),
-        'processor_s': round(processor / rounds, 4),
+        'median_s': round(wall / PEER_ROUNDS, 4),
+        'processor_s': round(processor / PEER_ROUNDS, 4),
         'memory_mb': round(1000.0 * memory),
         'error': _error(found, camera),
     }

@@ -23,7 +23,7 @@ from lab.benches.bench_large_grids import (
     large_grid_cost,
 )
 from lab.benches.peers.child import Problem
-from lab.benches.peers.registry import SOLVERS, run_peer
+from lab.benches.peers.peer_process import SOLVERS, run_peer
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample

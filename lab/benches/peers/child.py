@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 Problem = Mapping[str, Any]
-"""Arrays that say what a peer shall solve, by name."""
+"""Arrays that describe a problem for a peer, by name."""
 
 PROBLEM, RESULT = 'problem.npz', 'result.npz'
 """Files in the folder."""
 
 
 def main(module: str, folder: Path) -> None:
-    """Solve the problem in `folder`, and write the maps with what they cost."""
+    """Solve the problem in `folder`, and write the maps with their cost."""
     peer = importlib.import_module(module)
     with np.load(folder / PROBLEM) as file:
         work = peer.prepare(dict(file))

@@ -3,7 +3,7 @@
 The chart corrects the colours, and the corners of the rig crop the picture. The picture becomes as
 coarse as the map before the analysis, because total variation of all pixels takes minutes.
 
-| array | shape | what |
+| array | shape | meaning |
 | --- | --- | --- |
 | `baseline`, `state` | (bytes) | the files without and with tracer |
 | `corners`, `chart` | (4, 2) | column and row from the upper left, counter-clockwise [px] |

@@ -1,13 +1,13 @@
 """The case of `bench_solver` in arrays, for peers that know nothing of our rigs.
 
-| array | shape | what |
+| array | shape | meaning |
 | --- | --- | --- |
 | `dx`, `dz` | | sizes of a cell [m] |
 | `mobility_thickness`, `storage` | (nz, nx) | as in `Physics`; row 0 is the bottom |
 | `interval` | | time between two changes of the rates, and longest step [s] |
 | `cells` | (n) | flat places of the cells with wells |
-| `inflow`, `tracer`, `outflow` | (intervals, n) | what wells add to them and take [m^3/s] |
-| `frames` | (m) | intervals after which maps (m, nz, nx) are wanted, from 1 |
+| `inflow`, `tracer`, `outflow` | (intervals, n) | water and stock from wells, water to them [m^3/s] |
+| `frames` | (m) | places of the wanted maps (m, nz, nx): intervals until then |
 
 The top is open with a head of zero; the other sides are closed.
 """

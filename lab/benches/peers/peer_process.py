@@ -20,7 +20,7 @@ ENVIRONMENTS = ROOT / 'runs' / 'peers'
 """A virtual environment in the folder of this name holds a peer that does not suit ours."""
 
 LIMIT_S = 600.0
-"""Time after which a peer is stopped [s]."""
+"""The longest work of a peer [s]; a longer one is stopped."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ IMAGERS = (
 """Peers of the imaging."""
 
 
-class Outcome(NamedTuple):
-    """What a peer answered.
+class PeerAnswer(NamedTuple):
+    """The answer of a peer.
 
     title: its name and version, or its name and why there is no answer.
     maps: as its module says; None without an answer.
@@ -85,18 +85,18 @@ class Outcome(NamedTuple):
     memory_gb: float | None = None
 
 
-def run_peer(peer: Peer, problem: Problem, limit_s: float = LIMIT_S) -> Outcome:
-    """Return what `peer` answers to `problem`, or why it does not: missing, failed or too slow."""
+def run_peer(peer: Peer, problem: Problem, limit_s: float = LIMIT_S) -> PeerAnswer:
+    """Return the answer of `peer` to `problem`, or why there is none: missing, failed, too slow."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         np.savez(folder / PROBLEM, **problem)
         if trouble := _trouble(peer, folder, limit_s):
-            return Outcome(f'{peer.name.replace(" {}", "")}: {trouble}')
+            return PeerAnswer(f'{peer.name.replace(" {}", "")}: {trouble}')
         with np.load(folder / RESULT) as found:
-            return Outcome(
+            return PeerAnswer(
                 peer.name.format(found['version']),
                 found['maps'],
-                *(float(found[key]) for key in Outcome._fields[2:]),
+                *(float(found[key]) for key in PeerAnswer._fields[2:]),
             )
 
 
@@ -126,5 +126,6 @@ def _trouble(peer: Peer, folder: Path, limit_s: float) -> str:
         return ''
     last = (said.strip().splitlines() or [f'ended with code {process.returncode}'])[-1]
     if f"No module named '{peer.package}'" in last:
-        return f'not installed ({peer.home})'
+        where = own.parents[1].relative_to(ROOT)
+        return f'neither installed ({peer.home}) nor in the environment {where}'
     return shorten(last, 90)

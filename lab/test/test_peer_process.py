@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lab.benches import bench_solver
-from lab.benches.peers.registry import IMAGERS, SOLVERS, Outcome, Peer, run_peer
+from lab.benches.peers.peer_process import IMAGERS, SOLVERS, Peer, PeerAnswer, run_peer
 from porotwin_core.geometry.grid import FloatArray
 
 FAKE = Peer('Fake {}: doubles', 'lab.test.fake_peer', 'fake', 'example.org/fake')
 
 
-def answer(does: str, limit_s: float = 60.0) -> Outcome:
+def answer(does: str, limit_s: float = 60.0) -> PeerAnswer:
     return run_peer(FAKE, {'does': np.array(does), 'numbers': np.array([1.0, 2.0])}, limit_s)
 
 
@@ -26,7 +26,7 @@ def test_an_answer_has_maps_and_what_they_cost() -> None:
 
 
 def test_a_peer_that_fails_has_one_line_with_the_reason() -> None:
-    assert answer('raises') == Outcome(
+    assert answer('raises') == PeerAnswer(
         'Fake: doubles: ZeroDivisionError: integer division or modulo by zero'
     )
 
@@ -40,13 +40,15 @@ def test_a_peer_that_dies_has_one_line() -> None:
 
 def test_a_peer_that_hangs_is_stopped() -> None:
     before = time.monotonic()
-    assert answer('hangs', limit_s=3.0) == Outcome('Fake: doubles: stopped after 3 s')
+    assert answer('hangs', limit_s=3.0) == PeerAnswer('Fake: doubles: stopped after 3 s')
     assert time.monotonic() - before < 60.0  # it would hang for ten minutes
 
 
 def test_a_missing_peer_says_where_it_is_to_be_had() -> None:
     missing = Peer('Gone {}', 'no_such_peer', 'no_such_peer', 'example.org/gone')
-    assert run_peer(missing, {}) == Outcome('Gone: not installed (example.org/gone)')
+    title = run_peer(missing, {}).title
+    assert title.startswith('Gone: neither installed (example.org/gone)')
+    assert 'runs/peers/no_such_peer' in title
 
 
 def test_fipy_solves_the_plain_model() -> None:
