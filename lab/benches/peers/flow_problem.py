@@ -6,7 +6,7 @@
 | `mobility_thickness`, `storage` | (nz, nx) | as in `Physics`; row 0 is the bottom |
 | `interval` | | time between two changes of the rates, and longest step [s] |
 | `cells` | (n) | flat places of the cells with wells |
-| `inflow`, `tracer`, `outflow` | (intervals, n) | water and stock from wells, water to them [m^3/s] |
+| `inflow`, `tracer`, `outflow` | (intervals, n) | water, stock from wells; water to them [m^3/s] |
 | `frames` | (m) | places of the wanted maps (m, nz, nx): intervals until then |
 
 The top is open with a head of zero; the other sides are closed.
