@@ -1,4 +1,7 @@
-"""The time from photograph to map on this machine, per stage, at the resolution of the camera."""
+"""The time from photograph to map on this machine, per stage, at the resolution of the camera.
+
+Peers (`lab.benches.peers`) make a map of the first grid from the same files.
+"""
 
 import resource
 import time
@@ -11,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.benches.peers.peer_process import IMAGERS, Peer, run_peer
+from porotwin_core.geometry.grid import conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.light.colour_checker import REFERENCE
@@ -29,8 +34,12 @@ GRIDS: Mapping[str, Maps] = {
     '1 mm, large rig': (2800, 1500, LARGE_RIG),
 }
 """Maps by name."""
+COLUMNS = ('median_s', 'longest_s', 'processor_s', 'memory_mb', 'error', 'times_ours')
+"""Figures of a row; the last four are known for whole photographs."""
 ROUNDS = 9
 """Photographs whose median time is reported."""
+PEER_ROUNDS = 3
+"""The same for a peer, which takes seconds for each."""
 _MARGIN, _UPPER_MARGIN = 200, 400
 """Distance of the rig from the edges of the photograph [px]; the chart is above the rig."""
 _CHART = (300, 40, 70)
@@ -53,7 +62,60 @@ def run(
     [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.
     """
     baseline, state = _in_a_process(_photographs, camera)
-    return _in_a_process(_measure, camera, rounds, dict(grids), baseline, state)
+    rows = _in_a_process(_measure, camera, rounds, dict(grids), baseline, state)
+    name, maps = next(iter(grids.items()))
+    ours = next(row for row in rows if row['stage'] == 'whole')
+    peers = [_peer_row(peer, name, maps, camera, (baseline, state)) for peer in IMAGERS]
+    for row in (ours, *peers):
+        seconds = row['processor_s']
+        row['times_ours'] = seconds and round(seconds / ours['processor_s'], 1)
+    return rows + peers
+
+
+def _peer_row(
+    peer: Peer,
+    name: str,
+    maps: Maps,
+    camera: tuple[int, int],
+    photographs: tuple[bytes, bytes],
+) -> dict[str, Any]:
+    """Return the row of a peer: the mean time of a photograph, and the error of its map."""
+    nx, nz, size = maps
+    picture = _rig(camera, size).camera
+    assert picture is not None
+    baseline, state = (np.frombuffer(data, np.uint8) for data in photographs)
+    problem = {
+        'baseline': baseline,
+        'state': state,
+        'corners': np.array(picture.corners_px),
+        'chart': np.array(picture.colour_checker_px),
+        'size': np.array(size),
+        'shape': np.array([nz, nx]),
+        'rounds': np.array(PEER_ROUNDS),
+    }
+    title, found, processor, wall, memory = run_peer(peer, problem)
+    row = {'grid': name, 'stage': title} | dict.fromkeys(COLUMNS, '')
+    if found is None or processor is None or wall is None or memory is None:
+        return row
+    return row | {
+        'median_s': round(wall / PEER_ROUNDS, 4),
+        'processor_s': round(processor / PEER_ROUNDS, 4),
+        'memory_mb': round(1000.0 * memory),
+        'error': _error(found, camera),
+    }
+
+
+def _error(signal: NDArray[Any], camera: tuple[int, int]) -> float:
+    """Return the relative L2 error of a map (nz, nx), after the cubic that suits it best.
+
+    The photograph obeys no law of absorption, and none was calibrated.
+    """
+    left, top = _MARGIN, _UPPER_MARGIN
+    plume = _plume(camera)[top : camera[1] - _MARGIN, left : camera[0] - _MARGIN]
+    truth = conservative_resample(plume[::-1].astype(np.float64), signal.shape).ravel()
+    powers = np.nan_to_num(signal.ravel())[:, None] ** np.arange(1, 4)
+    factors = np.linalg.lstsq(powers, truth, rcond=None)[0]
+    return round(float(np.linalg.norm(powers @ factors - truth) / np.linalg.norm(truth)), 4)
 
 
 def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
@@ -74,23 +136,20 @@ def _measure(
     for name, (nx, nz, size) in grids.items():
         rig = _rig(camera, size)
         reference = make_baseline(rig, rig.grid(nx, nz), [baseline], calibration=Calibration())
-        concentration_map(state, reference)  # compiles the kernels
+        last = concentration_map(state, reference)  # compiles the kernels
         before = time.process_time()
         runs = [_timed(reference, state) for _ in range(rounds)]
         processor = (time.process_time() - before) / rounds
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         for stage in runs[0]:
             times = [timings[stage] for timings in runs]
-            rows.append(
-                {
-                    'grid': name,
-                    'stage': stage,
-                    'median_s': round(float(np.median(times)), 4),
-                    'longest_s': round(max(times), 4),
-                    'processor_s': round(processor, 4) if stage == 'whole' else '',
-                    'memory_mb': round(memory) if stage == 'whole' else '',
-                }
-            )
+            row: dict[str, Any] = {'grid': name, 'stage': stage} | dict.fromkeys(COLUMNS, '')
+            row['median_s'] = round(float(np.median(times)), 4)
+            row['longest_s'] = round(max(times), 4)
+            rows.append(row)
+        row['processor_s'] = round(processor, 4)
+        row['memory_mb'] = round(memory)
+        row['error'] = _error(last.values, camera)
     return rows
 
 
@@ -142,12 +201,7 @@ def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:
     grains = generator.normal(0.0, 1.0, (rows // 8, columns // 8)).astype(np.float32)
     mottled = cv2.resize(grains, camera, interpolation=cv2.INTER_CUBIC)
     shade = np.clip(110.0 + 28.0 * mottled, 0, 255)
-    if tracer:
-        row, column = np.ogrid[:rows, :columns]
-        distance = np.hypot(column - 0.4 * columns, row - 0.5 * rows) / (0.12 * columns)
-        plume: NDArray[np.float32] = np.clip(4.0 * (1.1 - distance), 0, 1).astype(np.float32)
-    else:
-        plume = np.zeros((rows, columns), np.float32)
+    plume = _plume(camera) if tracer else np.zeros((rows, columns), np.float32)
     bands = (0.6, 0.8, 1.0), (0.5, 0.35, 0.6)
     pixels = np.stack(
         [shade * tone * (1 - takes * plume) for tone, takes in zip(*bands, strict=True)], axis=-1
@@ -162,6 +216,14 @@ def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:
         pixels[first_row : first_row + side, first_column : first_column + side] = levels
     _, data = cv2.imencode('.jpg', pixels.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
     return data.tobytes()
+
+
+def _plume(camera: tuple[int, int]) -> NDArray[np.float32]:
+    """Return the tracer of the photograph, 0 to 1, row 0 at the top."""
+    columns, rows = camera
+    row, column = np.ogrid[:rows, :columns]
+    distance = np.hypot(column - 0.4 * columns, row - 0.5 * rows) / (0.12 * columns)
+    return np.clip(4.0 * (1.1 - distance), 0, 1).astype(np.float32)
 
 
 if __name__ == '__main__':

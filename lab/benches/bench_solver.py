@@ -1,8 +1,8 @@
-"""Speed and accuracy of the solver on this machine, with two baselines in the same run.
+"""Speed and accuracy of the solver on this machine, with a baseline and peers in the same run.
 
-The case is 80 min of the paper's small rig with rates that change at every photograph. The
-baselines are a textbook model, written here (two-point flux, implicit first-order upwind, a sparse
-LU factor for each step), and FiPy, where it is installed.
+The case is 80 min of the paper's small rig with rates that change at every photograph. The baseline
+is a textbook model, written here (two-point flux, implicit first-order upwind, a sparse LU factor
+for each step). Peers (`lab.benches.peers`) have processes of their own.
 """
 
 import resource
@@ -15,7 +15,15 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from lab.benches.bench_large_grids import GRIDS, LARGE_FRAMES, LargeGridCost, large_grid_cost
+from lab.benches.bench_large_grids import (
+    GRIDS,
+    LARGE_FRAMES,
+    LargeGridCost,
+    large_bench_rig,
+    large_grid_cost,
+)
+from lab.benches.peers.child import Problem
+from lab.benches.peers.peer_process import SOLVERS, run_peer
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
@@ -30,6 +38,7 @@ from porotwin_solver.flow.multigrid import GridLevel
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.simulation import simulate
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.transport.transport import Sources
 
 INTERVAL = 30.0
 """Time between two photographs and between two changes of the rates [s]."""
@@ -42,9 +51,6 @@ ERROR_TIMES = (2100.0, 4800.0)
 
 REFERENCE_CELLS = (748, 448)
 """Columns and rows of the reference solution: four times as fine as the default grid."""
-
-FIPY_FRAMES = 4
-"""Intervals that FiPy is timed for; all 160 would take minutes."""
 
 CUDA = 'cuda'
 """The graphics processor that the large grids are timed on, where there is one."""
@@ -145,49 +151,24 @@ def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
     return np.array(maps)
 
 
-def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
-    """Return the CPU time [s] of FiPy for one interval, flow and transport; None without FiPy.
-
-    Its default solvers, implicit upwind transport; mesh and terms are made beforehand.
-    """
-    try:
-        from fipy import (
-            CellVariable,
-            DiffusionTerm,
-            FaceVariable,
-            Grid2D,
-            ImplicitSourceTerm,
-            TransientTerm,
-            UpwindConvectionTerm,
-        )
-    except ImportError:
-        return None
+def flow_problem(rig: Rig, schedule: Schedule, grid: Grid) -> Problem:
+    """Return the arrays that `lab.benches.peers.flow_problem` describes."""
     physics = nominal_physics(rig, grid)
-    sources_and_sinks = SourcesAndSinks(physics)
-    mesh = Grid2D(dx=grid.dx, dy=grid.dz, nx=grid.nx, ny=grid.nz)
-    area = grid.cell_area
-    mobility_thickness = float(physics.mobility_thickness[0, 0])
-    pressure = CellVariable(mesh=mesh)
-    pressure.constrain(0.0, mesh.facesTop)
-    tracer = CellVariable(mesh=mesh, hasOld=True)
-    source, injected, produced = (CellVariable(mesh=mesh) for _ in range(3))
-    velocity = FaceVariable(mesh=mesh, rank=1)
-    flow = DiffusionTerm(coeff=mobility_thickness) + source == 0.0
-    capacity = float((physics.storage / area)[0, 0])
-    transport = TransientTerm(coeff=capacity) + UpwindConvectionTerm(coeff=velocity) == (
-        injected - ImplicitSourceTerm(coeff=produced)
-    )
-    begin = time.process_time()
-    for frame in range(FIPY_FRAMES):
-        sources = sources_and_sinks.sources(schedule.at(frame * INTERVAL))
-        source.setValue(sources.net.ravel() / area)
-        injected.setValue(sources.tracer.ravel() / area)
-        produced.setValue(sources.outflow.ravel() / area)
-        flow.solve(var=pressure)
-        velocity.setValue(-mobility_thickness * pressure.faceGrad)
-        tracer.updateOld()
-        transport.solve(var=tracer, dt=INTERVAL)
-    return (time.process_time() - begin) / FIPY_FRAMES
+    times = np.arange(FRAMES) * INTERVAL
+    wells = SourcesAndSinks(physics)
+    rates = np.array([wells.sources(schedule.at(time)) for time in times])
+    rates = rates.reshape(FRAMES, len(Sources._fields), -1)
+    cells = np.flatnonzero(rates.any(axis=(0, 1)))
+    return {
+        'dx': np.array(grid.dx),
+        'dz': np.array(grid.dz),
+        'mobility_thickness': physics.mobility_thickness,
+        'storage': physics.storage,
+        'interval': np.array(INTERVAL),
+        'cells': cells,
+        'frames': np.array(ERROR_TIMES) / INTERVAL,
+        **dict(zip(Sources._fields, rates[..., cells].swapaxes(0, 1), strict=True)),
+    }
 
 
 def timed(work: Callable[[], FloatArray]) -> tuple[FloatArray, float]:
@@ -207,12 +188,26 @@ def errors(maps: FloatArray, reference: FloatArray) -> list[float]:
 
 
 def run() -> list[Row]:
-    """Return one row per model: CPU time [s] for 80 min, its ratio to the plain model, errors.
+    """Return one row per model: CPU time [s] for 80 min, its ratios, errors and peak memory [GB].
 
     The last rows come from `bench_large_grids`.
     """
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(187, 112)
+    rows = model_rows(rig, schedule, grid)
+    plain_seconds = rows[0]['cpu_s']
+    seconds = _gradient_seconds(rig, schedule, grid)
+    rows.append(
+        _row('fast, gradient by 800 rates', grid, seconds, seconds / plain_seconds)
+        | {'ns_per_cell_frame': _nanoseconds(seconds, grid)}
+    )
+    rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
+    rows.extend(_large_rows(plain_seconds))
+    return rows
+
+
+def model_rows(rig: Rig, schedule: Schedule, grid: Grid) -> list[Row]:
+    """Return the rows of 80 min: the plain model, the peers, and our presets."""
     for preset in ('fast', 'accurate', 'sharp'):  # compile the kernels before the timing
         simulate(rig, schedule, ERROR_TIMES[:1], grid=rig.grid(12, 7), preset=preset)
     reference = simulate(
@@ -220,23 +215,22 @@ def run() -> list[Row]:
     )
     plain, plain_seconds = timed(lambda: plain_maps(rig, schedule, grid))
 
-    def row(name: str, on: Grid, seconds: float, maps: FloatArray | None) -> Row:
-        early, late = errors(maps, reference) if maps is not None else (None, None)
-        return {
-            'model': name,
-            'grid': str(on),
-            'cpu_s': round(seconds, 3),
-            'wall_s': None,
-            'ratio_to_plain': round(seconds / plain_seconds, 4),
-            'error_35_min': None if early is None else round(early, 4),
-            'error_80_min': None if late is None else round(late, 4),
-            'ns_per_cell_frame': round(1e9 * seconds / (on.nx * on.nz) / FRAMES, 1),
-            'memory_gb': None,
+    def row(name: str, on: Grid, seconds: float, maps: FloatArray) -> Row:
+        early, late = errors(maps, reference)
+        return _row(name, on, seconds, seconds / plain_seconds) | {
+            'error_35_min': round(early, 4),
+            'error_80_min': round(late, 4),
+            'ns_per_cell_frame': _nanoseconds(seconds, on),
         }
 
     rows = [row('plain: upwind, implicit, LU', grid, plain_seconds, plain)]
-    if (interval := fipy_seconds(rig, schedule, grid)) is not None:
-        rows.append(row(f'FiPy, from {FIPY_FRAMES} intervals', grid, interval * FRAMES, None))
+    problem = flow_problem(rig, schedule, grid)
+    for peer in SOLVERS:
+        title, found, seconds, wall, memory = run_peer(peer, problem)
+        if found is None or seconds is None:
+            rows.append(_row(title, grid))
+        else:
+            rows.append(row(title, grid, seconds, found) | _rounded(wall, memory))
     for preset, size in (
         ('fast', (187, 112)),
         ('accurate', (187, 112)),
@@ -253,12 +247,36 @@ def run() -> list[Row]:
             )
         )
         rows.append(row(preset, on, seconds, found))
-    rows.append(
-        row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
-    )
-    rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
-    rows.extend(_large_rows(plain_seconds))
-    return rows
+    ours = next(row['cpu_s'] for row in rows if row['model'] == 'accurate')
+    return [
+        row | {'ratio_to_accurate': row['cpu_s'] and round(row['cpu_s'] / ours, 2)} for row in rows
+    ]
+
+
+def _row(name: str, on: Grid, seconds: float | None = None, ratio: float | None = None) -> Row:
+    """Return a row with all columns; figures that nobody knows are None."""
+    return {
+        'model': name,
+        'grid': str(on),
+        'cpu_s': seconds and round(seconds, 4),
+        'wall_s': None,
+        'ratio_to_plain': ratio and round(ratio, 4),
+        'ratio_to_accurate': None,
+        'error_35_min': None,
+        'error_80_min': None,
+        'ns_per_cell_frame': None,
+        'memory_gb': None,
+    }
+
+
+def _rounded(wall: float | None, memory: float | None) -> Row:
+    """Return the columns of a process."""
+    return {'wall_s': wall and round(wall, 1), 'memory_gb': memory and round(memory, 2)}
+
+
+def _nanoseconds(seconds: float, on: Grid) -> float:
+    """Return `seconds` of 80 min per cell and frame [ns]."""
+    return round(1e9 * seconds / (on.nx * on.nz) / FRAMES, 1)
 
 
 def _large_rows(plain_seconds: float) -> list[Row]:
@@ -296,16 +314,14 @@ def _large_row(
     size: tuple[int, int], how: str, cost: LargeGridCost | None, plain_seconds: float
 ) -> Row:
     """Return the cost of 100 frames of the large rig; no figures where it was not run."""
-    return {
-        'model': f'fast, large rig, {LARGE_FRAMES} frames, {how}',
-        'grid': f'{size[0]}x{size[1]}',
-        'cpu_s': cost and round(cost.processor_s, 1),
-        'wall_s': cost and round(cost.wall_s, 1),
-        'ratio_to_plain': cost and round(cost.wall_s / plain_seconds, 3),
-        'error_35_min': None,
-        'error_80_min': None,
-        'ns_per_cell_frame': cost and round(cost.nanoseconds, 1),
-        'memory_gb': cost and round(cost.memory_gb, 2),
+    row = _row(f'fast, large rig, {LARGE_FRAMES} frames, {how}', large_bench_rig().grid(*size))
+    if cost is None:
+        return row
+    return row | {
+        'cpu_s': round(cost.processor_s, 1),
+        'ratio_to_plain': round(cost.wall_s / plain_seconds, 3),
+        'ns_per_cell_frame': round(cost.nanoseconds, 1),
+        **_rounded(cost.wall_s, cost.memory_gb),
     }
 
 
@@ -330,19 +346,9 @@ def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: floa
         model.prepare()
         rates = schedule.at(2400.0)
         _, seconds = timed(lambda: model.predict(state, rates, INTERVAL))  # noqa: B023
-        rows.append(
-            {
-                'model': f'{preset}, one interval of 30 s',
-                'grid': str(size),
-                'cpu_s': round(seconds, 4),
-                'wall_s': None,
-                'ratio_to_plain': round(seconds * FRAMES / plain_seconds, 4),
-                'error_35_min': None,
-                'error_80_min': None,
-                'ns_per_cell_frame': round(1e9 * seconds / (size.nx * size.nz), 1),
-                'memory_gb': None,
-            }
-        )
+        name, ratio = f'{preset}, one interval of 30 s', seconds * FRAMES / plain_seconds
+        nanoseconds = _nanoseconds(seconds * FRAMES, size)
+        rows.append(_row(name, size, seconds, ratio) | {'ns_per_cell_frame': nanoseconds})
     return rows
 
 

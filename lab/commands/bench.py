@@ -41,8 +41,8 @@ LONG = {
 """Parts that take long or need data: measured only by name."""
 
 PLAIN = {
-    'solver': 'Time and errors of the solver beside a plain method and FiPy.',
-    'imaging': 'Time and memory from a photograph of 36 megapixels to a map.',
+    'solver': 'Time and errors of the solver beside FiPy, MODFLOW 6 and PorePy.',
+    'imaging': 'Time and memory from a photograph of 36 megapixels to a map, beside DarSIA.',
     'costa': 'Errors with and without COSTA, and the time that COSTA takes.',
     'cycle': 'Time of one cycle of the hub.',
     'diagnosis': 'Verdicts and time beside sparse regression.',

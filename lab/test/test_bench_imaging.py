@@ -11,4 +11,6 @@ def test_every_stage_has_a_row() -> None:
     rows = bench_imaging.run(camera=(1400, 1100), rounds=1, grids=grids)
     assert {row['grid'] for row in rows} == set(grids)
     assert {row['stage'] for row in rows} >= {'decode', 'align', 'denoise', 'whole'}
-    assert all(row['longest_s'] >= row['median_s'] >= 0.0 for row in rows)
+    *stages, _ = rows  # the last is a peer, with a mean at most
+    assert all(row['longest_s'] >= row['median_s'] >= 0.0 for row in stages)
+    assert 0.0 < stages[-1]['error'] < 0.1

@@ -7,8 +7,9 @@ flow, density (package BUY) and transport (scheme TVD) are those of MODFLOW 6.
 import importlib.util
 import math
 import shutil
+import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,19 +54,42 @@ def modflow_maps(
     Raises:
         InputError: MODFLOW 6 is missing or fails, or the rig has other parts.
     """
+    with tempfile.TemporaryDirectory() as folder:
+        return prepared_maps(
+            rig, schedule, times, grid=grid, longest_step=longest_step, folder=Path(folder)
+        )()
+
+
+def prepared_maps(
+    rig: Rig,
+    schedule: Schedule,
+    times: Sequence[float],
+    *,
+    grid: Grid,
+    longest_step: float,
+    folder: Path,
+) -> Callable[[], FloatArray]:
+    """Write the input of `modflow_maps` into `folder`; return the rest of its work.
+
+    Raises:
+        InputError: as `modflow_maps`, also from the work.
+    """
     if reason := missing():
         raise InputError(f'MODFLOW 6: {reason}')
     physics = described_physics(rig, grid, ())
     _refuse(physics)
     ends = sorted({*times, *(row.time for row in schedule.rows)} - {0.0})
-    with tempfile.TemporaryDirectory() as folder:
-        simulation = _written(physics, schedule, ends, longest_step, Path(folder))
-        success, lines = simulation.run_simulation(silent=True)
-        if not success:
-            raise InputError(f'MODFLOW 6 fails: {"; ".join(lines[-3:])}')
+    simulation = _written(physics, schedule, ends, longest_step, folder)
+
+    def run() -> FloatArray:
+        # not by flopy, which does not wait for it: its processor time would be lost
+        done = subprocess.run([PROGRAM], check=False, cwd=folder, capture_output=True, text=True)
+        if done.returncode or 'Normal termination' not in done.stdout:
+            raise InputError(f'MODFLOW 6 fails: {"; ".join(done.stdout.splitlines()[-3:])}')
         found = simulation.get_model('salt').output.concentration()
-        maps = [found.get_data(totim=time)[::-1, 0] for time in times]
-    return np.array(maps)
+        return np.array([found.get_data(totim=time)[::-1, 0] for time in times])
+
+    return run
 
 
 def _refuse(physics: Physics) -> None:

@@ -84,9 +84,7 @@ class FixedPauses:
 
     def resting(self, time: float) -> frozenset[str]:
         """Return the wells that pause at `time` [s]."""
-        return frozenset(
-            name for name, pauses in self.of_wells.items() if is_within(time, pauses)
-        )
+        return frozenset(name for name, pauses in self.of_wells.items() if is_within(time, pauses))
 
     def at(self, time: float, rates: WellRates) -> WellRates:
         """Return the `rates` [m^3/s] that nobody has measured, with the pauses at `time` [s].
