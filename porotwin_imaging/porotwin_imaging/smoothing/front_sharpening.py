@@ -50,9 +50,9 @@ _KERNEL_REACH = 4.0
 _STEPS = 2
 """Steps of the iteration; more change little."""
 _FREQUENCIES = 64
-"""Frequencies over which the gain of noise is averaged."""
-_FRONT_WAVES = np.arange(0.5, 640.0) * (np.pi / 64.0)
-"""Frequencies of a front [1 / cell], far beyond the finest wave that cells show."""
+"""Frequencies up to the finest wave that cells show, over which the gain of noise is averaged."""
+_FINER = 10
+"""Finest wave of a front, relative to the finest one that cells show."""
 _ROUNDS = 6
 """Steps towards the variance of a kernel; more change it by less than a thousandth."""
 _SHARPEST = 0.02
@@ -130,7 +130,7 @@ def _variance_between_cells(width: float) -> float:
     places of the front in a cell. The waves of the front beyond the finest one of the cells count
     with the wave that cells take them for.
     """
-    waves = _FRONT_WAVES
+    waves = (np.arange(_FINER * _FREQUENCIES) + 0.5) * np.pi / _FREQUENCIES
     front = (np.sinc(waves / (2 * np.pi)) * np.exp(-0.5 * (width * waves) ** 2) / waves) ** 2
     lost = 1.0 - np.exp(-0.5 * (width * waves) ** 2)
     variance = width**2

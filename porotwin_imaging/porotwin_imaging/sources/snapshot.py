@@ -10,6 +10,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from http import HTTPStatus
 from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
@@ -28,7 +29,6 @@ from porotwin_imaging.sources.camera_source import (
 PASSWORD = 'POROTWIN_CAMERA_PASSWORD'
 """Environment variable with the password of a user who is named in the URL."""
 _CHUNK_BYTES = 1 << 16
-_NOT_MODIFIED = 304
 
 
 class SnapshotSource:
@@ -82,7 +82,7 @@ class SnapshotSource:
                 data = self._read(answer)
                 tag = str(answer.headers.get('ETag', ''))
         except urllib.error.HTTPError as error:
-            if error.code == _NOT_MODIFIED:
+            if error.code == HTTPStatus.NOT_MODIFIED:
                 return self._problem('old_picture', 'has no new picture')
             return self._absent(f'answers {error.code} {error.reason}')
         except (OSError, http.client.HTTPException, ValueError) as error:
