@@ -6,3 +6,6 @@ NOISE_SPREADS = 4.0
 """Values farther from the middle than this many standard deviations are no noise."""
 TOP_PERCENTILE = 99.5
 """Percentile that stands for the largest value of a picture: single pixels may be damaged."""
+FEW_ROUNDS, ROUNDS = 6, 20
+"""Rounds of an iteration whose steps take long, and of one whose steps do not: reweighted fits and
+fixed points. More change nothing that is seen."""

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ive
 
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 
@@ -53,8 +54,6 @@ _FREQUENCIES = 64
 """Frequencies up to the finest wave that cells show, over which the gain of noise is averaged."""
 _FINER = 10
 """Finest wave of a front, relative to the finest one that cells show."""
-_ROUNDS = 6
-"""Steps towards the variance of a kernel; more change it by less than a thousandth."""
 _SHARPEST = 0.02
 """Blurs below this count as this [cells]; they change nothing."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
@@ -134,7 +133,7 @@ def _variance_between_cells(width: float) -> float:
     front = (np.sinc(waves / (2 * np.pi)) * np.exp(-0.5 * (width * waves) ** 2) / waves) ** 2
     lost = 1.0 - np.exp(-0.5 * (width * waves) ** 2)
     variance = width**2
-    for _ in range(_ROUNDS):
+    for _ in range(FEW_ROUNDS):
         between = -np.expm1(variance * (np.cos(waves) - 1.0))
         variance *= float(front @ (lost * between) / (front @ between**2))
     return variance

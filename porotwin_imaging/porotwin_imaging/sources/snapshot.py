@@ -5,6 +5,7 @@ never printed. A password may also stand in the environment variable `POROTWIN_C
 """
 
 import http.client
+import io
 import os
 import time
 import urllib.error
@@ -28,7 +29,6 @@ from porotwin_imaging.sources.camera_source import (
 
 PASSWORD = 'POROTWIN_CAMERA_PASSWORD'
 """Environment variable with the password of a user who is named in the URL."""
-_CHUNK_BYTES = 1 << 16
 
 
 class SnapshotSource:
@@ -106,7 +106,9 @@ class SnapshotSource:
         deadline = self._steady() + self._timeout_s
         parts: list[bytes] = []
         size = 0
-        while part := answer.read1(_CHUNK_BYTES):  # what is there; read waits for a whole block
+        while part := answer.read1(
+            io.DEFAULT_BUFFER_SIZE
+        ):  # what is there; read waits for a whole block
             parts.append(part)
             size += len(part)
             if self._steady() > deadline:
