@@ -50,8 +50,8 @@ _SMALL, _LARGE = 3, 9
 _EXPLAINED = 0.5
 """Share of the darkening that hue explains in pale tracer [-]."""
 _WINDOW = 5
-"""Blocks across the windows in which missing light is judged: around a block with tracer they may
-contain it too, and the field of light has a node in each; soft edges are a few windows wide."""
+"""Blocks across a window of missing light. A window around tracer may contain it too. The field of
+light has a node in each window; soft edges are a few windows wide."""
 _FIELD_ERROR = 0.1
 """Standard deviation of the field relative to its largest value: measured on photographs with
 known shadows [-]."""
@@ -117,7 +117,7 @@ def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
     rest = seen & ~strong
     amount, darkening = (_average(p, rest, (_LARGE, _LARGE)) for p in (tracer, -grey))
     pale = amount > np.maximum(NOISE_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
-    # half of what counts as missing light: ordinary photographs stay below
+    # ordinary photographs stay below half of the least change
     pale &= rest & (2.0 * darkening > LOCAL_LIGHT.least_change)
     return np.asarray(strong | (cv2.dilate(pale.astype(np.uint8), around) > 0))
 

@@ -7,5 +7,4 @@ NOISE_SPREADS = 4.0
 TOP_PERCENTILE = 99.5
 """Percentile that stands for the largest value of a picture: single pixels may be damaged."""
 FEW_ROUNDS, ROUNDS = 6, 20
-"""Rounds of an iteration whose steps take long, and of one whose steps do not: reweighted fits and
-fixed points. More change nothing that is seen."""
+"""Rounds of a long and of a short step, in robust fits and fixed points: more change nothing."""

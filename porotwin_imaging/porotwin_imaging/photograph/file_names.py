@@ -5,7 +5,7 @@ import re
 LONGEST_NAME = 80
 """Characters of a name in a message; the middle of a longer name is left out."""
 _KEPT_BYTE = '\\udc'
-"""Python keeps a byte of a name that is no UTF-8 as a character whose escape begins so."""
+"""Start of the escape of a byte that is no UTF-8, as Python keeps it in a name."""
 
 
 def printable(name: str) -> str:

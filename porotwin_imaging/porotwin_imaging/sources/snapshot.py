@@ -106,9 +106,8 @@ class SnapshotSource:
         deadline = self._steady() + self._timeout_s
         parts: list[bytes] = []
         size = 0
-        while part := answer.read1(
-            io.DEFAULT_BUFFER_SIZE
-        ):  # what is there; read waits for a whole block
+        # what is there; read waits for a whole block
+        while part := answer.read1(io.DEFAULT_BUFFER_SIZE):
             parts.append(part)
             size += len(part)
             if self._steady() > deadline:
