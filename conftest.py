@@ -69,7 +69,10 @@ def pytest_configure() -> None:
 
     A shell lets its background jobs ignore Ctrl-C, and all processes that they start. Tests press
     Ctrl-C, so it counts here.
+
+    Python collects no garbage while pytest collects the tests: what imports make stays.
     """
+    gc.disable()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
@@ -95,6 +98,7 @@ def pytest_collection_finish() -> None:
     """Keep what the imports made from Python's garbage collection, which runs after each file."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope='module')

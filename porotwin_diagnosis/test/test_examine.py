@@ -74,12 +74,9 @@ def test_a_search_that_is_ended_gives_its_answer_so_far(tmp_path):
     assert all('confidence' in line for line in told)
 
 
-@pytest.mark.parametrize('workers', [1, 2])
-def test_a_search_that_is_ended_after_its_first_fit_has_a_preliminary_answer(
-    injecting, tmp_path, workers
-):
+def test_a_search_that_is_ended_after_its_first_fit_has_a_preliminary_answer(injecting, tmp_path):
     told = []
-    with ThreadCrew(workers) as crew:
+    with ThreadCrew(2) as crew:
         result = examine(
             [open_recording(injecting)],
             DiagnosisSettings(

@@ -15,11 +15,6 @@ from porotwin_imaging.photo_to_map import concentration_map
 ORIENTATION_TAG = 0x0112
 
 
-def test_a_baseline_is_immutable(baseline) -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        baseline.reduction = 2
-
-
 def test_an_orientation_that_is_not_applied_is_reported(laboratory, empty_photograph) -> None:
     file, tags = io.BytesIO(), Image.Exif()
     tags[ORIENTATION_TAG] = 3

@@ -10,7 +10,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import make_baseline
-from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
+from porotwin_imaging.calibrating.calibration_fit import (
+    CalibrationFit,
+    DilutionPhoto,
+    fit_calibration,
+)
 from porotwin_imaging.calibrating.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_imaging.tracer.calibration import load_calibration
@@ -63,12 +67,23 @@ def injection(laboratory_of_two_sands, make_plume, true_shape, no_tracer) -> Inj
     return Injection(rig, laboratory.photograph(no_tracer, seed=50), states, volumes)
 
 
+@pytest.fixture(scope='module')
+def fit(injection) -> CalibrationFit:
+    """The calibration of the injection; a broken photograph is among the others."""
+    states = [*injection.states[2:], (130.0, b'broken'), *injection.states[:2]]
+    return fit_calibration(
+        injection.rig,
+        [injection.empty],
+        iter(states),
+        schedule=injection.schedule(),
+        source='test',
+    )
+
+
 def test_a_calibration_reads_other_photographs_and_is_read_back(
-    laboratory_of_two_sands, injection, make_plume, true_shape, relative_error, tmp_path
+    laboratory_of_two_sands, injection, fit, make_plume, true_shape, relative_error, tmp_path
 ) -> None:
     rig, empty = injection.rig, injection.empty
-    states = [*injection.states[2:], (130.0, b'broken'), *injection.states[:2]]
-    fit = fit_calibration(rig, [empty], iter(states), schedule=injection.schedule(), source='test')
     assert any('130 s left out' in line for line in fit.lines)
     assert len(fit.calibration.factors) == 2
     assert fit.evidence.anchor == 'core'
@@ -100,7 +115,7 @@ def test_a_wrong_pump_log_changes_the_mass_factor_and_not_the_maps(injection) ->
 
 
 def test_remaining_light_away_from_the_plume_is_no_tracer(
-    laboratory_of_two_sands, injection, make_plume, true_shape
+    laboratory_of_two_sands, injection, fit, make_plume, true_shape
 ) -> None:
     """Lamps drift, so that such light comes and goes: in one of four photographs here."""
     dimmer = make_plume(true_shape, 0.4, 0.24, RADII[1]) + 0.06 * make_plume(
@@ -108,12 +123,11 @@ def test_remaining_light_away_from_the_plume_is_no_tracer(
     )
     states = [*injection.states]
     states[1] = (states[1][0], laboratory_of_two_sands.photograph(dimmer, gain=1.03, seed=1))
-    dimmed, even = (
-        fit_calibration(injection.rig, [injection.empty], seen, schedule=injection.schedule())
-        for seen in (states, injection.states)
+    dimmed = fit_calibration(
+        injection.rig, [injection.empty], states, schedule=injection.schedule()
     )
-    assert dimmed.response.bend == pytest.approx(even.response.bend, abs=0.01)
-    assert dimmed.evidence.mass_factor == pytest.approx(even.evidence.mass_factor, abs=0.01)
+    assert dimmed.response.bend == pytest.approx(fit.response.bend, abs=0.01)
+    assert dimmed.evidence.mass_factor == pytest.approx(fit.evidence.mass_factor, abs=0.01)
 
 
 def test_dilutions_are_the_anchor_where_there_are_some(

@@ -41,7 +41,7 @@ GOOD = CalibrationEvidence(
     mass_misfit=0.005,
     dilution_misfit=NAN,
 )
-PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), 1.0)
+PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), 1.0, 0.0)
 
 
 def told(

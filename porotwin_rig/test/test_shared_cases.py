@@ -33,7 +33,7 @@ def test_recording_is_matched_down_to_its_noise() -> None:
         EffectDescription(name=effect['name'], parameters=effect['parameters'])
         for effect in truth['effects']
     ]
-    asset = VirtualRig(recorded.rig, effects=effects)
+    asset = VirtualRig(recorded.rig, effects=effects, cell=0.0042)  # four times as fast as usual
     times = recorded.maps.times
     error = size = 0.0
     for (time, signal), seen in zip(

@@ -28,9 +28,7 @@ class BaselineMaskSettings:
     detection_columns: int = 900
     """Width of the picture for the search of objects [px]; shows tubes of 1/400 of the rig."""
     object_core: float = 6.0
-    """Colour deviation of the core of an object [local spreads]."""
-    object_edge: float = 3.0
-    """Colour deviation of the edge of an object [local spreads]."""
+    """Colour deviation of the core of an object [local spreads]; its edge has half of it."""
     smallest_object_m: float = 0.03
     """Shorter objects are grains [m]."""
 
@@ -41,25 +39,25 @@ BASELINE_MASK = BaselineMaskSettings()
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_LIGHT_WINDOW = (9, 9)
-"""Brightness is averaged over several grains before it is judged [samples]."""
 _CHART_FRAME = 1.35
 """Ratio of the chart with its frame to its patches."""
-_GRAIN_SIGMA, _TEXTURE_WINDOW = 2.0, (11, 11)
-"""Grains are finer than this blur, and their contrast is averaged over this window [samples]."""
+_GRAIN_SIGMA, _GRAINS_WINDOW = 2.0, (11, 11)
+"""Grains are finer than this blur; their brightness and contrast are averaged over this window
+[samples]."""
 _LEAST_VALUE = 1e-3
 """Linear light is raised by this before it divides or its logarithm is taken.
 Spreads of log colours are not smaller."""
 _DEVIATION_WINDOW = 41
 """Window of the local median of colour [px of the detection picture]."""
-_LEAST_SEEDS, _SEED_SHARE, _LEAST_LENGTH_PX = 6, 0.2, 6.0
-"""Core pixels of an object, their share of its area, and its length [px]: less is a grain."""
+_SEED_SHARE = 0.2
+"""Core pixels of an object relative to its area: less is a grain."""
 _LEAST_WATER_COLUMNS = 0.5
 """Share of the columns that must show the band of water [-]."""
 _WATER_OPENING = (7, 7)
 """Smooth spots smaller than this are single large grains [px]."""
-_WATER_STARTS_ABOVE, _WATER_WIDTH, _WATER_THICKNESS_PX = 5, 8, 5
-"""Water starts in the upper fifth, is wider than an eighth of the rig, and thicker than 5 px."""
+_WATER_PART = 8
+"""Water starts in the upper eighth of the rig and is wider than an eighth, and the surface lies
+within an eighth of the smooth band."""
 _STRONGEST_EDGE = 3.0
 """Largest change of log colour that counts; stronger edges are equal."""
 _SURFACE_LAG = 3
@@ -115,7 +113,7 @@ def baseline_mask(
 
 def _lit(colours: Array) -> Mask:
     """Return where the linear `colours` (rows, columns, 3) are neither dark nor over-exposed."""
-    smooth = cv2.blur(colours, _LIGHT_WINDOW)
+    smooth = cv2.blur(colours, _GRAINS_WINDOW)
     bright_enough = smooth.mean(axis=2) > BASELINE_MASK.least_light
     return bright_enough & (colours.max(axis=2) < OVER_EXPOSED)
 
@@ -137,8 +135,8 @@ def texture(colours: Array) -> Array:
     """
     grey = colours.mean(axis=2)
     grains = grey - cv2.GaussianBlur(grey, (0, 0), _GRAIN_SIGMA)
-    variance = np.maximum(cv2.blur(grains**2, _TEXTURE_WINDOW), 0.0)
-    return np.sqrt(variance) / (cv2.blur(grey, _TEXTURE_WINDOW) + _LEAST_VALUE)
+    variance = np.maximum(cv2.blur(grains**2, _GRAINS_WINDOW), 0.0)
+    return np.sqrt(variance) / (cv2.blur(grey, _GRAINS_WINDOW) + _LEAST_VALUE)
 
 
 def _water(colours: Array) -> Mask:
@@ -154,9 +152,8 @@ def _water(colours: Array) -> Mask:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth)
     band = np.zeros_like(smooth)
     for label in range(1, count):
-        _, upper, wide, _, area = stats[label]
-        high = upper < rows // _WATER_STARTS_ABOVE
-        if high and wide > columns // _WATER_WIDTH and area > wide * _WATER_THICKNESS_PX:
+        _, upper, wide, *_ = stats[label]
+        if upper < rows // _WATER_PART and wide > columns // _WATER_PART:
             band[labels == label] = 1
     depth = _lower_edge(band)
     known = depth >= 0
@@ -192,7 +189,9 @@ def _surface(colours: Array, depth: Array) -> Array:
     change[lag:-lag] = np.abs(logs[2 * lag :] - logs[: -2 * lag]).sum(axis=2)
     below = np.arange(rows)[:, None] - depth[None, :]
     change = np.where(
-        (below >= 0) & (below <= rows // 8), np.minimum(change, _STRONGEST_EDGE), -_STRONGEST_EDGE
+        (below >= 0) & (below <= rows // _WATER_PART),
+        np.minimum(change, _STRONGEST_EDGE),
+        -_STRONGEST_EDGE,
     )
     total = change.copy()
     came_from = np.zeros((rows, columns), np.int8)
@@ -217,15 +216,12 @@ def _objects(colours: Array, hidden: Mask, width_m: float) -> Mask:
     deviation = _deviation(hue)
     deviation[hidden] = 0.0
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
-        (deviation > BASELINE_MASK.object_edge).astype(np.uint8), connectivity=8
+        (2.0 * deviation > BASELINE_MASK.object_core).astype(np.uint8), connectivity=8
     )
-    least_length = max(
-        BASELINE_MASK.smallest_object_m / width_m * colours.shape[1], _LEAST_LENGTH_PX
-    )
+    least_length = BASELINE_MASK.smallest_object_m / width_m * colours.shape[1]
     seeds = np.bincount(labels[deviation > BASELINE_MASK.object_core], minlength=count)
     length = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    chosen = (length >= least_length) & (seeds >= _LEAST_SEEDS)
-    chosen &= seeds >= _SEED_SHARE * stats[:, cv2.CC_STAT_AREA]
+    chosen = (length >= least_length) & (seeds >= _SEED_SHARE * stats[:, cv2.CC_STAT_AREA])
     chosen[0] = False
     return cv2.dilate(chosen[labels].astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
 

@@ -34,10 +34,8 @@ _FAR = 16
 first one would have seen a nearer one."""
 _WINDOW = 5
 """Ground is judged over this distance across an edge [steps]."""
-_PARTS = 24
+PARTS = 24
 """Parts along a side; the ground of each is judged alone."""
-_FEWEST_POINTS = 4 * _PARTS
-"""Points along a side that is searched; shorter sides are left out."""
 _LEANS, _BOWS = np.arange(-45, 46, 2), np.arange(-24, 25, 4)
 """Distances of both ends from the described edge, and of the middle from the line between the ends,
 that are tried [steps]."""
@@ -53,8 +51,6 @@ _SHADES = np.linspace(0.0, 1.4, 6)
 foreign."""
 LAYERED: tuple[Side, ...] = ('upper', 'lower')
 """Sides along which water or a layer of another sand may lie inside the rig."""
-_RIM = 10
-"""Largest distance of a rim, the end of water or of a layer, from the described edge [steps]."""
 _MOST_FOREIGN = 6.0
 """More foreign ground counts as this, so that one bright bolt does not decide about a line."""
 _LEAST_DROP, _LEAST_PARTS = 2.0, 0.7
@@ -202,9 +198,9 @@ def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | N
     drop = np.full(foreign.shape, -_MOST_FOREIGN)  # where the photograph ends, there is no edge
     drop[_WINDOW:] = np.nan_to_num(foreign[:-_WINDOW] - foreign[_WINDOW:], nan=-_MOST_FOREIGN)
     start, end, rows = _line(drop, places)
-    if (drop[rows, np.arange(_PARTS)] > _LEAST_DROP).mean() < _LEAST_PARTS:
+    if (drop[rows, np.arange(PARTS)] > _LEAST_DROP).mean() < _LEAST_PARTS:
         return None
-    layered = side in LAYERED and min(abs(start), abs(end)) > _RIM
+    layered = side in LAYERED and min(abs(start), abs(end)) > 2 * _WINDOW
     if layered and _has_rim(ground, rows):
         return None
     return SeenEdge(side, start * step, end * step)
@@ -213,14 +209,16 @@ def _edge(side: Side, look: _Look, inside: cKDTree, step: float) -> SeenEdge | N
 def _has_rim(ground: Array, rows: NDArray[np.intp]) -> bool:
     """Return whether the described edge may be a rim beyond ground that ends at `rows`.
 
-    A rim is seen at the described edge, or hidden where the photograph ends.
+    A rim, the end of water or of a layer, is seen within two windows of the described edge, or
+    hidden where the photograph ends.
     """
+    rim = 2 * _WINDOW
     changes = np.linalg.norm((ground[_WINDOW:] - ground[:-_WINDOW]) / _UNITS, axis=-1)
     changes = np.nan_to_num(changes, nan=np.inf)
-    first = _REACH - _RIM - _WINDOW
-    lasts = np.minimum(_REACH + _RIM, rows - 2 * _WINDOW) - _WINDOW
+    first = _REACH - rim - _WINDOW
+    lasts = np.minimum(_REACH + rim, rows - rim) - _WINDOW
     strongest = [
-        changes[first:last, part].max() for part, last in enumerate(lasts) if last > first + _RIM
+        changes[first:last, part].max() for part, last in enumerate(lasts) if last > first + rim
     ]
     return bool(strongest) and float(np.median(strongest)) > _LEAST_DROP
 
@@ -228,14 +226,14 @@ def _has_rim(ground: Array, rows: NDArray[np.intp]) -> bool:
 def _ground(side: Side, look: _Look, step: float) -> tuple[Array, Array]:
     """Return the appearance across one side, and the places of its parts along it.
 
-    The appearance, shape (2 * _REACH + 1, _PARTS, 4), is the mean over the `_WINDOW` steps that
-    follow each distance from the described edge into the rig. The places, shape (_PARTS,), count
+    The appearance, shape (2 * _REACH + 1, PARTS, 4), is the mean over the `_WINDOW` steps that
+    follow each distance from the described edge into the rig. The places, shape (PARTS,), count
     from 0 to 1; there are none along a side that is too short.
     """
     width, height = look.geometry.width, look.geometry.height
     length = width if side in ('upper', 'lower') else height
     along = np.arange(_REACH * step, length - _REACH * step, step)
-    if along.size < _FEWEST_POINTS:
+    if along.size < 2 * _REACH:  # shorter than the strip is wide
         return np.empty((0, 0, 4)), np.empty(0)
     across = np.arange(-_REACH, _REACH + _WINDOW) * step
     depth, place = np.meshgrid(across, along, indexing='ij')
@@ -245,10 +243,10 @@ def _ground(side: Side, look: _Look, step: float) -> tuple[Array, Array]:
         'left': (depth, place),
         'right': (width - depth, place),
     }[side]
-    parts = np.array_split(look.at(x, z), _PARTS, axis=1)
+    parts = np.array_split(look.at(x, z), PARTS, axis=1)
     middle = np.stack([np.median(part, axis=1) for part in parts], axis=1)
     windows = sliding_window_view(middle, _WINDOW, axis=0).mean(axis=-1)
-    places = np.array([part.mean() for part in np.array_split(along, _PARTS)]) / length
+    places = np.array([part.mean() for part in np.array_split(along, PARTS)]) / length
     return windows, places
 
 
@@ -263,12 +261,12 @@ def _foreignness(ground: Array, inside: cKDTree) -> Array:
 def _line(drop: Array, places: Array) -> tuple[int, int, NDArray[np.intp]]:
     """Return start and end [steps] of the line with the largest sum of drops, and its rows."""
     start, end = (ends[..., None] for ends in np.meshgrid(_LEANS, _LEANS, indexing='ij'))
-    best, found = -np.inf, (0, 0, np.zeros(_PARTS, np.intp))
+    best, found = -np.inf, (0, 0, np.zeros(PARTS, np.intp))
     straight = start * (1 - places) + end * places
     for bow in _BOWS:
         lines = straight + 4 * bow * places * (1 - places)
         rows = np.clip(np.rint(lines).astype(np.intp) + _REACH, 0, len(drop) - 1)
-        sums = drop[rows, np.arange(_PARTS)].sum(axis=-1)
+        sums = drop[rows, np.arange(PARTS)].sum(axis=-1)
         at = np.unravel_index(int(sums.argmax()), sums.shape)
         if sums[at] > best:
             best = float(sums[at])

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.baseline.edge_search import PARTS
+
 Array = NDArray[Any]
 
-_PARTS = 12
-"""Parts of a side whose median depth is taken."""
 _DEEPEST, _MOST_FRAME = 0.12, 0.1
 """A frame is searched down to the first share of the rig; a deeper one is a shadow [-]."""
 
@@ -49,9 +49,9 @@ def _bow(unlit: NDArray[np.bool_]) -> float:
     """Return the bow of the frame along the first row; NaN if no frame is seen there."""
     reach = max(2, int(_DEEPEST * unlit.shape[0]))
     depth = unlit[:reach].sum(axis=0) / unlit.shape[0]
-    parts = np.array([np.median(part) for part in np.array_split(depth, _PARTS)])
+    parts = np.array([np.median(part) for part in np.array_split(depth, PARTS)])
     if parts[1:-1].max() > _MOST_FRAME:
         return np.nan
     inner = slice(1, -1)  # the outer parts see the frame of the neighbouring side
-    bend, _, _ = np.polyfit(np.linspace(-1, 1, _PARTS)[inner], parts[inner], 2)
+    bend, _, _ = np.polyfit(np.linspace(-1, 1, PARTS)[inner], parts[inner], 2)
     return float(-bend)

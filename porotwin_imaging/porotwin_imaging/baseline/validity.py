@@ -15,13 +15,11 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.baseline.thin_objects import thin_objects
 from porotwin_imaging.geometry.frame import VALIDITY
+from porotwin_imaging.light.light_check import SMALLEST_WINDOW
 from porotwin_imaging.numerics.cell_sums import BlockSums, CellSums
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
-
-_SMALLEST_WINDOW = 5
-"""Blocks across the smallest window: 25 values give a correlation."""
 
 
 def visible_cells(sums: CellSums, *, print_or_scan: bool = False) -> tuple[Mask, list[str]]:
@@ -77,7 +75,7 @@ def hidden_sand(sums: BlockSums) -> Mask:
     judged = sums.share > VALIDITY.least_judged_share
     share = np.maximum(sums.share, VALIDITY.least_judged_share)[..., None]
     state_square, product, baseline_square, state, baseline = (part / share for part in parts)
-    size = max(_SMALLEST_WINDOW, sums.share.shape[1] // VALIDITY.windows_across) | 1
+    size = max(SMALLEST_WINDOW, sums.share.shape[1] // VALIDITY.windows_across) | 1
     covariance = _pooled(product - state * baseline, judged, size)
     state_variance = _pooled(state_square - state**2, judged, size)
     baseline_variance = _pooled(baseline_square - baseline**2, judged, size)

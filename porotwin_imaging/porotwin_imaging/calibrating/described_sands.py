@@ -17,6 +17,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.sand_interfaces import MOST_SANDS
 from porotwin_imaging.calibrating.sands import SANDS
+from porotwin_imaging.geometry.frame import LARGE_SHARE
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -113,12 +114,12 @@ def described_parts(looks: Labels, kinds: Labels | None) -> SandParts:
 
 def _thick_parts(inside: NDArray[np.bool_], kinds: Labels) -> Array:
     """Return the cells of a look in large and thick parts of one described sand, (nz, nx)."""
-    kernel = np.ones((2 * SANDS.described_reach_cells + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * SANDS.reach_cells + 1,) * 2, np.uint8)
     thick = np.zeros(inside.shape, bool)
     for kind in np.unique(kinds[inside]):
         part = (inside & (kinds == kind)).astype(np.uint8)
         core = cv2.morphologyEx(part, cv2.MORPH_OPEN, kernel) > 0
-        if core.sum() >= SANDS.described_share * inside.size:
+        if core.sum() >= LARGE_SHARE * inside.size:
             thick |= core
     return thick
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.plume_core import CORE
+from porotwin_imaging.numerics.robust_statistics import ROUNDS
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,6 @@ MASS_BALANCE = MassBalanceSettings()
 
 Array = NDArray[Any]
 
-_ROBUST_ROUNDS = 20
-"""Reweighted fits of the line of least absolute distances."""
-
 
 @dataclass(frozen=True)
 class MassLine:
@@ -102,7 +100,7 @@ def fit_line(
     limit = CORE.outlier * largest
     agree = np.ones(len(seen), bool)
     factor, offset, spread = _line(seen, volume, error, MASS_BALANCE.offset_error * largest)
-    for _ in range(_ROBUST_ROUNDS):
+    for _ in range(ROUNDS):
         distance = np.abs(seen - factor * volume - offset)
         weight = error * np.sqrt(np.maximum(distance, limit / 3) / (limit / 3))
         factor, offset, spread = _line(seen, volume, weight, MASS_BALANCE.offset_error * largest)

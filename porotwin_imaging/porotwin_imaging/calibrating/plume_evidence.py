@@ -27,9 +27,8 @@ _BLUR_CELLS = 1.5
 """The signal is smoothed over this reach: single cells are noise [cells]."""
 _HALF, _LEVEL_PERCENTILE = 0.5, 60.0
 """Level inside the plume: this percentile of the signals above half of the largest one; the edge
-lies at half of the level."""
-_LARGE_SHARE = 0.5
-"""Photographs with this share of the largest injected volume show the volume of the plume [-]."""
+lies at half of the level. Photographs with half of the largest injected volume show the volume of
+the plume."""
 _MIDDLE = 0.25
 """The middle of a plume, relative to its radius; this share of it tells whether it is pale [-]."""
 _MARGIN_CELLS = 3
@@ -60,7 +59,7 @@ class PlumeEvidence:
     told_wells: tuple[str, ...]
     seen_wells: tuple[str, ...]
     hollow: float
-    apart: float = 0.0
+    apart: float
 
     @property
     def filled(self) -> float:
@@ -179,7 +178,7 @@ def _filled(regions: Sequence[Mask], fluids: Sequence[float], rig: Rig, grid: Gr
     ratios = [
         float(volume[region].sum()) / fluid
         for region, fluid in zip(regions, fluids, strict=True)
-        if region.sum() >= CORE.fewest_cells and fluid > 0 and fluid >= _LARGE_SHARE * max(fluids)
+        if region.sum() >= CORE.fewest_cells and fluid > 0 and fluid >= _HALF * max(fluids)
     ]
     return float(np.median(ratios)) if ratios else math.nan
 
@@ -217,7 +216,7 @@ def _hollow(
     """
     ratios = []
     for signal, (region, level), fluid, cell in zip(signals, found, fluids, cells, strict=True):
-        if cell is not None and level > 0 and not fluid < _LARGE_SHARE * max(fluids):
+        if cell is not None and level > 0 and not fluid < _HALF * max(fluids):
             row, column = cell
             reach = max(2, int(_MIDDLE * math.sqrt(region.sum() / math.pi)))
             around = signal[

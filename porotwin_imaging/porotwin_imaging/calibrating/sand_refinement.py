@@ -22,6 +22,7 @@ from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.calibrating.calibration_fit import calibration_grid
 from porotwin_imaging.calibrating.core_trend import TRUST
 from porotwin_imaging.calibrating.front_response import FRONTS
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.calibrating.plume_core import CORE
 from porotwin_imaging.calibrating.sands import SANDS, SandLevel
 from porotwin_imaging.calibrating.stock_level import StockLevels, stock_levels
@@ -32,9 +33,6 @@ Array = NDArray[Any]
 
 Photograph = tuple[float, Callable[[], bytes]]
 """Exposure time [s] of a photograph, and a function that reads its file."""
-
-_MOST_PHOTOGRAPHS = 8
-"""Photographs that are compared; more hardly tell more."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def _with_stock(photographs: Sequence[Photograph], schedule: Schedule | None) ->
         elif row.rate.rate > 0 and row.rate.concentration > 0:
             ends = min(ends, row.time)
     useful = [one for one in photographs if begins < one[0] <= ends]
-    places = np.linspace(0, len(useful) - 1, min(len(useful), _MOST_PHOTOGRAPHS))
+    places = np.linspace(0, len(useful) - 1, min(len(useful), MASS_BALANCE.independent_photographs))
     return [useful[place] for place in np.round(places).astype(int)]
 
 

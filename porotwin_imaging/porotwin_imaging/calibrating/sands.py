@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_evidence import FactorSource
+from porotwin_imaging.geometry.frame import LARGE_SHARE
 from porotwin_imaging.light.tone_change import FEWEST_SAND_CELLS
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
@@ -31,19 +32,16 @@ class SandSettings:
     least_spread: float = 0.05
     """Smallest spread of a feature, and least jump of a channel at an edge of a sand [log]: light
     and lens alone cause this much."""
-    smallest_share: float = 0.004
-    """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
-    interface_reach_cells: int = 3
-    """Texture shows an interface to within this many cells; the edge is searched there."""
+    reach_cells: int = 4
+    """Texture or a description tell an interface to within this many cells, 28 mm on 2.8 m."""
     lamp_texture: float = 0.25
     """Difference of texture across an interface below which it is no edge of a sand [log]."""
     least_signal: float = 0.3
     """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
     tracer at an interface has often not entered the finer sand."""
-    fewest_pairs: int = 12
-    """Pairs of cells across interfaces that determine a factor."""
-    pairs_together: float = 12.0
-    """Neighbouring pairs that share one error: grains, fronts and labels extend over cells."""
+    pairs_together: int = 12
+    """Neighbouring pairs of cells across an interface that share one error: grains, fronts and
+    labels extend over cells. Fewer do not determine a factor."""
     jump_error: float = 0.1
     """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
     it on one side only. On composed photographs it is up to 0.17."""
@@ -63,10 +61,6 @@ class SandSettings:
     place_error: float = 0.02
     """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
     core tells only its own place, and water may have thinned it: measured, 0.01."""
-    described_reach_cells: int = 4
-    """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
-    described_share: float = 0.008
-    """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and inverse of the smallest. Real sands differ by less than 2."""
 
@@ -239,7 +233,7 @@ def _members(parent: list[int], root: int) -> list[int]:
 def _tidy(labels: Labels, visible: NDArray[np.bool_]) -> Labels:
     """Return the labels with small patches and hidden cells merged into the surrounding sand."""
     keep = np.zeros(labels.shape, bool)
-    least = max(4, int(SANDS.smallest_share * labels.size))
+    least = max(4, int(LARGE_SHARE * labels.size))
     for label in np.unique(labels[visible]):
         _, parts, stats, _ = cv2.connectedComponentsWithStats(
             ((labels == label) & visible).astype(np.uint8), connectivity=4
@@ -267,7 +261,7 @@ def _sharpened(labels: Labels, colours: Array, visible: NDArray[np.bool_]) -> La
     """
     if labels.max() == 0:
         return labels
-    kernel = np.ones((2 * SANDS.interface_reach_cells + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * SANDS.reach_cells + 1,) * 2, np.uint8)
     near = (cv2.dilate(labels, kernel) != cv2.erode(labels, kernel)) & visible
     markers = np.where(near, 0, labels.astype(np.int32) + 1)
     logs = cv2.medianBlur(np.log(np.maximum(colours, LEAST_LIGHT)).astype(np.float32), 3)
@@ -306,7 +300,7 @@ def _without_lamps(labels: Labels, logs: Array, rough: Array, visible: NDArray[n
     merged = labels.copy()
     for (first, second), found in sorted(jumps.items()):
         jump = np.concatenate(found)
-        if len(jump) < SANDS.fewest_pairs:
+        if len(jump) < SANDS.pairs_together:
             continue
         middle = np.abs(np.median(jump, axis=0))
         if middle[:-1].max() < SANDS.least_spread and middle[-1] < SANDS.lamp_texture:
@@ -440,7 +434,7 @@ def _source(
         return 'core'
     if any(a in levels or b in levels for a, b in same if sand in (a, b)):
         return 'same sand'
-    return 'interface' if pairs[sand] >= SANDS.fewest_pairs else 'prior'
+    return 'interface' if pairs[sand] >= SANDS.pairs_together else 'prior'
 
 
 def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
@@ -488,7 +482,7 @@ def _joint_fit(
     for a, b in combinations(range(count), 2):
         one_way, other_way = (first == a) & (second == b), (first == b) & (second == a)
         jumps = np.concatenate([jump[one_way], -jump[other_way]])
-        if len(jumps) < SANDS.fewest_pairs:
+        if len(jumps) < SANDS.pairs_together:
             continue
         middle = float(np.median(jumps))
         spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(jumps - middle)))

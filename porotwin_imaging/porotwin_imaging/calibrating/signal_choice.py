@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.calibrating.plume_core import CORE, STRONG_SHARE
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.tracer.tracer_signal import (
     CHANNELS,
     Contrast,
@@ -46,11 +47,9 @@ Mask = NDArray[np.bool_]
 
 _STRONG_PERCENTILE = 99.9
 """Percentile of the log ratios that is the strongest signal; single cells may be noise."""
-_QUIET_SPREADS = 4
-"""Cells within this many median absolute deviations are background."""
 _PALE, _DEEP = (0.2, 0.5), (0.8, 1.2)
 """Shares of the strong signal between which cells are pale, and full of tracer [-]."""
-_SINGLE_CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_SINGLE_CHANNELS = tuple(map(tuple, np.eye(3)))
 """Weights that take red, green and blue alone."""
 _LEAST_SLOPE = 0.1
 """Channels that absorb less than this share of the red light do not tell the ratio."""
@@ -96,7 +95,7 @@ def choose_signal(
     strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
     tracer = strength > STRONG_SHARE * strongest
     deviation = float(np.median(np.abs(strength - np.median(strength))))
-    quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
+    quiet = np.abs(strength) < NOISE_SPREADS * deviation + 1e-4
     if tracer.sum() < CORE.fewest_cells or strongest < SIGNAL.least_log_ratio:
         raise CalibrationRefused(
             'calibration: no photograph shows tracer; use ones of an injection with a dye that '

@@ -34,14 +34,10 @@ class AlignmentSettings:
     """Features are chosen in 8 x 8 tiles, so that they cover the rig evenly."""
     patch_px: int = 21
     """Side of a tracked patch [px], several grains wide."""
-    normalisation_px: int = 31
-    """Window of the local mean and spread of brightness [px], wider than a patch."""
     closure_px: float = 0.3
     """A feature tracked forth and back must return to within this distance [px]."""
-    ransac_tolerance_px: float = 0.6
-    """Largest distance of an inlier from the homography [px]."""
     fewest_inliers: int = 40
-    """Inliers below which the photograph does not match; a homography needs four."""
+    """Matches and inliers below which the photograph does not match; a homography needs four."""
     least_inlier_share: float = 0.35
     """Share of the tracked features that must be inliers [-]; other sand matches only by chance."""
     reported_shift_px: float = 2.0
@@ -58,15 +54,9 @@ GreyImage = NDArray[np.uint8]
 
 _FLOW_LEVELS = 4
 """Pyramid levels of the optical flow: shifts of some ten pixels are followed."""
-_FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005)
-"""The flow stops after 30 iterations or below 0.005 px."""
-_RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 2000, 0.999
 _CORNER_QUALITY, _CORNER_DISTANCE_PX, _CORNER_WINDOW_PX = 0.05, 5, 7
 """Quality relative to the best corner of a tile, distance between corners, and their window."""
 _ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
-_ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
-_FEWEST_MATCHES = 20
-"""ORB matches below which the start value is unreliable."""
 _CLEARLY_NEARER = 0.8
 """Distance of the best match relative to the second best (Lowe 2004)."""
 _NOT_REGISTERED = (
@@ -190,7 +180,7 @@ def _scene(picture: NDArray[np.uint8]) -> tuple[Array, Array] | None:
     points, words = cv2.SIFT.create().detectAndCompute(
         cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), None
     )
-    if words is None or len(points) < _FEWEST_MATCHES:
+    if words is None or len(points) < ALIGNMENT.fewest_inliers:
         return None
     return np.array([point.pt for point in points], np.float32), words
 
@@ -208,13 +198,11 @@ def _registered(picture: NDArray[np.uint8], reference: ReferenceFeatures) -> Ali
     if own is not None and scene is not None:
         matches = cv2.BFMatcher().knnMatch(own[1], scene[1], k=2)
         pairs = [one for one, other in matches if one.distance < _CLEARLY_NEARER * other.distance]
-    if own is None or scene is None or len(pairs) < _FEWEST_MATCHES:
+    if own is None or scene is None or len(pairs) < ALIGNMENT.fewest_inliers:
         raise InputError(_NOT_REGISTERED.format(len(pairs)))
     source = own[0][[pair.queryIdx for pair in pairs], None]
     target = scene[0][[pair.trainIdx for pair in pairs], None]
-    rough, chosen = cv2.findHomography(
-        source, target, cv2.RANSAC, _ORB_TOLERANCE_PX, maxIters=_ORB_ITERATIONS
-    )
+    rough, chosen = cv2.findHomography(source, target, cv2.RANSAC)
     if rough is None or chosen.sum() < ALIGNMENT.fewest_inliers:
         raise InputError(_NOT_REGISTERED.format(0 if rough is None else int(chosen.sum())))
     rows, columns = reference.picture.shape
@@ -291,7 +279,8 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
 def _normalised(pixels: NDArray[np.uint8]) -> GreyImage:
     """Return brightness relative to its local mean and spread, 8-bit grey, (rows, columns)."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    window = (ALIGNMENT.normalisation_px, ALIGNMENT.normalisation_px)
+    side = 3 * ALIGNMENT.patch_px // 2  # wider than a patch
+    window = (side, side)
     mean = cv2.blur(grey, window)
     spread = cv2.blur(cv2.absdiff(grey, mean), window)
     scaled = _MIDDLE_GREY + _GREY_PER_SPREAD * (grey - mean) / (spread + 1.0)
@@ -325,7 +314,6 @@ def _tracked(picture: GreyImage, reference: ReferenceFeatures, guess: Array) -> 
     options: dict[str, Any] = {
         'winSize': (ALIGNMENT.patch_px, ALIGNMENT.patch_px),
         'maxLevel': _FLOW_LEVELS,
-        'criteria': _FLOW_CRITERIA,
         'flags': cv2.OPTFLOW_USE_INITIAL_FLOW,
     }
     there, found, _ = cv2.calcOpticalFlowPyrLK(
@@ -339,14 +327,8 @@ def _tracked(picture: GreyImage, reference: ReferenceFeatures, guess: Array) -> 
     if good.sum() < ALIGNMENT.fewest_inliers:
         return None
     source, target = reference.points[good], there[good]
-    homography, chosen = cv2.findHomography(
-        source,
-        target,
-        cv2.RANSAC,
-        ALIGNMENT.ransac_tolerance_px,
-        maxIters=_RANSAC_ITERATIONS,
-        confidence=_RANSAC_CONFIDENCE,
-    )
+    # a feature that returns may be off by the closure on either way
+    homography, chosen = cv2.findHomography(source, target, cv2.RANSAC, 2.0 * ALIGNMENT.closure_px)
     if homography is None or chosen is None:
         return None
     inlier = chosen[:, 0] == 1
@@ -368,17 +350,19 @@ def _matched(picture: GreyImage, reference: ReferenceFeatures) -> Array | None:
     detector = cv2.ORB.create(nfeatures=_ORB_FEATURES, fastThreshold=_ORB_FAST_THRESHOLD)
     own_points, own_words = detector.detectAndCompute(reference.picture, reference.mask)
     points, words = detector.detectAndCompute(picture, None)
-    if own_words is None or words is None or min(len(points), len(own_points)) < _FEWEST_MATCHES:
+    if (
+        own_words is None
+        or words is None
+        or min(len(points), len(own_points)) < ALIGNMENT.fewest_inliers
+    ):
         return None
     matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(own_words, words)
-    if len(matches) < _FEWEST_MATCHES:
+    if len(matches) < ALIGNMENT.fewest_inliers:
         return None
     source = np.array([own_points[m.queryIdx].pt for m in matches], np.float32)[:, None]
     target = np.array([points[m.trainIdx].pt for m in matches], np.float32)[:, None]
-    homography, chosen = cv2.findHomography(
-        source, target, cv2.RANSAC, _ORB_TOLERANCE_PX, maxIters=_ORB_ITERATIONS
-    )
-    if homography is None or chosen.sum() < _FEWEST_MATCHES:
+    homography, chosen = cv2.findHomography(source, target, cv2.RANSAC)
+    if homography is None or chosen.sum() < ALIGNMENT.fewest_inliers:
         return None
     return homography
 

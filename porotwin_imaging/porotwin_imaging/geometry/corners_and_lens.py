@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Camera, Rig
+from porotwin_imaging.numerics.robust_statistics import ROUNDS
 
 Array = NDArray[Any]
 
@@ -40,8 +41,6 @@ TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_s
 """The terms of the curvature."""
 KEYS = frozenset([*TERMS, *(term + '_offset' for term in TERMS)])
 """All keys of `rig.camera.curvature`."""
-_INVERSION_ROUNDS = 20
-"""Fixed-point iterations of the inverse, enough for 1e-6 m with the largest published terms."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ class Geometry:
         """
         shown = apply_homography(np.linalg.inv(self.to_photograph), columns, rows)
         column, row = shown
-        for _ in range(_INVERSION_ROUNDS):
+        for _ in range(ROUNDS):
             bent = self._bulged(*self._stretched(column, row))
             column, row = column + shown[0] - bent[0], row + shown[1] - bent[1]
         return column * (self.width / self.columns), (self.rows - row) * (self.height / self.rows)

@@ -48,8 +48,8 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 LARGE_SHARE = 0.005
-"""Share of the rig from which other light is told, and a hole of the baseline [-]: bolts and glass
-reflect less."""
+"""Share of the rig from which other light is told, a hole of the baseline, or a sand [-]: bolts and
+glass reflect less."""
 TOLD_SHARE = 1e-3
 """Least share of the sand whose loss is told [-]: less is the edge of an ordinary shake, or some
 cells at a wire."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
-from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, ROUNDS, SPREAD_PER_DEVIATION
 from porotwin_imaging.photograph.photo_file import OVER_EXPOSED
 
 
@@ -97,10 +97,6 @@ SEARCH = int(1.25 * PITCH)
 """Largest distance of the chart from its nominal place [px of the straightened chart]."""
 _USED_PATCHES = 20
 """The four worst of the 24 patches do not count: one may be covered and bend the fit nearby."""
-_REWEIGHTINGS = 15
-"""Rounds of the robust fit of the colour matrix; it has converged by then."""
-_HAZE_ROUNDS = 6
-"""Rounds of the fit of haze, each with the slope or the offset of the last one."""
 _TUKEY_CUTOFF = 4.7
 """Cut-off of Tukey's biweight in standard deviations (95 % efficiency for normal errors)."""
 _EQUAL_SCORE = 0.1
@@ -244,7 +240,7 @@ def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]
     usable = (patches < OVER_EXPOSED).all(axis=1) & (patches > 0).any(axis=1)
     scale = 1.0 / (target.mean(axis=1) + 0.02)  # relative errors, except in dark patches
     weight = usable * scale
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(ROUNDS):
         matrix = np.linalg.lstsq(weight[:, None] * patches, weight[:, None] * target, rcond=None)[0]
         residual = np.linalg.norm(scale[:, None] * (patches @ matrix - target), axis=1)
         spread = SPREAD_PER_DEVIATION * np.median(residual[usable]) + 1e-6
@@ -347,7 +343,7 @@ def _haze(patches: Array, baseline: Array, seen: Array) -> tuple[Array, Array]:
     for i in range(3):
         state, light = patches[seen[:, i], i], baseline[seen[:, i], i]
         bright = light > np.median(light)
-        for _ in range(_HAZE_ROUNDS):
+        for _ in range(FEW_ROUNDS):
             slopes[i] = np.median((state - offsets[i])[bright] / light[bright])
             offsets[i] = np.median((state - slopes[i] * light)[~bright])
     return offsets, np.maximum(slopes, 1e-4)

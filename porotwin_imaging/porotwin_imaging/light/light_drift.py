@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
-from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, SPREAD_PER_DEVIATION
 from porotwin_imaging.numerics.row_bands import row_bands
 
 
@@ -37,8 +37,6 @@ class LightSettings:
     on rendered and composed photographs."""
     told_cast: float = 0.08
     """Difference between the channels that is told [log ratio]; below 0.02 on the same ones."""
-    rounds: int = 6
-    """Reweighted fits before the surroundings of tracer are left out, and again after that."""
     most_cells: int = 12_000
     """Cells used of a finer map: the drift varies slowly, a regular subset is enough."""
     histogram_bin: float = 0.01
@@ -57,8 +55,8 @@ LIGHT = LightSettings()
 
 Array = NDArray[Any]
 
-_TRACER_SPREADS, _TRACER_LOG_RATIO = 5.0, 0.01
-"""Smoothed cells darker than five spreads plus this log ratio contain tracer."""
+_TRACER_SPREADS = 5.0
+"""Smoothed cells darker than five spreads plus the width of a bin contain tracer."""
 _TRACER_REACH = 25
 """Surroundings of tracer that are not used: this fraction of the width of the rig."""
 _SHAPE_PENALTY = 1e-3
@@ -135,11 +133,12 @@ def _robust_fit(
     coefficients: Array = np.zeros(terms.shape[-1])
     visible = weight > 0
     share = 0.0
-    for step in range(2 * LIGHT.rounds):
+    # the second half without the surroundings of tracer
+    for step in range(2 * FEW_ROUNDS):
         residual = log_ratio - constants - (terms @ coefficients)[..., None]
         distance = np.sqrt((residual**2).mean(axis=2)) / tolerance
         background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
-        if step >= LIGHT.rounds:
+        if step >= FEW_ROUNDS:
             background = background * _away_from_tracer(residual.mean(axis=2))
         share = float((background > 0).sum() / max(1, visible.sum()))
         if share < LIGHT.least_background:
@@ -152,7 +151,7 @@ def _away_from_tracer(residual: Array) -> Array:
     """Return 0 near tracer, otherwise 1: the faint rim of a plume looks like dimmer light."""
     smooth = cv2.blur(residual, (3, 3))
     spread = SPREAD_PER_DEVIATION * np.median(np.abs(smooth - np.median(smooth)))
-    dark = (smooth < -_TRACER_SPREADS * spread - _TRACER_LOG_RATIO).astype(np.uint8)
+    dark = (smooth < -_TRACER_SPREADS * spread - LIGHT.histogram_bin).astype(np.uint8)
     dark = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     reach = 2 * max(2, residual.shape[1] // _TRACER_REACH) + 1
     return 1.0 - cv2.dilate(dark, np.ones((reach, reach), np.uint8))

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import spsolve
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY, visible_means
 from porotwin_imaging.light.light_drift import LIGHT
-from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, NOISE_SPREADS
 from porotwin_imaging.tracer.tracer_colour import TracerColour, local_noise, split
 
 
@@ -29,8 +29,6 @@ class LocalLightSettings:
 
     blocks_across: int = 140
     """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
-    nodes_across: int = 28
-    """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
     darkest: float = 0.9
     """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
     least_change: float = 0.02
@@ -45,18 +43,15 @@ LOCAL_LIGHT = LocalLightSettings()
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_ROUNDS = 4
-"""Fits with robust weights."""
 _BEND_PENALTY, _SLOPE_PENALTY = 0.03, 1e-4
 """Penalties on bends and slopes of the field, relative to the weight of the data of a node."""
-_TRACER_REACH = 5
-"""So many blocks across around blocks with tracer may contain it too."""
 _SMALL, _LARGE = 3, 9
 """Blocks across the windows of averaged hue."""
-_EXPLAINED, _PALEST = 0.5, 0.01
-"""Share of the darkening that hue explains in pale tracer, and its least darkening [-, log]."""
-_WINDOW = (5, 5)
-"""Blocks over which missing light is averaged before it is judged."""
+_EXPLAINED = 0.5
+"""Share of the darkening that hue explains in pale tracer [-]."""
+_WINDOW = 5
+"""Blocks across a window of missing light. A window around tracer may contain it too. The field of
+light has a node in each window; soft edges are a few windows wide."""
 _FIELD_ERROR = 0.1
 """Standard deviation of the field relative to its largest value: measured on photographs with
 known shadows [-]."""
@@ -115,14 +110,15 @@ def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
     Tracer is a significant hue in a small window, or one in a large window that explains most of
     the darkening there: wide and pale tracer.
     """
-    noise, around = local_noise(tracer, seen), np.ones((_TRACER_REACH,) * 2, np.uint8)
+    noise, around = local_noise(tracer, seen), np.ones((_WINDOW, _WINDOW), np.uint8)
     strong = _average(tracer, seen, (_SMALL, _SMALL)) > NOISE_SPREADS * noise / _SMALL
     spots = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     strong = np.asarray(cv2.dilate(spots, around)) > 0
     rest = seen & ~strong
     amount, darkening = (_average(p, rest, (_LARGE, _LARGE)) for p in (tracer, -grey))
     pale = amount > np.maximum(NOISE_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
-    pale &= rest & (darkening > _PALEST)
+    # ordinary photographs stay below half of the least change
+    pale &= rest & (2.0 * darkening > LOCAL_LIGHT.least_change)
     return np.asarray(strong | (cv2.dilate(pale.astype(np.uint8), around) > 0))
 
 
@@ -137,7 +133,7 @@ def _is_unusual(missing: Array, clean: Mask) -> bool:
     """Return whether light is missing on a part of the sand that no ordinary photograph has."""
     if not clean.any():
         return False
-    smooth = _average(missing, clean, _WINDOW)
+    smooth = _average(missing, clean, (_WINDOW, _WINDOW))
     return float((np.abs(smooth[clean]) > LOCAL_LIGHT.least_change).mean()) > LOCAL_LIGHT.least_part
 
 
@@ -148,12 +144,12 @@ def _smooth_field(missing: Array, weight: Array) -> Array:
     weights (Tukey's biweight) leave out objects with sharp edges.
     """
     rows, columns = missing.shape
-    nodes = LOCAL_LIGHT.nodes_across
+    nodes = LOCAL_LIGHT.blocks_across // _WINDOW
     count = (max(4, round(nodes * rows / columns)), nodes)
     shape = sparse.kron(_hats(rows, count[0]), _hats(columns, count[1]), format='csr')
     bends, slopes = _penalties(count)
     robust = np.ones_like(missing)
-    for _ in range(_ROUNDS):
+    for _ in range(FEW_ROUNDS):
         data = sparse.diags((weight * robust).ravel())
         normal = shape.T @ data @ shape
         size = float(np.median(normal.diagonal()[normal.diagonal() > 0]))

@@ -31,6 +31,7 @@ from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, light_drift
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 
@@ -72,8 +73,6 @@ _HALVINGS = 4
 _PALER = 0.1
 """Error of stock that remains, relative to the light of haze on dark sand [-]: on a composed
 photograph, 0.01 of 0.19 and 0.03 of 0.48."""
-_VEIL_ROUNDS = 3
-"""Fits of the offsets of the channels, each with the clean sand of the last one."""
 _DARK_PERCENTILE = 25.0
 """Percentile of the light that stands for darker sand."""
 _SEARCH_CELLS = 3000
@@ -268,7 +267,7 @@ class _Search:
         The scatter of a ratio does not depend on the light, so that every cell counts by its ratio.
         """
         ratio = haze.undone(self.log_ratio, self.before)
-        for _ in range(_VEIL_ROUNDS):
+        for _ in range(FEW_ROUNDS):
             veil = self._lines(ratio)
             left = 1.0 - veil / np.maximum(self.after, SMALLEST_DIVISOR)
             ratio = self.log_ratio + np.log(np.maximum(left, LEAST_RATIO))

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
 from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.smoothing.total_variation import CHECK_EVERY
 
 Array = NDArray[Any]
 
@@ -31,8 +32,6 @@ TOLERANCE = 0.005
 MOST_CELLS = 50_000
 """Finer maps are averaged over blocks of cells: distances need no finer ones."""
 _MOST_ITERATIONS = 3000
-_CHECK_EVERY = 25
-"""Iterations between two evaluations of the bounds, which cost as much as two iterations."""
 _STEP = 4.0
 """Step of the splitting relative to the mean flow; fastest on shifted, split and spread plumes."""
 _SAME = 1e-9
@@ -96,7 +95,7 @@ def _bounds(change: Array, spacing: tuple[float, float]) -> tuple[float, float]:
         length = np.hypot(*start)
         shrunk = start * (np.maximum(length - step, 0.0) / np.maximum(length, step))
         flow = operators.balanced(2.0 * shrunk - start, change)
-        if iteration % _CHECK_EVERY == 0:
+        if iteration % CHECK_EVERY == 0:
             high = min(high, float(np.hypot(*flow).sum()))
             low = max(low, operators.lower_bound((start - shrunk) / step, change))
             if high - low <= TOLERANCE * high:

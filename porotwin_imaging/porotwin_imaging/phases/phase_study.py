@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.baseline import Baseline
+from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.phases.colour_change import Box, ColourChange, colour_change
 from porotwin_imaging.phases.phase_colours import PHASES, WATER, PhaseColours
 from porotwin_imaging.phases.phase_fit import found_colours, given_colours
@@ -20,9 +21,6 @@ from porotwin_imaging.phases.phase_segmentation import PhaseMap, segment_phases
 
 Boxes = Mapping[int, Sequence[Box]]
 """Boxes of the rig by the number of the phase that they show."""
-
-MOST_FOR_COLOURS = 12
-"""Photographs that tell the colours, spread over the experiment."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,7 @@ def _changes(
         InputError: none can be used.
     """
     times = np.array(list(photographs))
-    count = min(len(times), MOST_FOR_COLOURS)
+    count = min(len(times), MASS_BALANCE.independent_photographs)
     chosen = {int(n) for n in np.linspace(0, len(times) - 1, count).round()}
     for box in (box for boxes in given.values() for box in boxes):
         chosen.add(len(times) - 1 if box.time is None else int(np.abs(times - box.time).argmin()))

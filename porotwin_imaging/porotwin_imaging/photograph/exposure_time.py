@@ -14,16 +14,11 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from PIL import Image
+from PIL.ExifTags import IFD, Base
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_regular
 
-_EXIF_DIRECTORY = 0x8769
-_ORIGINAL_TAG, _SUBSECOND_TAG = 0x9003, 0x9291
-_OFFSET_TAGS = (0x9011, 0x9012)
-"""`OffsetTimeOriginal` and `OffsetTimeDigitized`."""
-_CHANGE_TAG, _CHANGE_OFFSET_TAG = 0x0132, 0x9010
-"""`DateTime` and its `OffsetTime`."""
 _OFFSET = re.compile(r'([+-]\d\d):?(\d\d)')
 """Hours with their sign, and minutes; some programs leave the colon out."""
 HEADER_BYTES = 1 << 18
@@ -83,15 +78,18 @@ def _written(file: BinaryIO) -> _Written | None:
             image = Image.open(file)
         with image:
             exif = image.getexif()
-            tags = exif.get_ifd(_EXIF_DIRECTORY)
+            tags = exif.get_ifd(IFD.Exif)
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return None
     original, digits, changed, *offsets = (
         str(tag or '').strip('\0 ')
         for tag in (
-            *(tags.get(name) for name in (_ORIGINAL_TAG, _SUBSECOND_TAG)),
-            exif.get(_CHANGE_TAG),
-            *(tags.get(name) for name in (*_OFFSET_TAGS, _CHANGE_OFFSET_TAG)),
+            tags.get(Base.DateTimeOriginal),
+            tags.get(Base.SubsecTimeOriginal),
+            exif.get(Base.DateTime),
+            tags.get(Base.OffsetTimeOriginal),
+            tags.get(Base.OffsetTimeDigitized),
+            tags.get(Base.OffsetTime),
         )
     )
     if changed not in ('', original):

@@ -4,8 +4,8 @@ import re
 
 LONGEST_NAME = 80
 """Characters of a name in a message; the middle of a longer name is left out."""
-_FIRST_BYTE, _LAST_BYTE = 0xDC80, 0xDCFF
-"""Python keeps the bytes 0x80 to 0xFF of a name that is no UTF-8 as these characters."""
+_KEPT_BYTE = '\\udc'
+"""Start of the escape of a byte that is no UTF-8, as Python keeps it in a name."""
 
 
 def printable(name: str) -> str:
@@ -29,9 +29,7 @@ def one_line(text: str) -> str:
 def _escaped(letter: str) -> str:
     if letter.isprintable():
         return letter
-    if _FIRST_BYTE <= ord(letter) <= _LAST_BYTE:
-        return f'\\x{ord(letter) & 0xFF:02x}'
-    return letter.encode('unicode_escape').decode('ascii')
+    return letter.encode('unicode_escape').decode('ascii').replace(_KEPT_BYTE, '\\x')
 
 
 def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:

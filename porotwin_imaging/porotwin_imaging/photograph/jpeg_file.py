@@ -23,7 +23,8 @@ _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of the segment that holds the size; the three exceptions are tables."""
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 """Frames whose coefficients come in several scans, bit by bit."""
-_SCAN, _END = 0xDA, JPEG_END[1]
+_SCAN = 0xDA
+_END = JPEG_END[1]
 _MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
 """Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
 _COEFFICIENTS = 64

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-_LEVELS = np.arange(256) / 255
+_LEVELS = np.linspace(0.0, 1.0, 256)
 LINEAR_LIGHT = np.where(
     _LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.055) ** 2.4
 ).astype(np.float32)

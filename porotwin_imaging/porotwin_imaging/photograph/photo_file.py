@@ -17,12 +17,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
+from PIL.ExifTags import IFD, Base
 from PIL.ImageFile import ImageFile
 from PIL.PngImagePlugin import PngImageFile
 from PIL.TiffImagePlugin import TiffImageFile
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.geometry.orientation import ORIENTATION_TAG, UPRIGHT
+from porotwin_core.geometry.orientation import UPRIGHT
 from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.photograph.jpeg_file import JPEG_START, jpeg_fault, jpeg_pixels, jpeg_size
 from porotwin_imaging.photograph.linear_light import LINEAR_LIGHT
@@ -55,11 +56,10 @@ _READERS: dict[bytes, type[ImageFile]] = {
     **dict.fromkeys(TIFF_STARTS, TiffImageFile),
 }
 """Pillow's readers of headers; `Image.open` would judge the size before it is known here."""
-_EXTRA_SAMPLES_TAG, _IN_THE_COLOURS = 338, 1
-_PLAIN_TAGS = {ORIENTATION_TAG: UPRIGHT, _EXTRA_SAMPLES_TAG: _IN_THE_COLOURS}
+_PLAIN_TAGS = {Base.Orientation: UPRIGHT, Base.ExtraSamples: 1}
 """Tags of a TIFF, and the values with which OpenCV gives the levels as the file holds them."""
-_INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
-"""Section of the EXIF data, and its word for Adobe RGB."""
+_ADOBE_INDEX = 'R03'
+"""Word of the EXIF data for Adobe RGB."""
 _SRGB = 'sRGB'
 OTHER_FORMATS = {
     'HEIC': re.compile(rb'....ftyp(hei|hev|mif1|msf1)', re.DOTALL),
@@ -75,11 +75,10 @@ OTHER_FORMATS = {
     'PDF': re.compile(rb'%PDF'),
 }
 """Beginnings of files of formats that are not read."""
-_TIFF_SIZE_TAGS = (256, 257)
-_SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
-"""Raw files of cameras are TIFFs that begin with a preview."""
-_BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
-"""Usual bits of a level, and where a TIFF and a PNG tell theirs."""
+_BITS = 8
+"""Usual bits of a level."""
+_PNG_DEPTH = 24
+"""Byte of a PNG that tells its bits of a level."""
 MOST_PIXELS = 175_000_000
 """Larger photographs are refused before they are decoded: a damaged or malicious header may claim
 any size. The largest cameras have 150 megapixels."""
@@ -193,7 +192,7 @@ def colour_profile(data: bytes) -> str:
                 opened = ImageCms.ImageCmsProfile(io.BytesIO(profile))
                 name = ImageCms.getProfileDescription(opened).strip()
                 return _SRGB if _SRGB.lower() in name.lower() else name
-            if image.getexif().get_ifd(_INTEROPERABILITY).get(1) == _ADOBE_INDEX:
+            if image.getexif().get_ifd(IFD.Interop).get(1) == _ADOBE_INDEX:
                 return 'Adobe RGB'
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return _SRGB
@@ -232,11 +231,11 @@ def _header_size(data: bytes) -> tuple[int, int] | None:
             tags = getattr(image, 'tag_v2', None)
             if tags is None:
                 return image.size
-            if tags.get(_SUBFILE_TAG) == _PREVIEW or _DNG_VERSION_TAG in tags:
+            # a raw file of a camera is a TIFF that begins with a preview, of subfile type 1
+            if tags.get(Base.NewSubfileType) == 1 or Base.DNGVersion in tags:
                 return None
             # `size` would be turned by the orientation
-            width, height = (int(tags[tag]) for tag in _TIFF_SIZE_TAGS)
-            return width, height
+            return int(tags[Base.ImageWidth]), int(tags[Base.ImageLength])
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return None
 
@@ -325,7 +324,7 @@ def _bits(data: bytes) -> int:
             warnings.simplefilter('ignore')
             image = Image.open(io.BytesIO(data))
         with image:
-            return int(image.tag_v2.get(_BITS_TAG, (_BITS,))[0])  # type: ignore[attr-defined]
+            return int(image.tag_v2.get(Base.BitsPerSample, (_BITS,))[0])  # type: ignore[attr-defined]
     return _BITS
 
 

@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -22,8 +23,6 @@ LINES_FILE = 'sent.jsonl'
 MOST_BASELINES = 8
 """Baselines that are kept, offered to late subscribers and averaged; more hardly reduce noise."""
 
-_LARGEST = 2**63
-"""A file system counts bytes and nanoseconds in 64 bits."""
 FileMark = tuple[int, int, int]
 """Size [bytes], time of change and of status change [ns]; an unchanged file keeps its mark."""
 
@@ -215,7 +214,7 @@ def _photo_of(line: bytes) -> SentPhoto | None:
         stamp = None if fields['stamp'] is None else float(fields['stamp'])
         name, digest, role = (str(fields[key]) for key in ('name', 'digest', 'role'))
         bytes.fromhex(digest)
-        if any(abs(number) >= _LARGEST for number in mark):
+        if any(abs(number) > sys.maxsize for number in mark):  # bytes and nanoseconds in 64 bits
             return None
         return SentPhoto(name, digest, mark, stamp, float(fields['correction']), role)
     except (ValueError, TypeError, KeyError, OverflowError):

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ive
 
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 
@@ -50,11 +51,9 @@ _KERNEL_REACH = 4.0
 _STEPS = 2
 """Steps of the iteration; more change little."""
 _FREQUENCIES = 64
-"""Frequencies over which the gain of noise is averaged."""
-_FRONT_WAVES = np.arange(0.5, 640.0) * (np.pi / 64.0)
-"""Frequencies of a front [1 / cell], far beyond the finest wave that cells show."""
-_ROUNDS = 6
-"""Steps towards the variance of a kernel; more change it by less than a thousandth."""
+"""Frequencies up to the finest wave that cells show, over which the gain of noise is averaged."""
+_FINER = 10
+"""Finest wave of a front, relative to the finest one that cells show."""
 _SHARPEST = 0.02
 """Blurs below this count as this [cells]; they change nothing."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
@@ -130,11 +129,11 @@ def _variance_between_cells(width: float) -> float:
     places of the front in a cell. The waves of the front beyond the finest one of the cells count
     with the wave that cells take them for.
     """
-    waves = _FRONT_WAVES
+    waves = (np.arange(_FINER * _FREQUENCIES) + 0.5) * np.pi / _FREQUENCIES
     front = (np.sinc(waves / (2 * np.pi)) * np.exp(-0.5 * (width * waves) ** 2) / waves) ** 2
     lost = 1.0 - np.exp(-0.5 * (width * waves) ** 2)
     variance = width**2
-    for _ in range(_ROUNDS):
+    for _ in range(FEW_ROUNDS):
         between = -np.expm1(variance * (np.cos(waves) - 1.0))
         variance *= float(front @ (lost * between) / (front @ between**2))
     return variance

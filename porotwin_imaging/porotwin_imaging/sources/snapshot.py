@@ -5,11 +5,13 @@ never printed. A password may also stand in the environment variable `POROTWIN_C
 """
 
 import http.client
+import io
 import os
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from http import HTTPStatus
 from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
@@ -27,8 +29,6 @@ from porotwin_imaging.sources.camera_source import (
 
 PASSWORD = 'POROTWIN_CAMERA_PASSWORD'
 """Environment variable with the password of a user who is named in the URL."""
-_CHUNK_BYTES = 1 << 16
-_NOT_MODIFIED = 304
 
 
 class SnapshotSource:
@@ -82,7 +82,7 @@ class SnapshotSource:
                 data = self._read(answer)
                 tag = str(answer.headers.get('ETag', ''))
         except urllib.error.HTTPError as error:
-            if error.code == _NOT_MODIFIED:
+            if error.code == HTTPStatus.NOT_MODIFIED:
                 return self._problem('old_picture', 'has no new picture')
             return self._absent(f'answers {error.code} {error.reason}')
         except (OSError, http.client.HTTPException, ValueError) as error:
@@ -106,7 +106,8 @@ class SnapshotSource:
         deadline = self._steady() + self._timeout_s
         parts: list[bytes] = []
         size = 0
-        while part := answer.read1(_CHUNK_BYTES):  # what is there; read waits for a whole block
+        # what is there; read waits for a whole block
+        while part := answer.read1(io.DEFAULT_BUFFER_SIZE):
             parts.append(part)
             size += len(part)
             if self._steady() > deadline:
