@@ -9,6 +9,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.units import MINUTE_S
+from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
 from porotwin_core.rig import EffectDescription
 
 Values = Mapping[str, Any]
@@ -101,7 +102,12 @@ SINCE = 'since'
 Without it the effect acts from the start."""
 
 ONSET = Parameter(
-    unit='s', low=0.0, default=0.0, reading=Reading(1.0 / MINUTE_S, 'min'), may_be_fixed=True
+    unit='s',
+    low=0.0,
+    high=MOST_CLOCK_OFFSET,
+    default=0.0,
+    reading=Reading(1.0 / MINUTE_S, 'min'),
+    may_be_fixed=True,
 )
 """The parameter `SINCE`."""
 

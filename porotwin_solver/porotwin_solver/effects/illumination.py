@@ -50,7 +50,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 def begins(context: SearchContext) -> Sequence[Candidate]:
     """Fit the light of a lamp and its gradient, likewise."""
     level = FitParameter('level', '-', 0.0, 0.03, -1.0, 1.0)
-    return [Candidate('illumination', (level, _gradient(context)), {'drift': 0.0})]
+    return [Candidate('illumination', (level, _gradient(context)))]
 
 
 def _gradient(context: SearchContext) -> FitParameter:
@@ -60,13 +60,14 @@ def _gradient(context: SearchContext) -> FitParameter:
 
 def phrase(values: Values) -> str:
     """Say how the signal changes in time and across the rig."""
-    hourly = abs(values['drift']) * HOUR_S
+    level, drift = (float(values.get(name, 0.0)) for name in ('level', 'drift'))
+    hourly = abs(drift) * HOUR_S
     # more than all of it within an hour is a change within minutes
-    drift = f'{number(100.0 * hourly)} %/h'
+    amount = f'{number(100.0 * hourly)} %/h'
     if hourly > 1.0:
-        drift = f'{number(100.0 * hourly * MINUTE_S / HOUR_S)} %/min'
-    changes = f'{"grows" if values["drift"] >= 0 else "falls"} by {drift}'
-    if (level := float(values.get('level', 0.0))) and not values['drift']:
+        amount = f'{number(100.0 * hourly * MINUTE_S / HOUR_S)} %/min'
+    changes = f'{"grows" if drift >= 0 else "falls"} by {amount}'
+    if level and not drift:
         changes = f'is {direction(level, "stronger", "weaker", "%", 100.0)}'
     side = direction(values['gradient'], 'stronger', 'weaker', '% per 10 cm', 10)
     return f'the tracer’s signal {changes}, and is {side} to the right{begun(values)}'

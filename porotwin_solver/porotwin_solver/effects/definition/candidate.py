@@ -20,18 +20,18 @@ class SearchContext:
         grid: grid of the recorded maps.
         duration: length of the recording [s].
         pumping_wells: names of the wells that pump in the recording.
-        tracer_wells: names of those that inject tracer.
         strongest_rate: largest absolute rate of a well [m^3/s].
         well: for an effect of a well, its name.
+        tracer_wells: names of the wells that inject tracer.
     """
 
     rig: Rig
     grid: Grid
     duration: float
     pumping_wells: tuple[str, ...] = ()
-    tracer_wells: tuple[str, ...] = ()
     strongest_rate: float = 0.0
     well: str = ''
+    tracer_wells: tuple[str, ...] = ()
 
     @property
     def front_speed(self) -> float:

@@ -25,7 +25,7 @@ def begins(context: SearchContext) -> Sequence[Candidate]:
     if context.well not in context.tracer_wells:
         return []
     factor = FitParameter('factor', '-', 1.0, 0.03, 0.0, 3.0)
-    return [Candidate('stock', (factor,), {'well': context.well})]
+    return [Candidate('stock_strength', (factor,), {'well': context.well})]
 
 
 def phrase(values: Values) -> str:
@@ -35,7 +35,7 @@ def phrase(values: Values) -> str:
 
 
 EFFECT = Effect(
-    name='stock',
+    name='stock_strength',
     order=103,
     scope=Scope.WELL,
     parameters={

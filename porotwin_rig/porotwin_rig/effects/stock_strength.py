@@ -10,7 +10,7 @@ def stock_factor(values: Values, start: float, end: float) -> float:
 
 
 EFFECT = AssetEffect(
-    name='stock',
+    name='stock_strength',
     order=103,
     parameters={
         'well': Parameter(unit='name', is_name=True),
