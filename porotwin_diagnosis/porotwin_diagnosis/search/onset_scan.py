@@ -8,6 +8,7 @@ The onset of an effect of the rig is then fitted like any parameter. The camera 
 once, so that only the photographs on both sides of the onset count; it lies midway between them.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,15 +23,13 @@ from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.place_scan import SCAN_FRAMES
 from porotwin_diagnosis.search.ranking import feasible, score
 from porotwin_diagnosis.thresholds import WIDE_BEAM
 from porotwin_solver.effects.definition.candidate import Candidate
 
 VARIANT = 'from a time on'
 """Variant of the candidates with an onset, in words."""
-
-EVERY = 2
-"""Intervals of the photographs between two onsets that are simulated; a fit moves them on."""
 
 
 class _Start(NamedTuple):
@@ -70,8 +69,9 @@ def _best_start(levels: Levels, here: FloatArray, candidate: Candidate) -> _Star
     (sample,) = levels.screening.samples
     times = sample.times[: sample.fitted_frames]
     onsets = 0.5 * (times[1:] + times[:-1])
-    every = EVERY if needs_simulation(candidate.effect) else 1
-    starts = [_start(levels, here, candidate, float(time)) for time in onsets[::every]]
+    if needs_simulation(candidate.effect):  # a fit moves the onset on
+        onsets = onsets[:: math.ceil(len(onsets) / SCAN_FRAMES)]
+    starts = [_start(levels, here, candidate, float(time)) for time in onsets]
     return max(starts, key=lambda start: start.explained)
 
 
