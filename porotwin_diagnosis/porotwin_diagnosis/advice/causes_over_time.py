@@ -8,7 +8,7 @@ the maps by the sum of g times the changes of the windows:
     swinging      g = a sin(2 pi t / P) + b cos(2 pi t / P)
 
 with the time t since the start, the duration T, and one of several periods P. Words give times of
-the recording. What begins and stays is an effect with an onset, which the search has tried.
+the recording. The search has tried effects with an onset already.
 """
 
 import math

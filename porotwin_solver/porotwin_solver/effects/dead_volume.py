@@ -50,8 +50,7 @@ EFFECT = Effect(
     candidates=candidates,
     phrase=phrase,
     plainly='tracer arrives late through a tube',
-    laboratory_check='watch the tracer through the tube: note when the pump starts and when the '
-    'tracer reaches the well',
+    laboratory_check='time the tracer from the pump to the well',
     appearance=Appearance.DELAY,
     gradient_obstacle=gradient_obstacle,
 )

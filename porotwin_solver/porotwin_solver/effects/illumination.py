@@ -1,6 +1,4 @@
-"""The light changes: signal = c (1 + level + drift t + gradient (x - W/2)), clipped to 0..1.
-
-A lamp that is switched on acts since that time."""
+"""The light changes: signal = c (1 + level + drift t + gradient (x - W/2)), clipped to 0..1."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""One pump delivers factor times the commanded rate since a time; in a closed rig sinks follow."""
+"""One pump delivers factor times the commanded rate since a time. In a closed rig sinks follow."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """A point p of the rig appears at C + scale R(rotation) (p - C) + (dx, dz), C the rig's middle.
 
-R rotates counter-clockwise. A camera that is knocked does so since that time.
+R rotates counter-clockwise.
 """
 
 import math

@@ -1,6 +1,4 @@
-"""A well injects factor times the commanded concentration since a time: another bottle.
-
-From the start such a bottle looks like a pale camera, so that a search gives it an onset."""
+"""A well injects factor times the commanded concentration since a time: another bottle."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +19,10 @@ def exchange(physics: Physics, values: Values) -> Physics:
 
 
 def begins(context: SearchContext) -> Sequence[Candidate]:
-    """Fit the strength of a bottle in steps of 3 %, where a well injects tracer."""
+    """Fit the strength of a bottle in steps of 3 %, where a well injects tracer.
+
+    It begins later: from the start it looks like a pale camera.
+    """
     if context.well not in context.tracer_wells:
         return []
     factor = FitParameter('factor', '-', 1.0, 0.03, 0.0, 3.0)
