@@ -13,6 +13,7 @@ from porotwin_solver.effects import (
     EFFECTS,
     described_physics,
     effects_of,
+    observation_operator,
     parse_effect,
     physics_on_top,
 )
@@ -153,3 +154,9 @@ def test_what_is_believed_lies_in_the_range_of_the_effect(name, rig) -> None:
         for sign in (-3.0, 0.0, 3.0):
             drawn = candidate.described([sign] * len(candidate.parameters))
             physics_on_top(described_physics(rig, rig.grid(20, 12)), [drawn])
+
+
+def test_an_onset_that_is_no_number_is_refused() -> None:
+    late = EFFECTS['registration'].described(dx=0.01, since='noon')
+    with pytest.raises(InputError, match="since = 'noon': give a number"):
+        observation_operator([late])

@@ -8,7 +8,13 @@ from dataclasses import replace
 from porotwin_core.basis.discovery import discovered
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import check_places, known_effects, onset, written_effect
+from porotwin_core.model.effect_parameter import (
+    SINCE,
+    check_places,
+    known_effects,
+    onset,
+    written_effect,
+)
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics, check, nominal_physics
@@ -96,14 +102,15 @@ def observation_operator(
         InputError: an unknown effect or parameter, or a value out of range.
     """
     operator = ObservationOperator()
-    for found, values in _members(acting(descriptions, time)):
-        if found.on_observation is not None:
+    for found, values in _members(descriptions):
+        begins = float(values.get(SINCE, 0.0))
+        if found.on_observation is not None and begins <= max(time, 0.0):
             operator = found.on_observation(operator, values)
     return operator
 
 
 def acting(descriptions: Iterable[EffectDescription], time: float) -> tuple[EffectDescription, ...]:
-    """Return the effects that act at `time` [s]; those with a later onset do not."""
+    """Return the checked effects that act at `time` [s]; those with a later onset do not."""
     return tuple(one for one in descriptions if onset(one) <= max(time, 0.0))
 
 
