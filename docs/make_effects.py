@@ -27,7 +27,7 @@ finds one, and [one file](extend/effect.md) adds one.
 
 Symbols: c is the concentration of the mobile water, v the pore velocity [m/s], t the time since the
 start of the recording [s], x the distance from the left side and z the height [m], W the width of
-the rig [m].
+the rig [m]. An effect with `since` acts from that time on, its onset.
 
 With this block in `rig.yaml` a pump delivers 8 % too little, and a leak loses 10 ml/h. The well and
 the place are those of your rig, here of [`rigs/small`](../rigs/small/rig.yaml).
@@ -102,7 +102,7 @@ def _range(parameter: Parameter) -> str:
         parts.append(f'> {parameter.above:g}')
     bounded = parameter.low > -float('inf'), parameter.high < float('inf')
     if all(bounded):
-        parts.append(f'{parameter.low:g} to {parameter.high:g}')
+        parts.append(f'{parameter.low:g}…{parameter.high:g}')
     elif bounded[0]:
         parts.append(f'≥ {parameter.low:g}')
     elif bounded[1]:

@@ -3,7 +3,15 @@
 import pytest
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_parameter import Parameter, Reading, checked_values
+from porotwin_core.model.effect_parameter import (
+    ONSET,
+    Parameter,
+    Reading,
+    checked_values,
+    lasting,
+    onset,
+)
+from porotwin_core.rig import EffectDescription
 
 PARAMETERS = {
     'well': Parameter(unit='name', is_name=True),
@@ -39,3 +47,12 @@ def test_a_factor_has_no_unit_and_is_neutral_at_one() -> None:
     assert PARAMETERS['factor'].is_factor
     assert not PARAMETERS['delay'].is_factor
     assert not Parameter(unit='-', neutral=1.0, reading=Reading(1.0, '')).is_factor
+
+
+def test_an_effect_lasts_without_its_onset() -> None:
+    worn = {'well': 'a', 'factor': 0.7}
+    late = EffectDescription(name='rate', parameters={**worn, 'since': 600.0})
+    assert onset(late) == 600.0
+    assert lasting(late) == EffectDescription(name='rate', parameters=worn)
+    assert onset(lasting(late)) == 0.0
+    assert checked_values('rate', {'since': ONSET}, {}) == {'since': 0.0}

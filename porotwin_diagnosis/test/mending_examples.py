@@ -5,7 +5,7 @@ from porotwin_diagnosis.mending.finding import Finding
 
 
 def weak_pump(factor=0.7, well='injector'):
-    return EffectDescription(name='rate', parameters={'well': well, 'factor': factor})
+    return EffectDescription(name='rate', parameters={'well': well, 'factor': factor, 'since': 0.0})
 
 
 LATE = EffectDescription(name='clock', parameters={'offset': 40.0})

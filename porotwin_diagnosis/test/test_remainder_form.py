@@ -97,10 +97,9 @@ def test_words_give_times_of_a_recording_that_begins_in_the_middle(quiet):
     began = float(sample.times[0])
     later = replace(sample, initial=sample.observed_or_zero[0], start=began + 1200.0)
     runs = FreeRuns(Forward(replace(later, end=began + 4800.0), refinement=1))
-    pump = next(cause for cause in causes_over_time(runs) if cause.name.endswith('for a while'))
-    assert pump.words([-0.5]).endswith(
-        f'from {(began + 1200) / 60:.0f} to {began / 60 + 25:.0f} min'
-    )
+    pump = next(cause for cause in causes_over_time(runs) if cause.name.endswith('swinging'))
+    quarter = 0.25 * 0.35 * 3600.0  # of the shortest period
+    assert f'at {(began + 1200.0 + quarter) / 60:.0f} min' in pump.words([0.5, 0.0])
 
 
 def test_a_run_that_changes_too_late_is_the_usual_run_also_in_a_slow_rig(quiet):

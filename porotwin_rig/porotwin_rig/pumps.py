@@ -4,7 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import ML
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_rig.effects import EffectSet
@@ -31,6 +34,21 @@ class Pumps:
         }
 
 
+class Tube:
+    """A tube of `dead` [m^3] of water, known by the tracer [m^3] that entered with the water."""
+
+    def __init__(self, dead: float) -> None:
+        self._water, self._tracer = [0.0, dead], [0.0, 0.0]
+
+    def leaving(self, volume: float, concentration: float) -> float:
+        """Push `volume` [m^3] of this concentration in; return the mean of what leaves."""
+        pumped = self._water[-1] - self._water[1]
+        self._water.append(self._water[-1] + volume)
+        self._tracer.append(self._tracer[-1] + volume * concentration)
+        left = np.interp([pumped, pumped + volume], self._water, self._tracer)
+        return float(min(max((left[1] - left[0]) / volume, 0.0), 1.0))
+
+
 class RunningPumps:
     """The pumps of one rig while they run: from a setpoint to the true rates.
 
@@ -45,6 +63,7 @@ class RunningPumps:
         self.measured: dict[str, WellRate] = {}
         self._wells = rig.wells
         self._effects = effects
+        self._tubes: dict[str, Tube] = {}
 
     def command(self, rates: WellRates) -> None:
         """Set `rates`; wells that are not named stop.
@@ -64,15 +83,24 @@ class RunningPumps:
         self.measured = self.pumps.measured(self.commanded)
 
     def true_rates(self, start: float, end: float) -> dict[str, WellRate]:
-        """Return the mean true rates from `start` to `end` [s], without wells at rest."""
+        """Return the mean true rates from `start` to `end` [s], without wells at rest.
+
+        Each call pumps through the tubes, so that calls follow each other in time.
+        """
         return {
-            name: WellRate(
-                rate.rate * self._effects.rate_factor(name, start=start, end=end),
-                rate.concentration,
-            )
+            name: self._true_rate(name, rate, start, end)
             for name, rate in self.measured.items()
             if rate.rate != 0.0
         }
+
+    def _true_rate(self, name: str, metered: WellRate, start: float, end: float) -> WellRate:
+        rate = metered.rate * self._effects.rate_factor(name, start=start, end=end)
+        stock = metered.concentration * self._effects.stock_factor(name, start=start, end=end)
+        dead = self._effects.tube_ml(name) / ML
+        if dead > 0.0 and rate > 0.0:
+            tube = self._tubes.setdefault(name, Tube(dead))
+            stock = tube.leaving(rate * (end - start), stock)
+        return WellRate(rate, stock)
 
 
 def balanced(rates: WellRates) -> dict[str, WellRate]:

@@ -336,7 +336,7 @@ def test_an_incomplete_effect_is_refused_in_one_line() -> None:
     parameters = {'strength': Parameter(unit='-', default=0.0)}
     with pytest.raises(InputError, match="effect 'idle' is incomplete: give one of on_rig"):
         AssetEffect(name='idle', parameters=parameters)
-    with pytest.raises(InputError, match="a rate factor needs 'well'"):
+    with pytest.raises(InputError, match="a change of one well needs 'well'"):
         AssetEffect(name='idle', parameters=parameters, rate_factor=lambda _v, _a, _b: 1.0)
 
 

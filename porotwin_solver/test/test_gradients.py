@@ -302,6 +302,20 @@ def test_the_gradient_by_the_clock_is_refused(rig) -> None:
         problem.gradient([('clock', 'offset')])
 
 
+@pytest.mark.parametrize(
+    ('effect', 'parameter', 'complaint'),
+    [
+        ({'rate': {'well': 'injector', 'factor': 0.9, 'since': 60.0}}, 'factor', "leave 'since'"),
+        ({'rate': {'well': 'injector', 'factor': 0.9, 'since': 0.0}}, 'since', "leave 'since'"),
+        ({'dead_volume': {'well': 'injector', 'volume': 5.0}}, 'volume', 'delays the tracer'),
+    ],
+)
+def test_a_gradient_of_what_changes_over_time_is_refused(rig, effect, parameter, complaint) -> None:
+    (name,) = effect
+    with pytest.raises(InputError, match=complaint):
+        Problem(rig, 'fast', effect).gradient([(name, parameter)])
+
+
 def test_a_gradient_by_an_absent_parameter_is_refused(rig) -> None:
     with pytest.raises(InputError, match="gradient by decay 'rate': not a number among"):
         Problem(rig, 'fast', {}).gradient([('decay', 'rate')])

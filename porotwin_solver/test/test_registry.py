@@ -13,6 +13,7 @@ from porotwin_solver.effects import (
     EFFECTS,
     described_physics,
     effects_of,
+    observation_operator,
     parse_effect,
     physics_on_top,
 )
@@ -48,13 +49,20 @@ CONTRACT = {
 
 def test_names_parameters_units_and_order_stay_as_files_hold_them() -> None:
     found = {name: {key: p.unit for key, p in e.parameters.items()} for name, e in EFFECTS.items()}
-    assert {name: found[name] for name in CONTRACT} == CONTRACT
+    assert all(found[name].items() >= units.items() for name, units in CONTRACT.items())
+    added = [(n, key) for n, units in CONTRACT.items() for key in found[n].keys() - units.keys()]
+    assert all(EFFECTS[name].parameters[key].default is not None for name, key in added)
     assert [name for name in found if name in CONTRACT] == list(CONTRACT)
 
 
 def test_every_module_of_the_folder_is_an_effect() -> None:
     assert sorted(EFFECTS) == module_names('porotwin_solver.effects')
-    assert [effect.name for effect in effects_of(Scope.WELL)] == ['rate', 'well_position']
+    assert [effect.name for effect in effects_of(Scope.WELL)] == [
+        'rate',
+        'stock_strength',
+        'dead_volume',
+        'well_position',
+    ]
 
 
 @pytest.mark.parametrize('name', EFFECTS)
@@ -146,3 +154,9 @@ def test_what_is_believed_lies_in_the_range_of_the_effect(name, rig) -> None:
         for sign in (-3.0, 0.0, 3.0):
             drawn = candidate.described([sign] * len(candidate.parameters))
             physics_on_top(described_physics(rig, rig.grid(20, 12)), [drawn])
+
+
+def test_an_onset_that_is_no_number_is_refused() -> None:
+    late = EFFECTS['registration'].described(dx=0.01, since='noon')
+    with pytest.raises(InputError, match="since = 'noon': give a number"):
+        observation_operator([late])

@@ -45,6 +45,9 @@ MOST_WATER_LEVEL = 10.0
 MOST_LEAK_ML_H = 1e7
 """Water lost or gained at one place [ml/h]: ten cubic metres."""
 
+MOST_TUBE_ML = 1e4
+"""Water in the tube of a well [ml]: ten metres of a garden hose hold an eighth."""
+
 LEAST_RADIUS = 1e-6
 """Radius of a zone [m]: less than a grain."""
 

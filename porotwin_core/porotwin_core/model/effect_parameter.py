@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
 from porotwin_core.basis.plausibility import LENGTHS
+from porotwin_core.basis.units import MINUTE_S
+from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
+from porotwin_core.rig import EffectDescription
 
 Values = Mapping[str, Any]
 """Parameters of one effect by name: floats in the declared units, or the name of a well."""
@@ -92,6 +95,35 @@ class Parameter:
             bound = f'at least {self.low:g}' if number < self.low else f'at most {self.high:g}'
             raise InputError(f'{where} = {number:.6g}: must be {bound}')
         return number
+
+
+SINCE = 'since'
+"""Name of the parameter of an effect with an onset: the time of a recording [s] at which it begins.
+Without it the effect acts from the start."""
+
+ONSET = Parameter(
+    unit='s',
+    low=0.0,
+    high=MOST_CLOCK_OFFSET,
+    default=0.0,
+    reading=Reading(1.0 / MINUTE_S, 'min'),
+    may_be_fixed=True,
+)
+"""The parameter `SINCE`."""
+
+
+def onset(effect: EffectDescription) -> float:
+    """Return the time [s] from which on `effect` acts; 0 from the start."""
+    return float(effect.parameters.get(SINCE, 0.0))
+
+
+def lasting(effect: EffectDescription) -> EffectDescription:
+    """Return `effect` as it is after its onset: a pump that has lost its rate does not get it back.
+
+    A model of what follows the recording has this one.
+    """
+    kept = {name: value for name, value in effect.parameters.items() if name != SINCE}
+    return EffectDescription(name=effect.name, parameters=kept)
 
 
 INTERVAL_DEVIATIONS = 3.29

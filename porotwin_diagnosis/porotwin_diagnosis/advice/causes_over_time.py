@@ -6,10 +6,9 @@ the maps by the sum of g times the changes of the windows:
 
     growing       g = t / T
     swinging      g = a sin(2 pi t / P) + b cos(2 pi t / P)
-    for a while   g = 1 from the start of one window to the end of another
 
-with the time t since the start, the duration T, and one of several periods P. Pumps alone are tried
-for a while: a bottle runs empty, air gets into a tube. Words give times of the recording.
+with the time t since the start, the duration T, and one of several periods P. Words give times of
+the recording. The search has tried effects with an onset already.
 """
 
 import math
@@ -33,10 +32,6 @@ from porotwin_solver.effects.definition.effect import Process
 
 WINDOWS = 12
 """Parts of a recording: four for the shortest period."""
-
-LONGEST_WHILE = 4
-"""Most windows of a failing pump: a third of the recording. A longer failure looks like a
-wrong rate."""
 
 PERIODS = (0.35, 0.45, 0.6, 0.8, 1.1, 1.6)
 """Periods of a swing relative to the duration. They are 30 % apart, so that the phase is at most a
@@ -102,8 +97,6 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
         return f'{force.said(amounts[0])} at the end, growing from nothing in {whole}'
 
     yield _cause(force, 'growing', [np.tensordot(times, windows, axes=1)], grown, 1)
-    if force.process is Process.SOURCE:
-        yield from _for_a_while(runs, force)
     for period in PERIODS:
         phase = 2.0 * np.pi * times / period
 
@@ -139,20 +132,6 @@ def _cause(
         lambda amounts: math.hypot(*amounts) <= force.most,
         force.check,
     )
-
-
-def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
-    """Yield the cause from every window to every later one, up to `LONGEST_WHILE` of them."""
-    edges, unit = _edges(runs), time_unit(runs.duration)
-    for begin in range(WINDOWS):
-        for end in range(begin + 1, min(begin + LONGEST_WHILE, WINDOWS) + 1):
-
-            def said(amounts: Amounts, begin: int = begin, end: int = end) -> str:
-                first, last = unit.number(edges[begin]), unit.text(edges[end])
-                return f'{force.said(amounts[0])} from {first} to {last}'
-
-            change = np.sum(force.windows[begin:end], axis=0)
-            yield _cause(force, 'for a while', [change], said, 3)
 
 
 def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:

@@ -18,7 +18,7 @@ from porotwin_solver.coefficients.refinement import refine
 from porotwin_solver.model.engine import State
 from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
-from porotwin_solver.model.simulation import maps_of
+from porotwin_solver.model.simulation import intervals, maps_of
 
 Adapt = Callable[[Physics], Physics]
 """Returns physics with one thing changed."""
@@ -121,18 +121,19 @@ class FreeRuns:
 
     def _switched(self, usual: Model, changed: Model, window: Window) -> FloatArray:
         """Return the maps of a run that takes the `changed` model within `window` [s]."""
-        sample, operator = self.sample, usual.observation_operator
+        sample, offset = self.sample, usual.observation_operator.clock_offset
         state = State.equilibrium(refine(self._initial(usual), usual.engine.grid.shape))
         now, shown = sample.model_start, []
         for time in sample.times:
-            target = time + operator.clock_offset
+            target = time + offset
             cuts = sorted({now, max(now, target), *(c for c in window if now < c < target)})
             for low, high in pairwise(cuts):
                 model = changed if window[0] <= low < window[1] else usual
-                for start, end, rates in sample.schedule.intervals(low, high):
+                for start, end, engine, rates in intervals(model, sample.schedule, low, high):
                     step = longest_free_step(usual.engine.physics, rates)
-                    model.engine.advance(state, rates, end - start, step)
+                    engine.advance(state, rates, end - start, step)
             now = max(now, target)
             seen = usual.engine.mean_concentration(state)
+            operator = usual.at(time).observation_operator
             shown.append(operator.apply(seen, sample.grid, float(time)))
         return np.stack(shown)

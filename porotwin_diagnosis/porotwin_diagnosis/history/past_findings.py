@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.basis.errors import InputError, check_writable, refuse_file, writing
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
-from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS
+from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS, SINCE
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
@@ -184,7 +184,9 @@ def _cause(row: Mapping[str, Any]) -> FoundCause:
         values={
             name: Value(**{key: float(entry[key]) for key in ('value', 'low', 'high')})
             for name, entry in parameters.items()
-            if entry.get('low') is not None and entry.get('high') is not None
+            if name != SINCE  # a time of one recording
+            and entry.get('low') is not None
+            and entry.get('high') is not None
         },
     )
 

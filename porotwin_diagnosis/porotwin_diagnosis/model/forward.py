@@ -141,9 +141,8 @@ class Forward:
     def _as_shown(self, maps: FloatArray, image: Effects) -> Iterator[FloatArray]:
         """Yield `maps` as a camera with the effects `image` would show them."""
         sample = self.sample
-        operator = observation_operator(image)
         for frame, time in zip(maps, sample.times, strict=False):
-            yield operator.apply(frame, sample.grid, float(time))
+            yield observation_operator(image, time).apply(frame, sample.grid, float(time))
 
     def uncorrected(self) -> 'Forward':
         """Return this model without a multifidelity correction."""

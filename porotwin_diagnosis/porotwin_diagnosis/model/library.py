@@ -32,6 +32,16 @@ def library(samples: Sequence[Sample]) -> list[Candidate]:
     ]
 
 
+def beginnings(samples: Sequence[Sample]) -> list[Candidate]:
+    """Return the candidates of effects that may begin during recordings of one rig."""
+    context = search_context(samples, samples[0])
+    contexts = [
+        (context, effects_of(Scope.RIG, Scope.CAMERA)),
+        *((replace(context, well=n), effects_of(Scope.WELL)) for n in context.pumping_wells),
+    ]
+    return [found for own, effects in contexts for one in effects for found in one.begins(own)]
+
+
 def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
     """Return the context of search parameters.
 
@@ -43,6 +53,14 @@ def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
         pumping_wells=tuple(pumping_wells(samples)),
         measures_pressure=any(
             one.kind is GaugeKind.PRESSURE for each in samples for one in each.readings
+        ),
+        tracer_wells=tuple(
+            dict.fromkeys(
+                row.well
+                for one in samples
+                for row in one.schedule.rows
+                if row.rate.rate > 0.0 and row.rate.concentration > 0.0
+            )
         ),
         strongest_rate=max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0),
     )

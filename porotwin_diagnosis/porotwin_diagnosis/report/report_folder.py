@@ -14,6 +14,7 @@ from typing import Any
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file, write_whole
+from porotwin_core.model.effect_parameter import lasting
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_diagnosis.decision.verdict import Verdict
@@ -150,10 +151,10 @@ def write_diagnosis(
 
 
 def rig_with_effects(rig: Rig, verdict: Verdict) -> Rig:
-    """Return `rig` with the effects that `verdict` names; unchanged if it names none."""
+    """Return `rig` with the effects that `verdict` names, as they last; unchanged without any."""
     if not verdict.members:
         return rig
-    return rig.with_effects(verdict.model.effects)
+    return rig.with_effects(map(lasting, verdict.model.effects))
 
 
 def _write_own_rig(rig: Rig, folder: Path) -> None:

@@ -5,7 +5,9 @@ cells.
 2. Refinement: the best fits are fitted again on the cells of the recording.
 3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
    correction and the point spread that suit them (`levels`).
-4. Pairs: if no single effect closes the gap, pairs go through the same stages, and if no pair
+4. Onsets: if no single effect closes the gap, effects that begin during the recording are fitted
+   (`onset_scan`). One is kept beside the others if it earns its place.
+5. Pairs: if none of them closes the gap, pairs go through the same stages, and if no pair
    closes it, triples (`effects_together`).
 
 If the model without effects leaves no gap, the search ends early: effects without a place
@@ -38,9 +40,11 @@ from porotwin_diagnosis.search.noise_bound import (
     with_bounded_findings,
     with_bounded_levels,
 )
+from porotwin_diagnosis.search.onset_scan import fits_with_onsets
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
+    earns_its_place,
     first_of_each_effect,
     may_need_a_second_effect,
     normalised_misfit,
@@ -54,6 +58,7 @@ from porotwin_diagnosis.search.single_effects import (
     search_space,
 )
 from porotwin_diagnosis.thresholds import (
+    BEAM,
     CORRECTED_MISFIT,
     NO_GAP_MISFIT,
     WIDE_BEAM,
@@ -173,6 +178,9 @@ def _steps(levels: Levels, space: SearchSpace, prior: Prior) -> Iterator[SearchS
     findings = Findings(levels.null(), screened_null, screened, singles, prior=prior)
     levels, findings = _with_bounded_noise(levels, findings)
     if may_need_a_second_effect(findings.singles[0], findings.null):
+        yield SearchStep(levels, replace(findings, untried='effects that begin during it'))
+        levels, findings = _with_onsets(levels, space, findings)
+    if may_need_a_second_effect(findings.singles[0], findings.null):
         for untried, step in (('pairs of effects', _with_pairs), ('a third effect', _with_triples)):
             yield SearchStep(levels, replace(findings, untried=untried))
             levels, findings = step(levels, space, findings)
@@ -216,6 +224,19 @@ def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
     fits = (findings.null, *findings.singles, *findings.pairs, *findings.triples)
     levels = with_bounded_levels(levels, fits)
     return SearchStep(levels, with_bounded_findings(levels, findings))
+
+
+def _with_onsets(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
+    """Return `findings` with the effects that begin during the recording and earn their place."""
+    fits = fits_with_onsets(levels, space.beginning)
+    promising = [fit for fit in fits if earns_its_place(fit, findings.screened[0])]
+    refined = levels.refined(close_to_best(promising)[:BEAM], 0.24)
+    judged = levels.judged_again(levels.judged(refined, 0.24), findings.null, 0.24)
+    found = [fit for fit in judged.fits if earns_its_place(fit, findings.singles[0])]
+    if not found:
+        return SearchStep(levels, findings)
+    singles = levels.ranked([*found, *findings.singles])
+    return _with_bounded_noise(judged.levels, replace(findings, singles=singles))
 
 
 def _with_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:

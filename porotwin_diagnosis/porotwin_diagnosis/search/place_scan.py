@@ -30,7 +30,7 @@ SCAN_COLUMNS, FEWEST_ROWS = 46, 8
 """Columns of the coarse grid, and its fewest rows: about four cells per distance of two places."""
 
 SCAN_FRAMES = 8
-"""Frames that are compared, from early to late ones; they bound the time."""
+"""Frames that are compared, from early to late ones, and most onsets; they bound the time."""
 
 SCAN_SMOOTHING = 1.0
 """Width [coarse cells] of the smoothing of maps, which suppresses noise and smearing."""

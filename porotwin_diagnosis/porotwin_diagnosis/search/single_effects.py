@@ -8,7 +8,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.model.library import beginnings, library
 from porotwin_diagnosis.progress import steps_of
 from porotwin_diagnosis.search.levels import REFINING_ITERATIONS, Levels
 from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
@@ -30,10 +30,12 @@ SIZED_ITERATIONS = 6
 
 
 class SearchSpace(NamedTuple):
-    """The effects of a search: `candidates` without a place, and names of effects with a place."""
+    """The effects of a search: `candidates` without a place, names of effects with a place, and
+    those that may begin during the recording."""
 
     candidates: tuple[Candidate, ...]
     local_effects: tuple[str, ...]
+    beginning: tuple[Candidate, ...] = ()
 
 
 def search_space(samples: Sequence[Sample], excluded: Collection[str]) -> SearchSpace:
@@ -48,7 +50,8 @@ def search_space(samples: Sequence[Sample], excluded: Collection[str]) -> Search
     )
     if not candidates:
         raise InputError('all effects without a place are excluded; leave at least one in')
-    return SearchSpace(candidates, tuple(sorted(local - set(excluded))))
+    beginning = tuple(one for one in beginnings(samples) if one.effect not in excluded)
+    return SearchSpace(candidates, tuple(sorted(local - set(excluded))), beginning)
 
 
 class Tried(NamedTuple):

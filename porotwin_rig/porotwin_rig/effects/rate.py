@@ -1,13 +1,13 @@
-"""One pump delivers factor times the metered rate, all the time."""
+"""One pump delivers factor times the metered rate since a time."""
 
 from porotwin_core.model.effect_limits import MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
-from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect, share_after
 
 
-def rate_factor(values: Values, _start: float, _end: float) -> float:
-    """Return the factor."""
-    return float(values['factor'])
+def rate_factor(values: Values, start: float, end: float) -> float:
+    """Return the mean factor in [start, end] [s]."""
+    return float(1.0 + (values['factor'] - 1.0) * share_after(values['since'], start, end))
 
 
 EFFECT = AssetEffect(
@@ -16,7 +16,9 @@ EFFECT = AssetEffect(
     parameters={
         'well': Parameter(unit='name', is_name=True),
         'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
+        'since': ONSET,
     },
+    shape=('since',),
     rate_factor=rate_factor,
     is_repeatable=True,
 )

@@ -1,4 +1,6 @@
-"""A point p of the rig appears at C + scale R(rotation) (p - C) + (dx, dz), C the rig's middle."""
+"""A point p of the rig appears at C + scale R(rotation) (p - C) + (dx, dz), C the rig's middle.
+
+It does so since a time."""
 
 import math
 
@@ -7,12 +9,14 @@ import numpy as np
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
-def displace(signal: FloatArray, grid: Grid, _time: float, values: Values) -> FloatArray:
+def displace(signal: FloatArray, grid: Grid, time: float, values: Values) -> FloatArray:
     """Return the displaced signal (nz, nx); beyond the edge of the rig it looks like the edge."""
+    if time < values['since']:
+        return signal
     rotation, scale = values['rotation'], values['scale']
     middle_x, middle_z = 0.5 * grid.width, 0.5 * grid.height
     x, z = np.meshgrid(grid.x, grid.z)
@@ -40,7 +44,9 @@ EFFECT = AssetEffect(
         'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
         'rotation': Parameter(unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0),
         'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
+        'since': ONSET,
     },
+    shape=('since',),
     on_picture=displace,
     is_repeatable=True,
 )

@@ -139,6 +139,7 @@ def well_derivatives(
     for name, source_sink in engine.physics.wells.items():
         commanded = rates.get(name, WellRate())
         factor = engine.physics.rate_factors.get(name, 1.0)
+        stock = engine.physics.stock_factors.get(name, 1.0)
         by_rate = float(by_unit[at.all.index(source_sink)])
         if by_source is not None and engine.coupling is not None:
             by_rate += engine.coupling.sources_and_sinks.disc_mean(source_sink, by_source)
@@ -146,11 +147,11 @@ def well_derivatives(
         if commanded.rate >= 0:
             by_tracer = at.disc_mean(source_sink, sources_bar.tracer)
             by_inflow = at.disc_mean(source_sink, sources_bar.inflow)
-            by_rate += by_inflow + commanded.concentration * by_tracer
+            by_rate += by_inflow + stock * commanded.concentration * by_tracer
         else:
             by_rate -= at.disc_mean(source_sink, sources_bar.outflow)
         found_rate[name] = step.starting.get(name, by_rate)
-        found_concentration[name] = factor * max(commanded.rate, 0.0) * by_tracer
+        found_concentration[name] = stock * factor * max(commanded.rate, 0.0) * by_tracer
     return by_commands(engine.physics, rates, found_rate), found_concentration
 
 

@@ -62,11 +62,12 @@ def gradient(
 
     Raises:
         InputError: a parameter without a gradient (the offset of the clock; dispersivities that are
-            equal; diffusion where there is none), a result that is not finite, or as `simulate`.
+            equal; diffusion where there is none), an effect with an onset, water in a tube, a
+            result that is not finite, or as `simulate`.
     """
     described = (*rig.effects, *effects)
     model = Model(rig.model_copy(update={'effects': ()}), grid, preset=preset, effects=described)
-    refuse_unavailable(parameters, model.engine.physics)
+    refuse_unavailable(parameters, model)
     varied = [ParameterDifference(rig, grid, preset, described, name) for name in parameters]
     moments = np.asarray(times, dtype=float)
     forward = sweep_forward(model, schedule, moments, start, cost, varied=bool(varied))

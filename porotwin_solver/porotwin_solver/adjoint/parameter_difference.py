@@ -9,8 +9,8 @@ from contextlib import suppress
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_parameter import SINCE, onset
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects import effect
 from porotwin_solver.model.model import Model
 
@@ -92,14 +92,27 @@ class ParameterDifference:
         return sum(weight * value(model) for model, weight in self.models.items()) / self.step
 
 
-def refuse_unavailable(names: Sequence[ParameterName], physics: Physics) -> None:
-    """Refuse parameters without a gradient.
+def refuse_unavailable(names: Sequence[ParameterName], model: Model) -> None:
+    """Refuse parameters without a gradient, and models that change over time.
 
     Raises:
-        InputError: an effect states an obstacle, such as diffusion where there is none.
+        InputError: an effect states an obstacle, such as diffusion where there is none; an effect
+            has an onset, or a tube holds water.
     """
+    for described in model.effects:
+        if onset(described) > 0.0 or (described.name, SINCE) in names:
+            raise InputError(
+                f'gradient: {described.name} has an onset, which the adjoint cannot follow; leave '
+                f"'{SINCE}' out"
+            )
+    physics = model.physics
+    if any(physics.dead_volumes.values()):
+        raise InputError(
+            f'gradient: the tube of {", ".join(physics.dead_volumes)} delays the tracer, which the '
+            'adjoint cannot follow; leave the effect out and delay the concentrations in the rates'
+        )
     for name, parameter in names:
-        obstacle = effect(name).gradient_obstacle(physics, parameter)
+        obstacle = effect(name).gradient_obstacle(model.engine.physics, parameter)
         if obstacle:
             raise InputError(f'gradient by {name} {parameter}: {obstacle}')
 

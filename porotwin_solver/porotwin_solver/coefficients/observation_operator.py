@@ -27,13 +27,14 @@ class ObservationOperator:
     1. registration: a point p appears at C + scale R(rotation) (p - C) + (dx, dz), C the middle of
        the rig; `dx`, `dz` [m], `rotation` [rad], `scale` [-];
     2. saturation: c ** `exponent` [-];
-    3. illumination: c (1 + `drift` t + `gradient` (x - W/2)), clipped to 0..1; `drift` [1/s],
-       `gradient` [1/m], W the width of the rig.
+    3. illumination: c (1 + `level` + `drift` t + `gradient` (x - W/2)), clipped to 0..1; `level`
+       [-], `drift` [1/s], `gradient` [1/m], W the width of the rig.
 
     The map with the stamp t shows the rig at pump time t + `clock_offset` [s].
     """
 
     exponent: float = 1.0
+    level: float = 0.0
     drift: float = 0.0
     gradient: float = 0.0
     dx: float = 0.0
@@ -49,7 +50,7 @@ class ObservationOperator:
 
     @property
     def _relights(self) -> bool:
-        return bool(self.drift or self.gradient)
+        return bool(self.level or self.drift or self.gradient)
 
     def apply(self, concentration: FloatArray, grid: Grid, time: float) -> FloatArray:
         """Return the map on `grid`, (nz, nx), that the camera records at `time` [s].
@@ -83,7 +84,7 @@ class ObservationOperator:
 
     def _light(self, grid: Grid, time: float) -> FloatArray:
         """Return the factor of the illumination in every column, (nx,)."""
-        return 1.0 + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
+        return 1.0 + self.level + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
 
     def _moved_and_averaged(self, concentration: FloatArray, grid: Grid) -> FloatArray:
         """Return the registered map on `grid`; beyond the rig the values of its edge continue."""

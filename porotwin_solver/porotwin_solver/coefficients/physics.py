@@ -55,6 +55,8 @@ class Physics:
     blocks: cells along each side of the blocks of which the contact with water consists.
     wells: place of every well by name.
     rate_factors: delivered rate of a well divided by the commanded one [-]; 1 where absent.
+    stock_factors: concentration that a well injects divided by the commanded one [-], likewise.
+    dead_volumes: water in the tube of a well before its tracer [m^3]; in free runs only.
     diffusion: molecular diffusion of the tracer in the pores [m^2/s].
     longitudinal_dispersivity, transverse_dispersivity: Scheidegger's a_L and a_T [m].
     model_diffusion: artificial isotropic diffusion [m^2/s].
@@ -83,6 +85,8 @@ class Physics:
     fringe: float | None = None
     surface: WaterContact | None = None
     rate_factors: Mapping[str, float] = field(default_factory=dict)
+    stock_factors: Mapping[str, float] = field(default_factory=dict)
+    dead_volumes: Mapping[str, float] = field(default_factory=dict)
     diffusion: float = MOLECULAR_DIFFUSION
     longitudinal_dispersivity: float = 0.0
     transverse_dispersivity: float = 0.0

@@ -5,6 +5,7 @@
 
 from porotwin_solver.effects.definition.registry import (
     EFFECTS,
+    acting,
     changed_physics,
     described_physics,
     effect,
@@ -17,6 +18,7 @@ from porotwin_solver.effects.definition.registry import (
 
 __all__ = [
     'EFFECTS',
+    'acting',
     'changed_physics',
     'described_physics',
     'effect',

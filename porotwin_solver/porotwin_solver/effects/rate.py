@@ -1,4 +1,4 @@
-"""One pump delivers factor times the commanded rate, all the time; in a closed rig sinks follow."""
+"""One pump delivers factor times the commanded rate since a time. In a closed rig sinks follow."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -7,13 +7,13 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.model.effect_limits import MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
-from porotwin_solver.effects.definition.words import number
+from porotwin_solver.effects.definition.words import begun, number
 
 
 def misdeliver(physics: Physics, values: Values) -> Physics:
@@ -68,7 +68,8 @@ def rate_factors(effects: Iterable[EffectDescription]) -> dict[str, float]:
 def phrase(values: Values) -> str:
     """Say how much the pump delivers."""
     delivered = number(100 * values['factor'])
-    return f'pump {values["well"]} delivers {delivered} % of the commanded rate'
+    words = f'pump {values["well"]} delivers {delivered} % of the commanded rate'
+    return words + begun(values)
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:
@@ -83,9 +84,11 @@ EFFECT = Effect(
     parameters={
         'well': Parameter(unit='name', is_name=True, is_scored=False),
         'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
+        'since': ONSET,
     },
     on_physics=misdeliver,
     candidates=candidates,
+    begins=candidates,
     believed=believed,
     phrase=phrase,
     plainly='a pump delivers too much or too little',

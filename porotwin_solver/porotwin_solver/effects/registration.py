@@ -11,11 +11,11 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement
 from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
-from porotwin_solver.effects.definition.words import direction, factor
+from porotwin_solver.effects.definition.words import begun, direction, factor
 
 STEP_CELLS = 0.4
 """Natural step: the displacement of a point 0.4 half-sides from the middle, in cells."""
@@ -62,7 +62,7 @@ def phrase(values: Values) -> str:
     return (
         f'the picture is shifted {direction(values["dx"], "right", "left")} and '
         f'{direction(values["dz"], "up", "down")}, turned {rotated}, and '
-        f'{factor(values["scale"], "too large", "too small", "the right size")}'
+        f'{factor(values["scale"], "too large", "too small", "the right size")}{begun(values)}'
     )
 
 
@@ -90,9 +90,11 @@ EFFECT = Effect(
             unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0, is_scored=False
         ),
         'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
+        'since': ONSET,
     },
     on_observation=move,
     candidates=candidates,
+    begins=candidates,
     phrase=phrase,
     plainly='the picture is shifted, turned or scaled',
     laboratory_check='photograph a scale in the rig and mark its corners again',

@@ -3,18 +3,20 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.effect_parameter import onset
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.quantities import quantity_of_interest
 from porotwin_solver.coefficients.refinement import coarsen, refine
-from porotwin_solver.effects import described_physics, observation_operator
+from porotwin_solver.effects import acting, described_physics, observation_operator
 from porotwin_solver.model.engine import PROCESSOR, Engine, State
 from porotwin_solver.model.presets import preset_named
 from porotwin_solver.model.supervision import UNSUPERVISED, Supervision
@@ -63,6 +65,9 @@ class Model:
     phi dc/dt + div(q c). phi is the porosity times the retardation factor. sigma is a density per
     rig volume [1/s].
 
+    All effects act in a prediction, also those with an onset, which is past. A free run takes the
+    model `at` each time.
+
     The model keeps its latest prediction, which `residual` and `correct` use again. One model
     serves one thread at a time.
     """
@@ -107,8 +112,38 @@ class Model:
             supervision=supervision,
             device=device,
         )
+        self._at: dict[tuple[str, ...], Model] = {}
+        self._made_with = partial(
+            Model,
+            rig.model_copy(update={'effects': ()}),
+            grid,
+            preset=preset,
+            refinement=refinement,
+            supervision=supervision,
+            adapt=adapt,
+            device=device,
+        )
         self._storage_per_volume = self.physics.porosity * self.physics.retardation_factor
         self._latest: Prediction | None = None
+
+    @property
+    def onsets(self) -> tuple[float, ...]:
+        """The times [s] at which effects begin, ascending."""
+        return tuple(sorted({onset(one) for one in self.effects} - {0.0}))
+
+    def at(self, time: float) -> 'Model':
+        """Return the model with the effects that act at `time` [s]; these models are kept.
+
+        Raises:
+            InputError: as the model itself.
+        """
+        if not self.onsets or time >= self.onsets[-1]:
+            return self
+        effects = acting(self.effects, time)
+        key = tuple(map(repr, effects))
+        if key not in self._at:
+            self._at[key] = self._made_with(effects=effects)
+        return self._at[key]
 
     def prepare(self) -> None:
         """Load the compiled kernels and solve the unit flows ahead of the first request.

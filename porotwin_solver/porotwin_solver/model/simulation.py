@@ -1,16 +1,18 @@
 """Free-running simulations: from rates to maps, without observations in between."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.wells import Schedule
+from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.refinement import refine
-from porotwin_solver.model.engine import PROCESSOR, State
+from porotwin_solver.coefficients.tubes import through_tubes
+from porotwin_solver.model.engine import PROCESSOR, Engine, State
 from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
 
@@ -91,13 +93,32 @@ def maps_of(
         InputError: an unknown well, or rates that do not balance in a closed rig.
     """
     state = State.equilibrium(refine(initial, model.engine.grid.shape))
-    engine, operator, now = model.engine, model.observation_operator, start
+    now = start
     latest, step = None, 0.0
     for time in times:
-        target = time + operator.clock_offset
-        for low, high, rates in schedule.intervals(now, target):
-            if rates != latest:
-                latest, step = rates, longest_free_step(engine.physics, rates)
+        target = time + model.observation_operator.clock_offset
+        for low, high, engine, rates in intervals(model, schedule, now, target):
+            if (engine, rates) != latest:
+                latest, step = (engine, rates), longest_free_step(engine.physics, rates)
             engine.advance(state, rates, high - low, step)
         now = max(now, target)
-        yield operator.apply(engine.mean_concentration(state), model.grid, float(time))
+        shown = model.at(now).engine.mean_concentration(state)
+        yield model.at(time).observation_operator.apply(shown, model.grid, float(time))
+
+
+def intervals(
+    model: Model, schedule: Schedule, start: float, end: float
+) -> Iterator[tuple[float, float, Engine, WellRates]]:
+    """Yield (start, end, engine, rates) of the parts of a free run with constant rates and effects.
+
+    The concentrations of `schedule` are those that enter the tubes of the wells.
+
+    Raises:
+        InputError: as `Model.at`.
+    """
+    edges = sorted({start, *(time for time in model.onsets if start < time < end), max(start, end)})
+    through = through_tubes(schedule, model.physics)
+    for begin, until in pairwise(edges):
+        engine = model.at(begin).engine
+        for low, high, rates in through.intervals(begin, until):
+            yield low, high, engine, rates

@@ -46,7 +46,11 @@ class SourcesAndSinks:
         """
         physics = self.physics
         active = [
-            ActiveSource(physics.wells[name], rate, rates[name].concentration)
+            ActiveSource(
+                physics.wells[name],
+                rate,
+                rates[name].concentration * physics.stock_factors.get(name, 1.0),
+            )
             for name, rate in physics.delivered(rates).items()
             if rate != 0.0
         ]

@@ -38,6 +38,11 @@ OnSignal = Callable[[FloatArray, Grid, float, Values], FloatArray]
 """Returns the changed signal (nz, nx) of the photograph at a time [s]."""
 
 
+def share_after(since: float, start: float, end: float) -> float:
+    """Return the share of the time from `start` to `end` [s] that is after `since` [s]."""
+    return min(max(end - since, 0.0) / (end - start), 1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class AssetEffect:
     """An effect of the virtual rig; each attribute `on_...` is a place where it may act.
@@ -48,6 +53,8 @@ class AssetEffect:
         shape: those that say where or how it acts, not how much.
         on_rig: acts on the coefficients of the simulation.
         rate_factor: acts on the rate of one well.
+        stock_factor: acts on the concentration that one well injects, likewise.
+        tube_ml: water in the tube of one well [ml].
         on_tracer: a reaction, half before and half after the transport of every step.
         on_visible: delays the visible tracer.
         on_signal: acts on the brightness of the signal.
@@ -70,6 +77,8 @@ class AssetEffect:
     shape: tuple[str, ...] = ()
     on_rig: OnRig | None = None
     rate_factor: RateFactor | None = None
+    stock_factor: RateFactor | None = None
+    tube_ml: Callable[[Values], float] | None = None
     on_tracer: OnTracer | None = None
     on_visible: OnVisible | None = None
     on_signal: OnSignal | None = None
@@ -84,9 +93,10 @@ class AssetEffect:
 
     def __post_init__(self) -> None:
         """Refuse an incomplete definition."""
+        of_a_well = (self.rate_factor, self.stock_factor, self.tube_ml)
         actions = (
             self.on_rig,
-            self.rate_factor,
+            *of_a_well,
             self.on_tracer,
             self.on_visible,
             self.on_signal,
@@ -94,12 +104,11 @@ class AssetEffect:
         )
         faults = {
             'parameters: give at least one': not self.parameters,
-            'give one of on_rig, rate_factor, on_tracer, on_visible, on_signal, on_picture': (
-                not any(actions)
-            ),
+            'give one of on_rig, rate_factor, stock_factor, tube_ml, on_tracer, on_visible, '
+            'on_signal, on_picture': not any(actions),
             'shape: name some of the parameters': not set(self.shape) <= set(self.parameters),
-            "parameters: a rate factor needs 'well'": (
-                self.rate_factor is not None and 'well' not in self.parameters
+            "parameters: a change of one well needs 'well'": (
+                any(of_a_well) and 'well' not in self.parameters
             ),
         }
         found = '; '.join(fault for fault, present in faults.items() if present)

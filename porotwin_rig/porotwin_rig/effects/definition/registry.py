@@ -68,11 +68,27 @@ class EffectSet:
 
     def rate_factor(self, well: str, *, start: float, end: float) -> float:
         """Return the mean true over metered rate of `well` from `start` to `end` [s]."""
-        factor = 1.0
-        for effect, values in self.members:
-            if effect.rate_factor is not None and values['well'] == well:
-                factor *= effect.rate_factor(values, start, end)
-        return factor
+        return math.prod(
+            effect.rate_factor(values, start, end)
+            for effect, values in self.members
+            if effect.rate_factor is not None and values['well'] == well
+        )
+
+    def stock_factor(self, well: str, *, start: float, end: float) -> float:
+        """Return the mean true over commanded concentration of `well`, likewise."""
+        return math.prod(
+            effect.stock_factor(values, start, end)
+            for effect, values in self.members
+            if effect.stock_factor is not None and values['well'] == well
+        )
+
+    def tube_ml(self, well: str) -> float:
+        """Return the water in the tube of `well` [ml]."""
+        return math.fsum(
+            effect.tube_ml(values)
+            for effect, values in self.members
+            if effect.tube_ml is not None and values['well'] == well
+        )
 
 
 def _checked(description: EffectDescription, rig: Rig) -> Values:

@@ -23,6 +23,7 @@ class SearchContext:
         strongest_rate: largest absolute rate of a well [m^3/s].
         measures_pressure: whether the recording has readings of pressure.
         well: for an effect of a well, its name.
+        tracer_wells: names of the wells that inject tracer.
     """
 
     rig: Rig
@@ -32,6 +33,7 @@ class SearchContext:
     strongest_rate: float = 0.0
     measures_pressure: bool = False
     well: str = ''
+    tracer_wells: tuple[str, ...] = ()
 
     @property
     def front_speed(self) -> float:

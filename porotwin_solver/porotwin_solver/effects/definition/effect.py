@@ -7,6 +7,7 @@ from enum import Enum
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.blind_draw import Draw
 from porotwin_core.model.effect_parameter import (
+    SINCE,
     Parameter,
     Values,
     changed_values,
@@ -98,6 +99,8 @@ class Effect:
         on_observation: returns the changed observation operator.
         candidates: returns the candidates of a search. With `Scope.WELL` it is called once per
             pumping well, `context.well`.
+        begins: returns the candidates that a search gives an onset, likewise; their parameters do
+            not name `SINCE`. An effect with an onset acts in full from there on.
         believed: returns the prior of its parameters on a rig.
         places: how the search finds the place; for `Scope.PLACE` only.
         phrase: states the effect with these values in words, as HTML.
@@ -136,6 +139,7 @@ class Effect:
     on_physics: Callable[[Physics, Values], Physics] | None = None
     on_observation: Callable[[ObservationOperator, Values], ObservationOperator] | None = None
     candidates: Candidates = _no_candidates
+    begins: Candidates = _no_candidates
     believed: Beliefs = _no_doubt
     places: PlaceSearch | None = None
     blind_draw: Draw | None = None
@@ -172,6 +176,9 @@ class Effect:
             'places: needed for an effect with a place, and only for one': (
                 self.has_place != (self.places is not None)
             ),
+            f"parameters: an effect that begins needs '{SINCE}'": (
+                self.begins is not _no_candidates and SINCE not in self.parameters
+            ),
             "parameters: an effect of a well needs 'well'": (
                 self.scope is Scope.WELL and 'well' not in self.parameters
             ),
@@ -188,7 +195,8 @@ class Effect:
     @property
     def is_diagnosed(self) -> bool:
         """Whether a diagnosis may name it: after a search, or after comparing schemes."""
-        return self.scope is Scope.MODEL or self.candidates is not _no_candidates
+        searched = {self.candidates, self.begins} != {_no_candidates}
+        return self.scope is Scope.MODEL or searched
 
     @property
     def replaces_nominal(self) -> bool:

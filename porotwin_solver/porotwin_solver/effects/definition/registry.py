@@ -1,5 +1,6 @@
 """Every effect by name, and how descriptions of effects change the model."""
 
+import math
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -7,7 +8,13 @@ from dataclasses import replace
 from porotwin_core.basis.discovery import discovered
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import check_places, known_effects, written_effect
+from porotwin_core.model.effect_parameter import (
+    SINCE,
+    check_places,
+    known_effects,
+    onset,
+    written_effect,
+)
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics, check, nominal_physics
@@ -86,17 +93,25 @@ def physics_on_top(physics: Physics, changes: Iterable[EffectDescription]) -> Ph
     return physics
 
 
-def observation_operator(descriptions: Iterable[EffectDescription]) -> ObservationOperator:
-    """Return how a camera sees a map, with every described effect of the camera in turn.
+def observation_operator(
+    descriptions: Iterable[EffectDescription], time: float = math.inf
+) -> ObservationOperator:
+    """Return how a camera sees a map at `time` [s], with every described effect of it in turn.
 
     Raises:
         InputError: an unknown effect or parameter, or a value out of range.
     """
     operator = ObservationOperator()
     for found, values in _members(descriptions):
-        if found.on_observation is not None:
+        begins = float(values.get(SINCE, 0.0))
+        if found.on_observation is not None and begins <= max(time, 0.0):
             operator = found.on_observation(operator, values)
     return operator
+
+
+def acting(descriptions: Iterable[EffectDescription], time: float) -> tuple[EffectDescription, ...]:
+    """Return the checked effects that act at `time` [s]; those with a later onset do not."""
+    return tuple(one for one in descriptions if onset(one) <= max(time, 0.0))
 
 
 def _members(

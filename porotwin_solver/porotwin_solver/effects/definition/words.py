@@ -3,7 +3,7 @@
 import math
 
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S
-from porotwin_core.model.effect_parameter import Parameter, Reading, Values
+from porotwin_core.model.effect_parameter import SINCE, Parameter, Reading, Values
 
 READINGS = {
     'm': Reading(1e3, 'mm'),
@@ -70,6 +70,12 @@ def time_span(seconds: float) -> str:
     if seconds < LONGEST_IN_HOURS:
         return f'{number(seconds / HOUR_S)} h'
     return f'{number(seconds / DAY_S)} days'
+
+
+def begun(values: Values) -> str:
+    """Return from when on an effect acts, behind its other words; empty from the start."""
+    since = float(values.get(SINCE, 0.0))
+    return f', from {time_span(since)} on' if since > 0.0 else ''
 
 
 def place(values: Values) -> str:
