@@ -31,9 +31,9 @@ class SearchContext:
     duration: float
     pumping_wells: tuple[str, ...] = ()
     strongest_rate: float = 0.0
-    measures_pressure: bool = False
     well: str = ''
     tracer_wells: tuple[str, ...] = ()
+    measures_pressure: bool = False
 
     @property
     def front_speed(self) -> float:
