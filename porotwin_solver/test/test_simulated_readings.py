@@ -70,6 +70,14 @@ def test_a_weak_pump_shows_in_the_outflow_and_not_a_denser_sand() -> None:
         assert found == pytest.approx([ml * 1e-6, -ml * 1e-6], rel=1e-9)
 
 
+def test_a_pump_that_weakens_later_delivers_in_full_before() -> None:
+    rig = layered(**CLOSED, **SAND)
+    weak = EffectDescription(name='rate', parameters={'well': 'a', 'factor': 0.8, 'since': 900.0})
+    asked = outflow('b', 900.0), outflow('b', 1800.0)
+    found = shown(rig, *asked, schedule=pumped(120.0), effects=(weak,))
+    assert found == pytest.approx([30e-6, 54e-6], rel=1e-9)
+
+
 def test_a_deeper_rig_has_less_pressure_between_two_ports() -> None:
     rig = layered(**CLOSED, **SAND)
     deep = EffectDescription(name='depth', parameters={'factor_centre': 1.25})

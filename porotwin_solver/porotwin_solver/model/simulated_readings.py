@@ -26,6 +26,7 @@ from porotwin_solver.model.coupling import buoyant_flux
 from porotwin_solver.model.engine import Engine, State
 from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
+from porotwin_solver.model.simulation import intervals
 from porotwin_solver.model.water_balance import SIDES, at_sides, into_canals
 
 
@@ -62,25 +63,31 @@ def simulated_readings(
         one = readings[index]
         if one.time < start:
             continue
-        for low, high, rates in schedule.intervals(now, one.time):
-            run.advance(rates, high - low)
+        for low, high, engine, rates in intervals(model, schedule, now, one.time):
+            run.advance(engine, rates, high - low)
         now = one.time
+        run.engine = model.at(now).engine
         found[index] = run.value(one, schedule.at(now))
     return found
 
 
 class _Run:
-    """A run of the model, with the water that has left through each outlet."""
+    """A run of the model, with the water that has left through each outlet.
+
+    Attributes:
+        engine: the engine with the effects that act now.
+        needs_tracer: whether the tracer moves, because the flow or a reading depends on it.
+    """
 
     def __init__(self, rig: Rig, engine: Engine, concentration: FloatArray) -> None:
-        self._rig, self._engine = rig, engine
+        self._rig, self.engine = rig, engine
         self._state = State.equilibrium(concentration)
         self._left: dict[str, float] = {}
         self.needs_tracer = engine.coupling is not None
 
-    def advance(self, rates: WellRates, duration: float) -> None:
-        """Run for `duration` [s] at constant `rates`."""
-        engine = self._engine
+    def advance(self, engine: Engine, rates: WellRates, duration: float) -> None:
+        """Run `engine` for `duration` [s] at constant `rates`."""
+        self.engine = engine
         longest = longest_free_step(engine.physics, rates)
         count, length = engine.splitting(duration, longest) if self.needs_tracer else (1, duration)
         for _ in range(count):
@@ -102,13 +109,13 @@ class _Run:
         return self._concentration(reading.place, rates)
 
     def _flux(self, rates: WellRates) -> FaceField:
-        engine = self._engine
+        engine = self.engine
         return engine.coupled_flux(engine.water_flux(rates), rates, self._state.mobile)
 
     def _outflow(self, rates: WellRates) -> dict[str, float]:
         """Return the water that leaves [m^3/s] by well, side and other water."""
-        rig, grid, flux = self._rig, self._engine.grid, self._flux(rates)
-        wells = self._engine.physics.delivered(rates)
+        rig, grid, flux = self._rig, self.engine.grid, self._flux(rates)
+        wells = self.engine.physics.delivered(rates)
         into = {**wells, **at_sides(rig, grid, entering(flux)), **into_canals(rig, grid, flux)}
         nothing = dict.fromkeys((*rig.wells, *SIDES), 0.0)
         return {**nothing, **{name: -rate for name, rate in into.items()}}
@@ -119,7 +126,7 @@ class _Run:
         Raises:
             InputError: `place` is a canal, whose own mixture the model does not have.
         """
-        engine, c = self._engine, self._state.mobile
+        engine, c = self.engine, self._state.mobile
         if place in self._rig.water and self._rig.water[place].side is None:
             raise InputError(f"a concentration is read at a well or a side, not in '{place}'")
         if place in self._rig.wells:
@@ -138,7 +145,7 @@ class _Run:
         Raises:
             InputError: a port outside the sand, no open water, or no sand on the way.
         """
-        engine, c = self._engine, self._state.mobile
+        engine, c = self.engine, self._state.mobile
         physics, grid = engine.physics, engine.grid
         mobility = physics.mobility_thickness / physics.viscosity_ratio**c
         trans = transmissibilities(grid, mobility, engine.contact(rates))
