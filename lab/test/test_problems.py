@@ -48,8 +48,8 @@ def test_a_problem_is_solved(name: str, cell_m: float, most: dict[str, float]) -
     [
         (
             'henry',
-            0.10,
-            {'cells [%]': 0.5, 'toe [cm]': 1.0, 'cells, Henry [%]': 1.0, 'toe, Henry [cm]': 2.0},
+            0.0625,
+            {'cells [%]': 0.5, 'toe [cm]': 1.0, 'cells, Henry [%]': 0.5, 'toe, Henry [cm]': 1.5},
         ),
         (
             'sand_tank',
