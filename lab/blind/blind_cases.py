@@ -167,6 +167,26 @@ def draw_case(
     )
 
 
+def coarse_case(
+    name: str,
+    kind: str,
+    effect: EffectDescription,
+    right: str,
+    schedule: Schedule,
+    duration: float,
+    seed: int,
+) -> BlindCase:
+    """Return a case of the small rig with one `effect` on cells of 1 cm, a map each minute.
+
+    The arguments are as in `BlindCase`; `right` is the only right verdict.
+    """
+    cell, interval = LARGE_CELL_M, SMALL_INTERVAL_S
+    return BlindCase(
+        name, kind, (effect,), (right,), SMALL, schedule, duration, interval, cell, seed,
+        element_m=cell * COARSE_ELEMENT,
+    )  # fmt: skip
+
+
 def _element(coarse_cell: float | None, longer_side: float | None) -> float | None:
     """Return the size of the elements of the virtual rig [m]; None: its default.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 
-from lab.blind.blind_cases import COARSE_ELEMENT, SMALL, BlindCase, small_schedule
+from lab.blind.blind_cases import SMALL, BlindCase, coarse_case, small_schedule
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import is_sure_and_wrong
 from porotwin_core.basis.units import HOUR_S, to_ml_h
@@ -31,9 +31,6 @@ TIMED = ('rate', 'stock_strength', 'dead_volume', 'registration', 'illumination'
 
 NEAR = 0.1
 """Largest error of an onset that is right, relative to the recording."""
-
-CELL_M, PHOTO_INTERVAL_S = 0.01, 60.0
-"""Width of a cell of the maps [m], and interval between them [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,19 +88,9 @@ def draw_onset(number: int, seed: int) -> BlindCase:
     injected = to_ml_h(schedule.largest[wells[0]].rate)
     values = _drawn(name, generator, DrawContext(SMALL, wells, duration, injected))
     timed = {} if name == 'dead_volume' else {'since': since}
-    return BlindCase(
-        f'{name}_{number}',
-        'single',
-        (EffectDescription(name=name, parameters={**values, **timed}),),
-        (name,),
-        SMALL,
-        schedule,
-        duration,
-        PHOTO_INTERVAL_S,
-        CELL_M,
-        int(generator.integers(2**31)),
-        element_m=CELL_M * COARSE_ELEMENT,
-    )
+    effect = EffectDescription(name=name, parameters={**values, **timed})
+    noise = int(generator.integers(2**31))
+    return coarse_case(f'{name}_{number}', 'single', effect, name, schedule, duration, noise)
 
 
 def _drawn(name: str, generator: Generator, context: DrawContext) -> DrawnValues:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.blind.blind_cases import COARSE_ELEMENT, SMALL, BlindCase, small_schedule
+from lab.blind.blind_cases import SMALL, BlindCase, coarse_case, small_schedule
 from lab.blind.blind_study import make_recording
 from porotwin_cli.running.drawn_effects import OUTSIDE, drawn
 from porotwin_core.basis.units import from_ml_h
@@ -40,9 +40,6 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     'water_table': ('transport', 'source'),
 }
 """Kinds that describe an effect from outside the library rightly."""
-
-CELL_M, PHOTO_INTERVAL_S = 0.01, 60.0
-"""Width of a cell of the maps [m], and interval between them [s]."""
 
 
 @dataclass(frozen=True)
@@ -101,19 +98,8 @@ def _case(name: str, number: int, seed: int) -> BlindCase:
     schedule, duration, wells = small_schedule(generator, SMALL)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     effect = drawn(name, generator, DrawContext(SMALL, wells, duration, injected))
-    return BlindCase(
-        f'{name}_{number}',
-        'outside',
-        (effect,),
-        ('unexplained',),
-        SMALL,
-        schedule,
-        duration,
-        PHOTO_INTERVAL_S,
-        CELL_M,
-        int(generator.integers(2**31)),
-        element_m=CELL_M * COARSE_ELEMENT,
-    )
+    noise, case = int(generator.integers(2**31)), f'{name}_{number}'
+    return coarse_case(case, 'outside', effect, 'unexplained', schedule, duration, noise)
 
 
 def _apart(case: BlindCase, form: RemainderForm) -> float | None:
