@@ -35,7 +35,7 @@ the place are those of your rig, here of [`rigs/small`](../rigs/small/rig.yaml).
 ```yaml
 effects:
   - name: rate
-    parameters: {well: injector, factor: 0.92}
+    parameters: {well: injector, factor: 0.92, since: 0}
   - name: leak
     parameters: {x: 0.5, z: 0.2, rate: -10.0}    # m, m, ml/h; a negative rate is a loss
 ```

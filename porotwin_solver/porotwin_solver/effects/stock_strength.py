@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -21,11 +20,11 @@ def exchange(physics: Physics, values: Values) -> Physics:
 def begins(context: SearchContext) -> Sequence[Candidate]:
     """Fit the strength of a bottle in steps of 3 %, where a well injects tracer.
 
-    It begins later: from the start it looks like a pale camera.
+    It begins later: from the start it looks like a pale camera. Stock is the strongest tracer, 1.
     """
     if context.well not in context.tracer_wells:
         return []
-    factor = FitParameter('factor', '-', 1.0, 0.03, 0.0, 3.0)
+    factor = FitParameter('factor', '-', 1.0, 0.03, 0.0, 1.0)
     return [Candidate('stock_strength', (factor,), {'well': context.well})]
 
 
@@ -41,13 +40,13 @@ EFFECT = Effect(
     scope=Scope.WELL,
     parameters={
         'well': Parameter(unit='name', is_name=True, is_scored=False),
-        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
+        'factor': Parameter(unit='-', low=0.0, high=1.0, neutral=1.0),
         'since': ONSET,
     },
     on_physics=exchange,
     begins=begins,
     phrase=phrase,
-    plainly='a bottle of tracer is weaker or stronger',
+    plainly='a bottle of tracer is weaker',
     laboratory_check='put a drop of each bottle between two plates and photograph both',
     appearance=Appearance.FADING,
 )
