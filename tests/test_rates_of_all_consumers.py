@@ -16,7 +16,7 @@ from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig, load_rig
 from porotwin_diagnosis.data.live_run import LiveRun

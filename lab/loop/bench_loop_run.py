@@ -6,7 +6,7 @@ from lab.loop.bench_loop_optimum import optimum_schedules, play
 from porotwin_cli.running.loop_rig import LoopSettings
 from porotwin_cli.running.loop_run import LoopFigures, MakeTwin, figures_of, planning_twin
 from porotwin_cli.running.loop_scenario import LoopScenario
-from porotwin_core.rates.rates_in_force import same_rates
+from porotwin_core.rates.rate_periods import same_rates
 from porotwin_core.rates.wells import Schedule
 from porotwin_hub.control.controller import Controller
 from porotwin_hub.control.setpoint_limits import Limits

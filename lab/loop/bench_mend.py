@@ -25,7 +25,7 @@ from porotwin_cli.running.mended_loop import Mending, forecast_errors, run_besid
 from porotwin_cli.terminal import print_table
 from porotwin_cli.workspace import small_rig
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import EffectDescription, Rig, load_rig
 from porotwin_diagnosis.data.live_run import LiveRun

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.rates.rates_in_force import same_rates
+from porotwin_core.rates.rate_periods import same_rates
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import RateStep, Schedule, ScheduleRow, WellRate, net_rate
 from porotwin_core.rig import load_rig

@@ -5,7 +5,7 @@ import pytest
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrdersAhead
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 
 CONTROL_WELLS = ('control1', 'control2')

@@ -12,7 +12,7 @@ from porotwin_core.rates import rate_history
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S
 from porotwin_core.rates.rate_history import Order, RateHistory, Source, TracedPeriod
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 
 REST = {'a': WellRate(), 'out': WellRate()}

@@ -7,7 +7,7 @@ import pytest
 from diagnosis_examples import SMALL
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
 from porotwin_diagnosis.data.live_run import KEPT_RUNS, MOST_MAPS, LiveRun, forget_old_runs

@@ -6,7 +6,7 @@ from diagnosis_examples import SMALL
 from mending_examples import finding, weak_pump
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.mender import LEAST_MAPS, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import OfferState

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_examples import SMALL
 from mending_examples import weak_pump
 
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.shadow_forecast import (
     LEAST_WATCHED,

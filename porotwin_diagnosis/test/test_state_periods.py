@@ -3,7 +3,7 @@
 import pytest
 from diagnosis_examples import SMALL
 
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_diagnosis.mending.state_periods import StatePeriods
 

@@ -7,7 +7,7 @@ from hub_examples import ToyModel
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.correction import Correction
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.models.forecast import Forecaster, ModelUnavailable, no_correction
 

@@ -10,7 +10,7 @@ from hub_examples import ToyModel
 
 from porotwin_core.clock.freshness import IN_TIME, PhotographClock
 from porotwin_core.model.correction import Correction
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_hub.control.controller import Controller
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.loop.hub import Hub

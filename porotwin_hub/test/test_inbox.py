@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.clock.freshness import IN_TIME, StampJudgement
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import WellRate
 from porotwin_hub.loop.inbox import (
     REMEMBERED_STATES,

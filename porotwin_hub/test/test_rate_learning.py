@@ -6,7 +6,7 @@ import pytest
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.correction import Correction
 from porotwin_core.model.state_filter import Estimate, Seen, Volume
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod, joined
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod, joined
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.rate_learning import DeliveringModel, RateLearner
 from porotwin_hub.loop.cycle import Observation

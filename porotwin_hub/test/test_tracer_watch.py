@@ -7,7 +7,7 @@ import pytest
 
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
 from porotwin_hub.estimation.tracer_watch import MAPS_IN_A_ROW, TracerWatch

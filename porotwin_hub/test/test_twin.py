@@ -13,7 +13,7 @@ from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate
 from porotwin_core.rig import EffectDescription
 from porotwin_hub.control.controller import Controller

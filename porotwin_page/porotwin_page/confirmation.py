@@ -14,7 +14,7 @@ from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.remark import QUOTED
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
-from porotwin_core.rates.rates_in_force import ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint

@@ -7,7 +7,7 @@ import math
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE, ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE, ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Control, Rig
 

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import RatePeriod, to_predict
+from porotwin_core.rates.rate_periods import RatePeriod, to_predict
 
 
 class FollowsPhotographs(Protocol):

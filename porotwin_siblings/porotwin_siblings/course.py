@@ -11,7 +11,7 @@ import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.delivered_rates import delivered
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_siblings.unknowns import Sibling
 from porotwin_siblings.zone_measure import ZoneMeasure

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, to_ml_h
 from porotwin_core.rates.plausible_rates import refuse_too_great
-from porotwin_core.rates.rates_in_force import SAME_RATE, same_rates
+from porotwin_core.rates.rate_periods import SAME_RATE, same_rates
 from porotwin_core.rates.wells import (
     RateStep,
     WellRate,

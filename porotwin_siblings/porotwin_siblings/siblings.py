@@ -14,7 +14,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.rates.delivered_rates import WINDOW_S
-from porotwin_core.rates.rates_in_force import RatePeriod, injected_tracer, plan_periods
+from porotwin_core.rates.rate_periods import RatePeriod, injected_tracer, plan_periods
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
 from porotwin_siblings.course import Course, CourseOrder, run_course

@@ -26,7 +26,7 @@ from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import SHORTEST_PERIOD_S
+from porotwin_core.rates.rate_periods import SHORTEST_PERIOD_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid

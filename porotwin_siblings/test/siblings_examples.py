@@ -6,7 +6,7 @@ import numpy as np
 
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
 from porotwin_siblings.photograph import Photograph

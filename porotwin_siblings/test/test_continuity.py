@@ -1,7 +1,7 @@
 """Tests of the rates since the last photograph: interruptions, and clocks that go back."""
 
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate
 from porotwin_siblings.continuity import periods_until
 

@@ -12,7 +12,7 @@ import pytest
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, MINUTE_S, from_ml_h
 from porotwin_core.model.cost_term import CostTerm
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, Rig, load_rig
 

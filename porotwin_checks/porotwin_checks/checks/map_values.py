@@ -6,8 +6,8 @@ import numpy as np
 
 from porotwin_checks.known import VISIBLE_TRACER, Known
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.other_unit import PERCENT
 from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.text_with_unit import PERCENT
 
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""

@@ -7,7 +7,7 @@ from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rates_in_force import ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 
 SAME_RATE = 0.005
 """Relative difference of a rate from the described one that rounding of units makes."""

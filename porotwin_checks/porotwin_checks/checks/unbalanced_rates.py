@@ -12,7 +12,7 @@ from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
+from porotwin_core.rates.rate_periods import BALANCE_TOLERANCE
 
 UNBALANCED = (
     'the rates add up to {sum_ml_h:.6g} ml/h, but all sides are closed; balance injection and '

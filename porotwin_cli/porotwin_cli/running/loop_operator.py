@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.basis.units import percent
-from porotwin_core.rates.rates_in_force import same_rates
+from porotwin_core.rates.rate_periods import same_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.setpoint_limits import Limits
 

@@ -14,7 +14,7 @@ from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import KnownRates, same_rates
+from porotwin_core.rates.rate_periods import KnownRates, same_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 from porotwin_guard.guard import Guard, SetpointRequest

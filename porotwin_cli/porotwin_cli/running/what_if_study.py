@@ -13,7 +13,7 @@ import numpy as np
 
 from porotwin_cli.options.experiment_times import MOST_TIMES
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.other_unit import rate_in_ml_h
+from porotwin_core.basis.text_with_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
@@ -21,7 +21,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import Seen
 from porotwin_core.rates.bottle import Bottle, bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,

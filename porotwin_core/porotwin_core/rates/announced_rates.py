@@ -10,7 +10,7 @@ import math
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S, from_ml_h, to_ml_h
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import PUMP_ACCURACY, different_wells
+from porotwin_core.rates.rate_periods import PUMP_ACCURACY, different_wells
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import Control, FixedWell, Rig

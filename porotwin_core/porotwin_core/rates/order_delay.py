@@ -10,7 +10,7 @@ import statistics
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from porotwin_core.rates.rates_in_force import KnownRates, different_wells
+from porotwin_core.rates.rate_periods import KnownRates, different_wells
 from porotwin_core.rates.wells import RateStep, WellRates
 
 REMEMBERED_DELAYS = 5

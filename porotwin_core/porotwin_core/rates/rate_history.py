@@ -33,7 +33,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay, OrdersAhead, WaitingOrder
-from porotwin_core.rates.rates_in_force import (
+from porotwin_core.rates.rate_periods import (
     KnownRates,
     RatePeriod,
     different_wells,

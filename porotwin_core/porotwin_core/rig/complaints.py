@@ -8,8 +8,8 @@ from typing import Any
 import pydantic
 
 from porotwin_core.basis.likely_name import did_you_mean
-from porotwin_core.basis.other_unit import in_other_unit, was_percent
 from porotwin_core.basis.remark import NAMED, QUOTED
+from porotwin_core.basis.text_with_unit import in_other_unit, was_percent
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from porotwin_core.basis.floors import ROUND_OFF
-from porotwin_core.basis.other_unit import was_percent
 from porotwin_core.basis.plain_text import plain
 from porotwin_core.basis.plausibility import LENGTHS
+from porotwin_core.basis.text_with_unit import was_percent
 from porotwin_core.basis.units import permeability_of
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside

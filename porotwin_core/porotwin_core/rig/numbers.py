@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from porotwin_core.basis.other_unit import length_in_m, rate_in_ml_h
+from porotwin_core.basis.text_with_unit import length_in_m, rate_in_ml_h
 
 
 def _as_number(value: Any) -> Any:

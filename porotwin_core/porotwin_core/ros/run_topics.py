@@ -9,7 +9,7 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects, follow_effects

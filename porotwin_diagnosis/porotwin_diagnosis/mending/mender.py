@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.mending.finding import Finding
 from porotwin_diagnosis.mending.forecast_band import ForecastBand

@@ -11,7 +11,7 @@ from enum import Enum
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_solver.model.model import Model
 
 WATCHED = 12

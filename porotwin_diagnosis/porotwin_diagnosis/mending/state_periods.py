@@ -3,7 +3,7 @@
 from porotwin_core.clock.stamps import believed_start
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import RatePeriod, to_predict
+from porotwin_core.rates.rate_periods import RatePeriod, to_predict
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.live_run import is_other_clock
 

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import SAME_RATE
+from porotwin_core.rates.rate_periods import SAME_RATE
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.setpoint_limits import Limits
 

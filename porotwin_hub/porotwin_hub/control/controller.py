@@ -10,7 +10,7 @@ from typing import Protocol
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
-from porotwin_core.rates.rates_in_force import plan_periods
+from porotwin_core.rates.rate_periods import plan_periods
 from porotwin_core.rates.wells import RateStep, WellRates, mean_rates
 from porotwin_hub.control import cobyla
 from porotwin_hub.control.optimisation import Decision, Search, optimise

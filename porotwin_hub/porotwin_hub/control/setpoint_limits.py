@@ -12,7 +12,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE
+from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 from porotwin_core.rig.control_section import STEP_ROUND_OFF

@@ -22,7 +22,7 @@ from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.state_filter import Estimate, Seen
 from porotwin_core.model.tracer_volume import Volume
 from porotwin_core.rates.delivered_rates import MEMORY_S, RATE_DEVIATION, WINDOW_S, delivered
-from porotwin_core.rates.rates_in_force import SAME_RATE, RatePeriod, injected_tracer, joined
+from porotwin_core.rates.rate_periods import SAME_RATE, RatePeriod, injected_tracer, joined
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.pump_watch import (
     MOST_SHARE,

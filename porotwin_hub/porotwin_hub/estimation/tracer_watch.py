@@ -16,7 +16,7 @@ from porotwin_checks.checks.tracer_at_wells import pale_well
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.rates_in_force import RatePeriod, different_wells
+from porotwin_core.rates.rate_periods import RatePeriod, different_wells
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.state_filter import Seen
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.optimisation import Decision
 from porotwin_hub.estimation.rate_learning import PumpFactor

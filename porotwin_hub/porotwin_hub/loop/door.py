@@ -9,7 +9,7 @@ from porotwin_core.basis.plausibility import plausible_rate_ml_h
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import percent, to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.rates_in_force import KnownRates, balanced
+from porotwin_core.rates.rate_periods import KnownRates, balanced
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 

@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 
 from porotwin_core.clock.freshness import IN_TIME, StampJudgement
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import KnownRates
+from porotwin_core.rates.rate_periods import KnownRates
 
 REMEMBERED_STATES = 16
 """States that wait for their refreshed message, and the other way round: half a burst of 30."""

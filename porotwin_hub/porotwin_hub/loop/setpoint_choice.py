@@ -8,7 +8,7 @@ import time
 from dataclasses import replace
 
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import PUMP_ACCURACY, different_wells
+from porotwin_core.rates.rate_periods import PUMP_ACCURACY, different_wells
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.controller import Planner
 from porotwin_hub.loop.cycle import Cycle

@@ -3,7 +3,7 @@
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
-from porotwin_core.rates.rates_in_force import injected_tracer
+from porotwin_core.rates.rate_periods import injected_tracer
 from porotwin_hub.estimation.rate_learning import PumpFactor, RateLearner
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.models.forecast import Forecast

@@ -19,7 +19,7 @@ from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rates_in_force import (
+from porotwin_core.rates.rate_periods import (
     KnownRates,
     RatePeriod,
     describe_difference,

@@ -12,7 +12,7 @@ from typing import Protocol
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.rates.rates_in_force import RatePeriod
+from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRates, mean_rates
 
 

@@ -5,7 +5,7 @@ import math
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rates.plausible_rates import refuse_too_great
-from porotwin_core.rates.rates_in_force import CONCENTRATION_TOLERANCE
+from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Rig
 

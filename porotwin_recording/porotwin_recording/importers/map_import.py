@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from porotwin_checks.checks.map_values import MOST_STOCK
 from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.other_unit import PERCENT
+from porotwin_core.basis.text_with_unit import PERCENT
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import write_folder

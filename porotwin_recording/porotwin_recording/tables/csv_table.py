@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.other_unit import in_other_unit
 from porotwin_core.basis.regular_file import open_text
+from porotwin_core.basis.text_with_unit import in_other_unit
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""

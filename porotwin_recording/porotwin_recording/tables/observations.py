@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.other_unit import was_percent
+from porotwin_core.basis.text_with_unit import was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
 from porotwin_core.rig import SIDES, Rig

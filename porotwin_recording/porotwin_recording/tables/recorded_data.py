@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from porotwin_checks.known import Known
 from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rates_in_force import balanced
+from porotwin_core.rates.rate_periods import balanced
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, later_commands
 from porotwin_core.rig import Rig

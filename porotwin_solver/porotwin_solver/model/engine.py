@@ -13,7 +13,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rates_in_force import BALANCE_TOLERANCE
+from porotwin_core.rates.rate_periods import BALANCE_TOLERANCE
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
 from porotwin_solver.coefficients.face_field import FaceField, weighted_sum

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
-from porotwin_core.rates.rates_in_force import SAME_RATE
+from porotwin_core.rates.rate_periods import SAME_RATE
 from porotwin_core.rates.wells import WellRates, with_rises
 from porotwin_core.rig import Rig, SideName
 from porotwin_solver.coefficients.face_field import FaceField

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_core.basis.other_unit import rate_in_ml_h
+from porotwin_core.basis.text_with_unit import rate_in_ml_h
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
-from porotwin_core.rates.rates_in_force import (
+from porotwin_core.rates.rate_periods import (
     MOST_PERIODS,
     RatePeriod,
     balanced,

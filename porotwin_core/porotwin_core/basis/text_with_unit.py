@@ -1,4 +1,4 @@
-"""The key that a user meant who gave it another unit, such as `width_cm` for `width_m`."""
+"""Numbers with a unit in a text: rates, lengths, and keys such as `width_cm` for `width_m`."""
 
 import re
 from collections.abc import Container
