@@ -9,6 +9,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -208,8 +209,6 @@ def run() -> list[Row]:
 
 def model_rows(rig: Rig, schedule: Schedule, grid: Grid) -> list[Row]:
     """Return the rows of 80 min: the plain model, the peers, and our presets."""
-    for preset in ('fast', 'accurate', 'sharp'):  # compile the kernels before the timing
-        simulate(rig, schedule, ERROR_TIMES[:1], grid=rig.grid(12, 7), preset=preset)
     reference = simulate(
         rig, schedule, ERROR_TIMES, grid=rig.grid(*REFERENCE_CELLS), preset='sharp'
     )
@@ -241,11 +240,9 @@ def model_rows(rig: Rig, schedule: Schedule, grid: Grid) -> list[Row]:
         ('fast', (374, 225)),
     ):
         on = rig.grid(*size)
-        found, seconds = timed(
-            lambda on=on, preset=preset: simulate(  # type: ignore[misc]
-                rig, schedule, ERROR_TIMES, grid=on, preset=preset
-            )
-        )
+        simulated = partial(simulate, rig, schedule, grid=on, preset=preset)
+        simulated([INTERVAL])  # compiles the kernels before the timing
+        found, seconds = timed(partial(simulated, ERROR_TIMES))
         rows.append(row(preset, on, seconds, found))
     ours = next(row['cpu_s'] for row in rows if row['model'] == 'accurate')
     return [
@@ -331,8 +328,10 @@ def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
     def cost(_: int, seen: FloatArray) -> tuple[float, FloatArray]:
         return float(seen.sum()), np.ones_like(seen)
 
+    work = partial(gradient, rig, schedule, grid=grid, preset='fast', by_concentration=False)
+    work(times=times[:1], cost=cost)  # compiles the kernels before the timing
     begin = time.process_time()
-    gradient(rig, schedule, times, cost, grid=grid, preset='fast', by_concentration=False)
+    work(times=times, cost=cost)
     return time.process_time() - begin
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment of a command: one line and a status of its own, also while modules load.
+"""Ctrl-C or SIGTERM at any moment of a command: one line and a status, also while modules load.
 
 This module imports the standard library only, so that it is there first.
 """
@@ -8,18 +8,19 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit status after Ctrl-C, as shells have it. After SIGTERM it is 128 and that number."""
 
 
 @contextmanager
 def told_in_one_line() -> Iterator[None]:
-    """End the process with one line after Ctrl-C in the block.
+    """End the process with one line after Ctrl-C or SIGTERM in the block.
 
-    The signal itself is noted, because compiled code turns a KeyboardInterrupt into other errors.
+    Both raise KeyboardInterrupt, so that the block ends what it started. The signal itself is
+    noted, because compiled code turns a KeyboardInterrupt into other errors.
 
     Raises:
-        SystemExit: with the status `INTERRUPTED`.
+        SystemExit: with 128 and the number of the signal.
     """
     noted: list[int] = []
 
@@ -27,9 +28,10 @@ def told_in_one_line() -> Iterator[None]:
         noted.append(number)
         raise KeyboardInterrupt
 
-    before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:  # a background job of a shell ignores Ctrl-C
-        signal.signal(signal.SIGINT, note)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number, handler in before.items():
+        if handler in (signal.default_int_handler, signal.SIG_DFL):  # others are ignored, or set
+            signal.signal(number, note)
     try:
         yield
     except SystemExit as end:  # typer turns Ctrl-C into a status without a word
@@ -41,6 +43,7 @@ def told_in_one_line() -> Iterator[None]:
     else:
         return
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     print('porotwin: interrupted', file=sys.stderr, flush=True)
-    sys.exit(INTERRUPTED)
+    sys.exit(128 + noted[-1] if noted else INTERRUPTED)

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment of a command ends with one line."""
+"""Ctrl-C or SIGTERM at any moment of a command ends with one line."""
 
 import contextlib
 import signal
@@ -31,23 +31,27 @@ def test_an_interrupt_ends_with_one_line(
     assert capsys.readouterr().err.strip() == ONE_LINE
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('error', [SystemError, ImportError, ValueError])
-def test_ctrl_c_that_compiled_code_makes_another_error_of_is_told_in_one_line(
-    error: type[Exception], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_signal_that_compiled_code_makes_another_error_of_is_told_in_one_line(
+    error: type[Exception],
+    number: signal.Signals,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def interrupted(**_: object) -> None:
         with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
         raise error('initialization failed')
 
     monkeypatch.setattr(porotwin_cli.app, 'app', interrupted)
     monkeypatch.setattr(sys, 'argv', ['porotwin'])
-    before = signal.getsignal(signal.SIGINT)
+    before = signal.getsignal(number)
     with pytest.raises(SystemExit) as end:
         main()
-    assert end.value.code == INTERRUPTED
+    assert end.value.code == 128 + number
     assert capsys.readouterr().err.strip() == ONE_LINE
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(number) is before
 
 
 def test_another_error_of_compiled_code_is_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
