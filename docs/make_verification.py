@@ -28,7 +28,8 @@ TEXT = """\
 ./porotwin simulate rigs/verification/henry --output henry.nc --grid 40x20 --times 0:60000:3000
 ```
 
-`docs/make_verification.py --measure` measures anew.
+`.venv/bin/python docs/make_verification.py --measure` measures anew. The time is that of the
+whole problem.
 
 | problem | answer | error | time | `simulate rigs/verification/` |
 | --- | --- | --- | --- | --- |
@@ -44,7 +45,7 @@ TEXT = """\
   those of `ex-gwt-saltlake` of MODFLOW 6 (Simmons 1999).
 - **MODFLOW 6**: mean difference of maps on cells twice as large, over their mean; a comparison with
   a peer. `flopy` writes its input from `rig.yaml`. It needs `pip install flopy`, and `mf6` in
-  the path. Without them a figure stays, with its date.
+  your PATH (`get-modflow :home`, not `:python`). Without them a figure stays, with its date.
 """
 
 

@@ -7,7 +7,7 @@ import resource
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
 
 import cv2
@@ -121,7 +121,12 @@ def _error(signal: NDArray[Any], camera: tuple[int, int]) -> float:
 def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
     """Return `work(*arguments)`, called in a new process, so that memory is measured separately."""
     with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
-        return pool.submit(work, *arguments).result()
+        try:
+            return pool.submit(work, *arguments).result()
+        except KeyboardInterrupt:
+            for child in active_children():  # the pool would wait for its work
+                child.terminate()
+            raise
 
 
 def _measure(

@@ -228,6 +228,8 @@ def model_rows(rig: Rig, schedule: Schedule, grid: Grid) -> list[Row]:
         title, found, seconds, wall, memory = run_peer(peer, problem)
         if found is None or seconds is None:
             rows.append(_row(title, grid))
+        elif found.shape != plain.shape:
+            rows.append(_row(f'{title}: maps of another shape', grid))
         else:
             rows.append(row(title, grid, seconds, found) | _rounded(wall, memory))
     for preset, size in (
@@ -316,7 +318,7 @@ def _large_row(
         return row
     return row | {
         'cpu_s': round(cost.processor_s, 1),
-        'ratio_to_plain': round(cost.wall_s / plain_seconds, 3),
+        'ratio_to_plain': round(cost.processor_s / plain_seconds, 3),
         'ns_per_cell_frame': round(cost.nanoseconds, 1),
         **_rounded(cost.wall_s, cost.memory_gb),
     }

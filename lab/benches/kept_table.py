@@ -33,12 +33,23 @@ YARDSTICK_NUMBERS = 2_000_000
 """Numbers that the yardstick sorts: a quarter of a second."""
 
 Rows = Sequence[Mapping[str, Any]]
+Table = Mapping[str, Any]
 
 
 def last_duration(part: str, folder: Path = FOLDER) -> float | None:
     """Return how long [s] the last measurement of `part` took; None: not known."""
     last = _last(part, folder)
     return None if last is None else last[1].get('seconds')
+
+
+def make_folder(folder: Path = FOLDER) -> None:
+    """Make the folder of the tables, before anything is measured.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
 
 
 def keep_table(part: str, rows: Rows, seconds: float, folder: Path = FOLDER) -> list[str]:
@@ -50,8 +61,7 @@ def keep_table(part: str, rows: Rows, seconds: float, folder: Path = FOLDER) -> 
         InputError: the folder cannot be made or written.
     """
     now = datetime.datetime.now().astimezone()
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     last = _last(part, folder)
     table = {
         'part': part,
@@ -68,11 +78,28 @@ def keep_table(part: str, rows: Rows, seconds: float, folder: Path = FOLDER) -> 
     if last is None:
         return [f'{about}; the next one is compared with it']
     name, before = last
-    if not {'date', 'machine', 'rows', 'yardstick_s'} <= before.keys():
+    try:
+        return [f'{about}; {_compared(table, before)}', *_slower(table, before)]
+    except (KeyError, TypeError, AttributeError, ArithmeticError):
         return [f'{about}; {name} is damaged or of an older version: delete it']
-    found = slower_rows(rows, before['rows'], table['yardstick_s'] / before['yardstick_s'])
-    other = '' if before['machine'] == table['machine'] else f', of {before["machine"]}'
-    return [f'{about}; compared with {before["date"]}{other}', *found]
+
+
+def _compared(table: Table, before: Table) -> str:
+    """Return what `table` is compared with, and what differs besides the rows."""
+    older, newer = before['versions'], table['versions']
+    other = [f'of {before["machine"]}'] if before['machine'] != table['machine'] else []
+    other += [
+        f'{name} {older[name]} then, {newer[name]} now'
+        for name in newer
+        if older.get(name, newer[name]) != newer[name]
+    ]
+    return ', '.join([f'compared with {before["date"]}', *other])
+
+
+def _slower(table: Table, before: Table) -> list[str]:
+    """Return the lines of `slower_rows` for two tables."""
+    usual = table['yardstick_s'] / before['yardstick_s']
+    return slower_rows(table['rows'], before['rows'], usual)
 
 
 def slower_rows(rows: Rows, earlier: Rows, usual: float) -> list[str]:

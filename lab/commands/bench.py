@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from lab.benches.kept_table import keep_table, last_duration
+from lab.benches.kept_table import keep_table, last_duration, make_folder
 from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.seed_option import seed_option
 from porotwin_cli.terminal import Json, print_json, print_table, say
@@ -61,6 +61,12 @@ Seed = Annotated[int, seed_option('Random seed.')]
 class _Parts(TyperGroup):
     """The parts; an unknown name is one line."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Let --json stand before the part as well as after it."""
+        if args[:1] == ['--json']:
+            args = [*args[1:], *args[:1]]
+        return super().parse_args(ctx, args)
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the part that `args` begin with.
 
@@ -106,14 +112,24 @@ def _figures(part: str, *, as_json: bool, **options: Any) -> Any:
     before = last_duration(part)
     say(f'measuring {part} ...' + (f' the last time took {before:.0f} s' if before else ''))
     module = importlib.import_module({**BENCHES, **LONG}[part])
+    make_folder()
     begin = time.monotonic()
     figures = module.run(**options)
-    if isinstance(figures, list):
-        for line in keep_table(part, figures, time.monotonic() - begin):
-            say(line)
+    seconds = time.monotonic() - begin
     if not as_json:
         getattr(module, 'show', partial(_show, part))(figures)
+    if isinstance(figures, list):
+        _keep(part, figures, seconds)
     return figures
+
+
+def _keep(part: str, rows: Sequence[Mapping[str, Any]], seconds: float) -> None:
+    """Keep a table, and tell what became slower, or why it is not kept: the figures are printed."""
+    try:
+        for line in keep_table(part, rows, seconds):
+            say(line)
+    except InputError as error:
+        say(f'the table is not kept: {error}')
 
 
 def _show(part: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from lab.benches import kept_table
 from lab.benches.kept_table import keep_table, last_duration, slower_rows
 
@@ -23,11 +25,13 @@ def test_a_table_is_kept_with_its_machine_versions_and_date(tmp_path: Path) -> N
 def test_the_next_table_is_compared_with_the_last_one(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(kept_table, 'yardstick', lambda: 0.2)
     older = {'date': '2026-01-01', 'machine': 'another', 'yardstick_s': 0.2}
-    older |= {'seconds': 7.0, 'rows': table(a=1.0, b=1.0, c=1.0)}
+    older |= {'seconds': 7.0, 'rows': table(a=1.0, b=1.0, c=1.0), 'versions': {'numpy': '0.9'}}
     (tmp_path / 'imaging-20260101-000000.json').write_text(json.dumps(older))
     assert last_duration('imaging', tmp_path) == 7.0
     about, slower = keep_table('imaging', table(a=1.0, b=1.5, c=1.0), 3.0, tmp_path)
     assert 'another' in about
+    assert 'numpy 0.9 then' in about
+    assert 'numba' not in about
     assert 'b' in slower
     assert '50 %' in slower
 
@@ -49,8 +53,19 @@ def test_rows_that_all_became_slower_are_named() -> None:
     assert len(slower_rows(after, before, 1.0)) == 1
 
 
-def test_a_damaged_table_is_told(tmp_path: Path) -> None:
-    (tmp_path / 'imaging-20260101-000000.json').write_bytes(b'{"rows": [')
+@pytest.mark.parametrize(
+    'damaged',
+    [
+        b'{"rows": [',
+        b'[]',
+        b'{"date": 1, "machine": 2, "versions": {}, "yardstick_s": 0, "rows": []}',
+        b'{"date": 1, "machine": 2, "versions": {}, "yardstick_s": "x", "rows": []}',
+        b'{"date": 1, "machine": 2, "versions": {}, "yardstick_s": 1.0, "rows": null}',
+        b'{"date": 1, "machine": 2, "versions": {}, "yardstick_s": 1.0, "rows": [3]}',
+    ],
+)
+def test_a_damaged_table_is_told(tmp_path: Path, damaged: bytes) -> None:
+    (tmp_path / 'imaging-20260101-000000.json').write_bytes(damaged)
     assert last_duration('imaging', tmp_path) is None
     (line,) = keep_table('imaging', table(a=1.0), 3.0, tmp_path)
     assert 'imaging-20260101-000000.json is damaged' in line

@@ -44,11 +44,18 @@ def test_a_peer_that_hangs_is_stopped() -> None:
     assert time.monotonic() - before < 60.0  # it would hang for ten minutes
 
 
+@pytest.mark.parametrize('does', ['leaves', 'spoils'])
+def test_a_peer_whose_program_goes_on_or_whose_result_is_damaged_has_one_line(does: str) -> None:
+    before = time.monotonic()
+    title, maps, *_ = answer(does)
+    assert maps is None
+    assert '\n' not in title
+    assert time.monotonic() - before < 60.0  # what it called would sleep for ten minutes
+
+
 def test_a_missing_peer_says_where_it_is_to_be_had() -> None:
     missing = Peer('Gone {}', 'no_such_peer', 'no_such_peer', 'example.org/gone')
-    title = run_peer(missing, {}).title
-    assert title.startswith('Gone: neither installed (example.org/gone)')
-    assert 'runs/peers/no_such_peer' in title
+    assert run_peer(missing, {}).title == 'Gone: not installed (example.org/gone)'
 
 
 def test_fipy_solves_the_plain_model() -> None:

@@ -1,6 +1,6 @@
-"""Ctrl-C or SIGTERM at any moment of a command: one line and a status, also while modules load.
+"""Ctrl-C, SIGTERM or SIGHUP at any moment of a command: one line and a status of its own.
 
-This module imports the standard library only, so that it is there first.
+This module imports the standard library only, so that it is there before other modules load.
 """
 
 import signal
@@ -9,14 +9,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 INTERRUPTED = 128 + signal.SIGINT
-"""Exit status after Ctrl-C, as shells have it. After SIGTERM it is 128 and that number."""
+"""Exit status after Ctrl-C, as shells have it. After another signal it is 128 and its number."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a command."""
 
 
 @contextmanager
 def told_in_one_line() -> Iterator[None]:
-    """End the process with one line after Ctrl-C or SIGTERM in the block.
+    """End the process with one line after Ctrl-C, SIGTERM or SIGHUP in the block.
 
-    Both raise KeyboardInterrupt, so that the block ends what it started. The signal itself is
+    They raise KeyboardInterrupt, so that the block ends what it started. The signal itself is
     noted, because compiled code turns a KeyboardInterrupt into other errors.
 
     Raises:
@@ -28,7 +31,10 @@ def told_in_one_line() -> Iterator[None]:
         noted.append(number)
         raise KeyboardInterrupt
 
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {
+        number: signal.getsignal(number)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
     for number, handler in before.items():
         if handler in (signal.default_int_handler, signal.SIG_DFL):  # others are ignored, or set
             signal.signal(number, note)

@@ -1,4 +1,4 @@
-"""Ctrl-C or SIGTERM at any moment of a command ends with one line."""
+"""Ctrl-C, SIGTERM or SIGHUP at any moment of a command ends with one line."""
 
 import contextlib
 import signal
@@ -10,7 +10,7 @@ import typer
 
 import porotwin_cli.app
 from porotwin_cli.__main__ import main
-from porotwin_cli.interrupts import INTERRUPTED
+from porotwin_cli.interrupts import INTERRUPTED, SIGNALS
 
 ONE_LINE = 'porotwin: interrupted'
 
@@ -31,7 +31,7 @@ def test_an_interrupt_ends_with_one_line(
     assert capsys.readouterr().err.strip() == ONE_LINE
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', SIGNALS)
 @pytest.mark.parametrize('error', [SystemError, ImportError, ValueError])
 def test_a_signal_that_compiled_code_makes_another_error_of_is_told_in_one_line(
     error: type[Exception],

@@ -5,7 +5,7 @@ import pytest
 from solver_cases import rough_map
 
 from porotwin_core.basis.errors import InputError
-from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
+from porotwin_solver.adjoint.adjoint_state import OVERSHOOT, AdjointState, refuse_not_finite
 from porotwin_solver.adjoint.step_adjoint import step_adjoint
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.model.engine import Engine, State
@@ -22,7 +22,8 @@ def test_a_step_moves_derivatives_back_to_their_bounds(rig, rates, scheme) -> No
     bar.mobile[:] *= np.random.default_rng(7).choice([-1e30, 1.0, 1e30], shape)  # as after kinks
     for _ in range(5):
         step_adjoint(engine, rough, rates, 60.0, bar)
-        assert float(np.abs(bar.mobile / engine.storage).max()) < 20.0  # the last substep's own
+        furthest = float(np.abs(bar.mobile / engine.storage).max())
+        assert furthest < 5.0 * (1.0 + OVERSHOOT)  # the last substep's own
     assert (bar.lowest, bar.highest) == (0.0, pytest.approx(1.0))
 
 
@@ -33,7 +34,7 @@ def test_immobile_water_shares_the_bounds(rig) -> None:
     bar.add_by_mean(engine, -2.0 * physics.storage)
     bar.add_by_mobile(engine, 0.5 * engine.storage)
     assert (bar.lowest, bar.highest) == (pytest.approx(-2.0), pytest.approx(0.5))
-    assert bar.bounds == (pytest.approx(-9.5), pytest.approx(8.0))
+    assert bar.bounds == pytest.approx((-2.0 - 2.5 * OVERSHOOT, 0.5 + 2.5 * OVERSHOOT))
 
 
 def test_what_is_not_finite_is_refused() -> None:

@@ -34,12 +34,13 @@ def main(module: str, folder: Path) -> None:
         maps=maps,
         processor_s=_processor_s() - begin,
         wall_s=time.perf_counter() - clock,
-        memory_gb=max(_own_kb(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) / 1e6,
+        memory_gb=max(most_memory_kb(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+        / 1e6,
         version=peer.version(),
     )
 
 
-def _own_kb() -> float:
+def most_memory_kb() -> float:
     """Return the most memory of this process [kB]; `ru_maxrss` starts from its parent's."""
     lines = Path('/proc/self/status').read_text(encoding='ascii').splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith('VmHWM'))

@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
@@ -31,7 +33,7 @@ class Peer:
         name: in a table; its version takes the place of {}.
         module: ours that calls it, with `prepare` (see `child`) and `version`.
         package: that it imports; also its environment in `ENVIRONMENTS`, if it has one.
-        home: where a user finds it.
+        home: where a user finds it, and whether it may have an environment of its own.
     """
 
     name: str
@@ -41,7 +43,12 @@ class Peer:
 
 
 SOLVERS = (
-    Peer('FiPy {}: upwind, implicit', 'lab.benches.peers.fipy_upwind', 'fipy', 'pip install fipy'),
+    Peer(
+        'FiPy {}: upwind, implicit',
+        'lab.benches.peers.fipy_upwind',
+        'fipy',
+        'pip install fipy',
+    ),
     Peer(
         'MODFLOW {}: TVD',
         'lab.benches.peers.modflow_tvd',
@@ -52,7 +59,7 @@ SOLVERS = (
         'PorePy {}: TPFA, upwind, implicit',
         'lab.benches.peers.porepy_upwind',
         'porepy',
-        'github.com/pmgbergen/porepy',
+        'github.com/pmgbergen/porepy, also into runs/peers/porepy',
     ),
 )
 """Peers of the solver."""
@@ -62,7 +69,7 @@ IMAGERS = (
         'DarSIA {}',
         'lab.benches.peers.darsia_tracer',
         'darsia',
-        'github.com/pmgbergen/DarSIA',
+        'github.com/pmgbergen/DarSIA, also into runs/peers/darsia',
     ),
 )
 """Peers of the imaging."""
@@ -90,42 +97,48 @@ def run_peer(peer: Peer, problem: Problem, limit_s: float = LIMIT_S) -> PeerAnsw
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         np.savez(folder / PROBLEM, **problem)
-        if trouble := _trouble(peer, folder, limit_s):
-            return PeerAnswer(f'{peer.name.replace(" {}", "")}: {trouble}')
+        trouble = _trouble(peer, folder, limit_s)
+        answer = None if trouble else _answer(peer, folder)
+        return answer or PeerAnswer(
+            f'{peer.name.replace(" {}", "")}: {trouble or "its result cannot be read"}'
+        )
+
+
+def _answer(peer: Peer, folder: Path) -> PeerAnswer | None:
+    """Return the result in `folder`; None if it is damaged."""
+    try:
         with np.load(folder / RESULT) as found:
-            return PeerAnswer(
-                peer.name.format(found['version']),
-                found['maps'],
-                *(float(found[key]) for key in PeerAnswer._fields[2:]),
-            )
+            figures = (float(found[key]) for key in PeerAnswer._fields[2:])
+            return PeerAnswer(peer.name.format(found['version']), found['maps'], *figures)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
 
 
 def _trouble(peer: Peer, folder: Path, limit_s: float) -> str:
     """Run the process of `peer`; return why it wrote no result, empty if it did."""
     own = ENVIRONMENTS / peer.package / 'bin' / 'python'
     python = own if own.exists() else Path(sys.executable)
-    process = subprocess.Popen(
-        [python, '-m', 'lab.benches.peers.child', peer.module, folder],
-        cwd=ROOT,
-        env=os.environ | {'PATH': f'{python.parent}{os.pathsep}{os.environ.get("PATH", "")}'},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        text=True,
-        errors='replace',
-    )
-    try:
-        _, said = process.communicate(timeout=limit_s)
-    except subprocess.TimeoutExpired:
-        return f'stopped after {limit_s:.0f} s'
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)  # with the programs that it called
-            process.communicate()
-    if (folder / RESULT).exists() and not process.returncode:
-        return ''
-    last = (said.strip().splitlines() or [f'ended with code {process.returncode}'])[-1]
-    if f"No module named '{peer.package}'" in last:
-        where = own.parents[1].relative_to(ROOT)
-        return f'neither installed ({peer.home}) nor in the environment {where}'
-    return shorten(last, 90)
+    with Path(folder, 'said').open('w+', errors='replace') as said:
+        process = subprocess.Popen(
+            [python, '-m', 'lab.benches.peers.child', peer.module, folder],
+            cwd=ROOT,
+            env=os.environ | {'PATH': f'{python.parent}{os.pathsep}{os.environ.get("PATH", "")}'},
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            start_new_session=True,
+        )
+        try:
+            process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            return f'stopped after {limit_s:.0f} s'
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # with the programs that it called
+            process.wait()
+        if (folder / RESULT).exists() and not process.returncode:
+            return ''
+        said.seek(0)
+        lines = said.read().strip().splitlines() or [f'ended with code {process.returncode}']
+    if f"No module named '{peer.package}'" in lines[-1]:
+        return f'not installed ({peer.home})'
+    return shorten(lines[-1], 90)
