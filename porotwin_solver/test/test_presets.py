@@ -4,8 +4,14 @@ import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.preset_names import PRESET_NAMES
-from porotwin_solver.model.presets import MAX_REFINED_CELLS, PRESETS, preset_named
+from porotwin_core.model.preset_names import FREE_PRESET_WORDS, PRESET_NAMES
+from porotwin_solver.model.presets import (
+    IMPLICIT,
+    MAX_REFINED_CELLS,
+    PRESETS,
+    free_run_preset,
+    preset_named,
+)
 from porotwin_solver.transport.scheme import Scheme
 
 
@@ -37,3 +43,10 @@ def test_the_accurate_preset_refines_up_to_a_number_of_cells(cells, factor) -> N
 
 def test_the_help_texts_name_every_preset() -> None:
     assert tuple(PRESETS) == PRESET_NAMES
+
+
+def test_a_free_run_takes_no_preset_of_single_intervals() -> None:
+    assert free_run_preset('upwind') is PRESETS['upwind']
+    assert IMPLICIT not in FREE_PRESET_WORDS
+    with pytest.raises(InputError, match='take upwind'):
+        free_run_preset(IMPLICIT)

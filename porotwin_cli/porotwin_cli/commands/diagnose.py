@@ -23,7 +23,7 @@ from porotwin_cli.terminal import (
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.units import percent
-from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.model.preset_names import FREE_PRESET_WORDS
 from porotwin_core.ros.foreign_words import in_short
 from porotwin_core.ros.ros_environment import enter_domain, namespace_of
 from porotwin_hub.launching.graph import NAMESPACE
@@ -57,7 +57,9 @@ def command(
     rig: Annotated[
         Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
     ] = None,
-    preset: Annotated[str, typer.Option(help=f'Preset of the model: {PRESET_WORDS}.')] = 'accurate',
+    preset: Annotated[
+        str, typer.Option(help=f'Preset of the model: {FREE_PRESET_WORDS}.')
+    ] = 'accurate',
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
@@ -121,7 +123,7 @@ def command(
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.experiment.recording import open_recording
     from porotwin_recording.tables.one_writer import only_writer
-    from porotwin_solver.model.presets import preset_named
+    from porotwin_solver.model.presets import free_run_preset
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
@@ -137,7 +139,7 @@ def command(
         return
     if date and history is None:
         raise InputError('--date: is the day of a finding in a history; name its folder, --history')
-    preset_named(preset)  # before the folder is made
+    free_run_preset(preset)  # before the folder is made
     own = load_rig(rig) if rig is not None else None
     if each:
         if apply or quick or history is not None:

@@ -14,7 +14,7 @@ from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
-from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.model.preset_names import FREE_PRESET_WORDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +60,7 @@ def command(
         ),
     ] = '',
     preset: Annotated[
-        str, typer.Option(help=f'Preset: {PRESET_WORDS}; see docs/solver.md.')
+        str, typer.Option(help=f'Preset: {FREE_PRESET_WORDS}; see docs/solver.md.')
     ] = 'accurate',
     device: Annotated[
         str,
@@ -99,8 +99,10 @@ def command(
     from porotwin_solver.effects import described_physics, parse_effects
     from porotwin_solver.model.free_run_step import longest_free_step
     from porotwin_solver.model.prediction_cost import prediction_cost
+    from porotwin_solver.model.presets import free_run_preset
     from porotwin_solver.model.simulation import simulated_maps
 
+    free_run_preset(preset)
     picture = picture_beside(output)
     for path in (output, picture):
         check_output(path, experiment, command='simulate')

@@ -8,3 +8,6 @@ PRESET_NAMES = ('fast', 'accurate', 'sharp', 'upwind', 'implicit')
 
 PRESET_WORDS = f'{", ".join(PRESET_NAMES[:-1])} or {PRESET_NAMES[-1]}'
 """The same as words."""
+
+FREE_PRESET_WORDS = f'{", ".join(PRESET_NAMES[:-2])} or {PRESET_NAMES[-2]}'
+"""The presets of free runs: `implicit` is that of single intervals."""

@@ -70,3 +70,16 @@ def preset_named(name: str) -> Preset:
     if name not in PRESETS:
         raise InputError(f"preset '{name}': unknown; choose from {', '.join(PRESETS)}")
     return PRESETS[name]
+
+
+def free_run_preset(name: str) -> Preset:
+    """Return the preset `name` of a free run.
+
+    Raises:
+        InputError: as `preset_named`, or it is that of single intervals.
+    """
+    if name == IMPLICIT:
+        raise InputError(
+            f"preset '{name}': is one step an interval, for COSTA; free runs take upwind"
+        )
+    return preset_named(name)
