@@ -10,6 +10,7 @@ import fcntl
 import hashlib
 import itertools
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -198,15 +199,19 @@ def compile_kernels() -> None:
 
 
 def fingerprint(inputs: Iterable[str]) -> str:
-    """Return a hash of the Python version, the checkout's path and `inputs`.
+    """Return a hash of the Python (but for its patch), the checkout's path and `inputs`.
 
-    An input is a glob pattern of files, hashed with their contents, or of folders.
+    An input is a glob pattern of files, hashed with their contents, or of folders. The reasons in
+    the lists of requirements install nothing.
     """
-    digest = hashlib.sha256(f'{sys.version} {ROOT}'.encode())
+    digest = hashlib.sha256(f'{sys.version_info.major}.{sys.version_info.minor} {ROOT}'.encode())
     for text in inputs:
         digest.update(text.encode())
         for path in sorted(ROOT.glob(text)):
-            digest.update(path.name.encode() + (path.read_bytes() if path.is_file() else b''))
+            content = path.read_bytes() if path.is_file() else b''
+            if path.suffix == '.txt':
+                content = re.sub(rb'(?m)^#.*\n', b'', content)
+            digest.update(path.name.encode() + content)
     return digest.hexdigest()
 
 

@@ -64,6 +64,20 @@ def test_the_environment_of_another_python_is_made_anew(install: ModuleType) -> 
     subprocess.run([install.PYTHON, '-c', ''], check=True)
 
 
+def test_a_patch_of_python_or_a_reason_of_a_requirement_repeats_no_step(
+    install: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install.ROOT = tmp_path
+    requirements = tmp_path / 'some.txt'
+    requirements.write_text('# Reads photographs\nopencv>=4\n')
+    before = install.fingerprint(['*.txt'])
+    requirements.write_text('# Reads pictures\nopencv>=4\n')
+    monkeypatch.setattr(sys, 'version', f'{sys.version} of another patch')
+    assert install.fingerprint(['*.txt']) == before
+    requirements.write_text('# Reads pictures\nopencv>=5\n')
+    assert install.fingerprint(['*.txt']) != before
+
+
 def test_the_command_of_the_environment_runs_in_a_folder_with_a_space(
     install: ModuleType, tmp_path: Path
 ) -> None:

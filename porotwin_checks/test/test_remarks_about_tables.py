@@ -302,3 +302,13 @@ def test_rates_through_an_announced_pause_are_told(
         assert (one.facts['begin_min'], one.facts['end_min']) == told
         assert one.facts['told_ml'] == pytest.approx(523.2 / 2)
         assert one.facts['run_ml'] == pytest.approx(523.2 * (30.0 - 11.0) / 60.0)
+
+
+def test_rates_say_nothing_of_a_pause_after_the_recording() -> None:
+    assert RIG.control is not None
+    fixed = {'in': RIG.control.fixed['in'].model_copy(update={'pauses_min': ((10.0, 20.0),)})}
+    rig = with_control(producer=None, fixed=fixed, end_min=30.0)
+    running = Schedule((ScheduleRow(0.0, 'in', WellRate(from_ml_h(500.0), 1.0)),))
+    for end, told in ((480.0, 0), (900.0, 1)):
+        known = Known(rig=rig, commanded=running, rates=running, photos=[Photo(end, 'a', 'state')])
+        assert [one.code for one in found_in(known)].count('pumps_in_pause') == told

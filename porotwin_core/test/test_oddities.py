@@ -95,6 +95,7 @@ def test_the_small_rig_is_not_odd() -> None:
             'was this in mm, (0.0235, 0.0235) m or in cm, (0.235, 0.235) m?',
         ),
         ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm, (0.235, 0.235) m?'),
+        ({'wells.turned': {'x_m': 0.2, 'z_m': 0.562}}, 'exchanged? (0.562, 0.2) m lies inside'),
         ({'wells.turned': {'x_m': 0.2, 'z_m': 0.9}}, 'exchanged? (0.9, 0.2) m lies inside'),
         (
             {'width_m': 934, 'control.disallowed_zone_m': [], 'control.zone': {'file': 'no.png'}},
@@ -280,6 +281,14 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'boundaries': between(left=0.5, right=0.5)}, 'only between open sides with different'),
         ({'boundaries': between(left=2.0, right=0.5)}, 'are they in cm?'),
         ({'boundaries': between(left=0.5, top=0.6)}, 'meet in a corner'),
+        (
+            {
+                'boundaries': between(left=0.45, right=0.47),
+                'control.wells': [],
+                'control.fixed': {'injector': {'rate_ml_h': 5, 'concentration': 1}},
+            },
+            'were the two heads exchanged?',
+        ),
         (
             {'effects': [LESS_POROUS, LESS_POROUS]},
             'effects.2 is porosity: it repeats an effect above',

@@ -34,14 +34,16 @@ def truth(late) -> tuple[FloatArray, FloatArray]:
     return Forward(late).maps(()), Forward(coarsened(late, COARSER)).maps(())
 
 
-def _parts(late: Sample, true: FloatArray, truth: tuple[FloatArray, FloatArray]) -> ErrorParts:
+def _parts(
+    late: Sample, true: FloatArray, truth: tuple[FloatArray, FloatArray], sizes: ErrorSizes = SIZES
+) -> ErrorParts:
     """Return the parts of the model `truth` beside noisy maps of `true`."""
     noise = NOISE * np.random.default_rng(4).standard_normal(true.shape)
     seen = replace(
         late,
         observed=np.where(np.isfinite(late.observed), true + noise, np.nan),
         own_deviation=np.full(true.shape, NOISE),
-        shared_errors=SIZES,
+        shared_errors=sizes,
         noise=Noise(0.0, NOISE, NOISE, random=(NOISE,), systematic=(0.05,)),
     )
     found = error_parts(seen, *truth, 0.0)
@@ -71,3 +73,12 @@ def test_a_model_on_large_cells_shows_its_scheme(late, truth) -> None:
     finer = Forward(late, refinement=4).maps(())
     found = _parts(late, finer, truth)
     assert found.scheme > found.rest
+
+
+def test_the_camera_s_part_is_no_larger_than_the_errors_that_the_calibration_states(
+    late, truth
+) -> None:
+    """They take away more of a wrong front than their own size."""
+    moved = np.roll(truth[0], 2, axis=2)
+    found = _parts(late, moved, truth, replace(SIZES, place_m=0.1 * late.grid.dx))
+    assert found.camera < 0.5 * found.rest

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 
+import cv2
 import numpy as np
 import pytest
 
@@ -128,6 +129,26 @@ def test_remaining_light_away_from_the_plume_is_no_tracer(
     )
     assert dimmed.response.bend == pytest.approx(fit.response.bend, abs=0.01)
     assert dimmed.evidence.mass_factor == pytest.approx(fit.evidence.mass_factor, abs=0.01)
+
+
+def test_the_tracer_behind_a_thing_before_the_plume_counts(injection, fit) -> None:
+    """The pump log counts it. A label hides a part of every plume here."""
+    left, _, right, _ = injection.rig.camera.corners_px
+    place = [
+        round(a + share * (b - a)) for share, a, b in zip((0.37, 0.5), left, right, strict=True)
+    ]
+    states = [(time, _with_label(photograph, *place)) for time, photograph in injection.states]
+    hidden = fit_calibration(
+        injection.rig, [injection.empty], states, schedule=injection.schedule()
+    )
+    assert hidden.evidence.mass_factor == pytest.approx(fit.evidence.mass_factor, abs=0.01)
+
+
+def _with_label(photograph: bytes, column: int, row: int) -> bytes:
+    """Return `photograph` with a magenta label around a pixel."""
+    pixels = cv2.imdecode(np.frombuffer(photograph, np.uint8), cv2.IMREAD_COLOR)
+    pixels[row - 12 : row + 12, column - 12 : column + 12] = (200, 40, 230)
+    return cv2.imencode('.png', pixels)[1].tobytes()
 
 
 def test_dilutions_are_the_anchor_where_there_are_some(

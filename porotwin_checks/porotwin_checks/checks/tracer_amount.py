@@ -207,5 +207,5 @@ def _largest_rise(values: FloatArray) -> tuple[int, int]:
 CHECK = Check(
     needs=('scaled_maps', 'rates'),
     find=_find,
-    explained_by=('no_values', 'no_stock', 'repeated_maps'),
+    explained_by=('no_values', 'no_stock', 'repeated_maps', 'late_baseline'),
 )

@@ -188,6 +188,6 @@ CHECK = Check(
     find=_find,
     explained_by=(
         'no_values', 'no_stock', 'no_tracer',
-        'inverted_maps', 'reversed_maps', 'late_or_used', 'earlier_tracer',
+        'inverted_maps', 'reversed_maps', 'late_or_used', 'earlier_tracer', 'late_baseline',
     ),
 )  # fmt: skip

@@ -27,21 +27,24 @@ class Check(Generic[T]):
     explained_by: tuple[str, ...] = ()
 
 
-def asked(checks: Mapping[str, Check[T]], about: Any) -> tuple[Remark, ...]:
+def asked(
+    checks: Mapping[str, Check[T]], about: Any, told_before: Mapping[str, Check[T]] | None = None
+) -> tuple[Remark, ...]:
     """Return the remarks of `checks` about a thing, the impossible ones first.
 
-    `about.has` tells whether it knows an attribute that a check needs.
+    `about.has` tells whether it knows an attribute that a check needs. Remarks of the checks
+    `told_before` are left out, but they explain others.
     """
     found = {
         name: [replace(one, code=one.code or name) for one in check.find(about)]
-        for name, check in checks.items()
+        for name, check in {**(told_before or {}), **checks}.items()
         if all(about.has(needed) for needed in check.needs)
     }
     codes = {remark.code for remarks in found.values() for remark in remarks}
     told = [
         remark
         for name, remarks in found.items()
-        if codes.isdisjoint(checks[name].explained_by)
+        if name in checks and codes.isdisjoint(checks[name].explained_by)
         for remark in remarks
     ]
     return tuple(sorted(told, key=lambda remark: not remark.refused))

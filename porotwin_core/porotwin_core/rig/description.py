@@ -181,15 +181,17 @@ class Rig(Section):
 
     def _place_remedy(self, well: Well) -> str:
         """Return the remedy for the place of `well`: in another unit it may lie in the rig."""
-        guesses = []
+        guesses, exchanged = [], ''
+        if 0 < well.z_m < self.width_m and 0 < well.x_m < self.height_m:
+            exchanged = f'were x_m and z_m exchanged? ({well.z_m:g}, {well.x_m:g}) m lies inside'
         if self._is_on_edge(well):
             return (
                 f'x_m must be above 0 and below {self.width_m:g}, z_m above 0 '
                 f'and below {self.height_m:g}; move it into the sand by its radius of '
-                f'{well.radius_m:g} m, or describe an overflow as an open side'
-            )
-        if 0 < well.z_m < self.width_m and 0 < well.x_m < self.height_m:
-            return f'were x_m and z_m exchanged? ({well.z_m:g}, {well.x_m:g}) m lies inside'
+                f'{well.radius_m:g} m, or describe an overflow as an open side; {exchanged}'
+            ).removesuffix('; ')
+        if exchanged:
+            return exchanged
         for unit, factor in LENGTHS:
             x, z = well.x_m * factor, well.z_m * factor
             if 0 < x < self.width_m and 0 < z < self.height_m:

@@ -4,8 +4,9 @@ The parts add in squares to the whole error e:
 
     e^2 = camera^2 + noise^2 + scheme^2 + rest^2.
 
-camera: how much the error falls when the model is shown with the blur of the camera and with the
-most probable of the errors that the calibration states (`shared_errors`). noise: its expected size.
+camera: size of the blur of the camera and of the most probable of the errors that the calibration
+states (`shared_errors`), but no more than by which the error falls with them: a wrong front of the
+model lets it fall by more than their size. noise: its expected size.
 scheme: the change of the maps on cells twice as large. It is at least the error on the cells
 themselves, as errors fall by half or more where cells do. rest: the description of the rig, and its
 rates.
@@ -15,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, conservative_resample, relative_error
 from porotwin_diagnosis.data.noise import blurred, noise_floor
@@ -66,14 +68,18 @@ def error_parts(
     spread = blurred(predicted, point_spread_width)
     seen = spread + late.camera_change(predicted, point_spread_width)
     whole = late.relative_error(predicted)
-    left = min(whole, late.relative_error(seen))
+    fall = _rest(whole, late.relative_error(seen))
+    norm = max(float(np.linalg.norm(late.observed_or_zero)), SMALLEST_DIVISOR)
+    change = float(np.linalg.norm((seen - predicted) * late.seen_mask))
+    camera = min(fall, change / norm)
+    left = _rest(whole, camera)
     random = replace(
         late.noise, point_spread_width=0.0, systematic=late.noise.systematic and (0.0,)
     )
     noise = min(noise_floor(random, spread, late.observed), left)
     finer = np.stack([conservative_resample(one, coarse.shape[1:]) for one in predicted])
     scheme = min(relative_error(coarse, finer), _rest(left, noise))
-    return ErrorParts(_rest(whole, left), noise, scheme, _rest(left, noise, scheme))
+    return ErrorParts(camera, noise, scheme, _rest(left, noise, scheme))
 
 
 def _rest(whole: float, *parts: float) -> float:

@@ -569,12 +569,15 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
 
 
 def _only_tracer(signal: Array) -> Array:
-    """Return the signal (nz, nx), 0 away from plumes and where nothing is visible.
+    """Return the signal (nz, nx), 0 away from plumes; hidden cells take that of their neighbours.
 
-    The many cells without tracer would add the small error of the light to the mass. Lamps drift,
-    so that this error comes and goes over the photographs, and would bend the response.
+    The pump log counts the tracer behind these too. The many cells without tracer would add the
+    small error of the light to the mass. Lamps drift, so that this error comes and goes over the
+    photographs, and would bend the response.
     """
-    filled = np.nan_to_num(signal).astype(np.float32)
+    hidden = np.isnan(signal).astype(np.uint8)
+    known = np.nan_to_num(signal).astype(np.float32)
+    filled = cv2.inpaint(known, hidden, _TRACER_SIGMA, cv2.INPAINT_NS)
     smooth = cv2.GaussianBlur(filled, (0, 0), _TRACER_SIGMA)
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
     tracer = (smooth > NOISE_SPREADS * spread + SIGNAL.least_signal).astype(np.uint8)

@@ -37,13 +37,31 @@ def remarks_about_heads(rig: Rig) -> Iterator[Remark]:
             'this corner, or close one of the two sides'
         )
         yield Remark(key, f'{apart:g} m apart', why, remedy)
-    for one, other, size in (('left', 'right', rig.width_m), ('bottom', 'top', rig.height_m)):
-        apart = abs(raised.get(one, 0.0) - raised.get(other, 0.0))
-        if one in raised and other in raised and apart > STEEP * size:
+    for one, other, size, axis in (
+        ('left', 'right', rig.width_m, 'x_m'),
+        ('bottom', 'top', rig.height_m, 'z_m'),
+    ):
+        if one not in raised or other not in raised:
+            continue
+        fall = raised[one] - raised[other]
+        if (apart := abs(fall)) > STEEP * size:
             why = f'the water falls by {apart:g} m over the {size:g} m between the two sides'
             far = apart > MOST_GRADIENT * size
             yield Remark(key, f'{apart:g} m apart', why, 'are they in cm? write m', refused=far)
+        ways = _ways_to_the_producer(rig, axis)
+        if ways and all(fall * way < 0.0 for way in ways):
+            why = 'water flows from the producer to the wells that inject tracer'
+            yield Remark(key, '', why, 'were the two heads exchanged?')
     yield from _courses(rig)
+
+
+def _ways_to_the_producer(rig: Rig, axis: str) -> list[float]:
+    """Return the way along `axis` from each fixed well of tracer to the producer [m]."""
+    if rig.control is None or rig.control.producer is None:
+        return []
+    end = getattr(rig.wells[rig.control.producer], axis)
+    tracer = [name for name, well in rig.control.fixed.items() if well.concentration]
+    return [end - getattr(rig.wells[name], axis) for name in tracer]
 
 
 def _courses(rig: Rig) -> Iterator[Remark]:
