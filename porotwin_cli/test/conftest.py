@@ -31,6 +31,6 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
         photo_interval=30.0,
         seed=3,
         grid=rig.grid(94, 56),
-        photo_width_px=800,
+        photo_width_px=640,
     )
     return folder
