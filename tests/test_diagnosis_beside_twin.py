@@ -32,8 +32,8 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 ROOT = Path(__file__).resolve().parents[1]
 PHOTO_WIDTH = 640
 WITHHELD = 'rate:well=injector,factor=0.7'
-STATES = 14
-"""Photographs before the diagnosis is requested: twenty minutes of the experiment."""
+STATES, PHOTOGRAPHS = 14, 30
+"""Photographs before the diagnosis is requested, twenty minutes of the experiment, and of all."""
 
 
 def rig_nodes(folder: Path) -> list[NodeDescription]:
@@ -48,7 +48,7 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     settings = GraphSettings(
         rig=folder / 'rig.yaml',
         calibration=folder / 'calibration.yaml',
-        grid='47x28',
+        grid='31x19',
         evaluations=4,
         photo_interval_s=90.0,
         diagnoses=folder / 'diagnoses',
@@ -61,7 +61,7 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
         {
             'rig': str(settings.rig),
             'photo_interval_s': 90.0,
-            'duration_s': 7200.0,
+            'duration_s': 90.0 * PHOTOGRAPHS,
             'seed': 5,
             'speed': '90',
             'photo_width_px': PHOTO_WIDTH,

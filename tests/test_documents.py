@@ -102,7 +102,7 @@ def test_the_commands_of_the_tutorial_run(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     for block in SHELL.findall(text):
         for line in filter(None, block.splitlines()):
-            if ' diagnose ' in line:
+            if ' simulate ' in line:
                 coarsen(tmp_path / 'tour' / 'experiment')
             program, *words = line.split()
             assert program == './porotwin'
@@ -115,7 +115,7 @@ def test_the_commands_of_the_tutorial_run(tmp_path: Path, monkeypatch) -> None:
 
 
 def coarsen(folder: Path) -> None:
-    """Replace the maps of an experiment by coarse ones, on which a diagnosis takes seconds."""
+    """Replace the maps of an experiment by coarse ones: its model and diagnosis take seconds."""
     recording = open_recording(folder)
     assert recording.maps is not None
     grid = recording.rig.grid(31, 19)

@@ -23,7 +23,7 @@ def light_case(number, seed):
     """Return a short case on large cells, diagnosed with one effect."""
     return replace(
         draw_case(number, seed),
-        duration=1800.0,
+        duration=1200.0,
         cell_m=0.02,
         element_m=0.01,
         withheld=all_but('porosity'),

@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import pytest
+from undrawn_pictures import undrawn
 
 from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
 from porotwin_rig.made_experiment import make_experiment
+
+__all__ = ['undrawn']
 
 
 @pytest.fixture(scope='session')
@@ -31,6 +34,6 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
         photo_interval=30.0,
         seed=3,
         grid=rig.grid(94, 56),
-        photo_width_px=800,
+        photo_width_px=640,
     )
     return folder

@@ -14,7 +14,7 @@ from diagnosis_examples import (
     sample_of,
 )
 from diagnosis_results import diagnosis_of_denser_sand
-from matplotlib.figure import Figure
+from undrawn_pictures import undrawn
 
 from lab.blind.blind_cases import SMALL
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -22,13 +22,7 @@ from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_solver.effects.definition.candidate import Candidate
 
-__all__ = ['denser_sand', 'quiet']
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let pictures take no time to draw, for tests of the text and the files around them."""
-    monkeypatch.setattr(Figure, 'savefig', lambda _figure, file, **_options: file.write(b'drawn'))
+__all__ = ['denser_sand', 'quiet', 'undrawn']
 
 
 @pytest.fixture(scope='session')

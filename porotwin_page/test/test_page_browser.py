@@ -4,8 +4,8 @@ import asyncio
 import contextlib
 import shutil
 import subprocess
-from collections.abc import AsyncIterator, Awaitable, Callable
-from pathlib import Path
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from typing import Any
 
 import pytest
@@ -96,29 +96,37 @@ class Tab:
         )
 
 
-@contextlib.asynccontextmanager
-async def browser(folder: Path) -> AsyncIterator[Tab]:
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The DevTools address of a browser, in which each test has a tab of its own."""
     assert BROWSER is not None
+    folder = tmp_path_factory.mktemp('browser')
     command = [BROWSER, *OPTIONS, f'--user-data-dir={folder}', 'about:blank']
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     try:
-        written = folder / 'DevToolsActivePort'
+        written, port = folder / 'DevToolsActivePort', ''
         for _ in range(int(TIMEOUT_S / 0.1)):
             if written.is_file() and (port := written.read_text().partition('\n')[0]):
                 break
-            await asyncio.sleep(0.1)
-        async with ClientSession() as session:
-            async with session.get(f'http://127.0.0.1:{port}/json') as response:
-                tabs = await response.json()
-            address = next(tab['webSocketDebuggerUrl'] for tab in tabs if tab['type'] == 'page')
-            async with session.ws_connect(address, max_msg_size=0) as socket:
-                tab = Tab(socket)
-                await tab.call('Runtime.enable')
-                await tab.call('Log.enable')
-                yield tab
+            time.sleep(0.1)
+        yield f'http://127.0.0.1:{port}/json'
     finally:
         process.terminate()
         process.wait(20)
+
+
+@contextlib.asynccontextmanager
+async def new_tab(browser: str) -> AsyncIterator[Tab]:
+    async with ClientSession() as session:
+        async with session.put(f'{browser}/new?about:blank') as response:
+            target = await response.json()
+        async with session.ws_connect(target['webSocketDebuggerUrl'], max_msg_size=0) as socket:
+            tab = Tab(socket)
+            await tab.call('Runtime.enable')
+            await tab.call('Log.enable')
+            yield tab
+        async with session.get(f'{browser}/close/{target["id"]}') as response:
+            assert response.ok
 
 
 class Scene:
@@ -152,11 +160,17 @@ class Scene:
         return f'setpoint {given.sequence} confirmed'
 
 
-def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> None:
-    async def go() -> None:
+Work = Callable[[Scene, Tab], Awaitable[None]]
+
+
+@pytest.fixture
+def in_browser(browser: str) -> Callable[[Work], None]:
+    """A function that shows a scene in a new tab and works there."""
+
+    async def go(work: Work) -> None:
         scene = Scene()
         try:
-            async with browser(folder) as tab:
+            async with new_tab(browser) as tab:
                 await tab.call('Page.navigate', url=f'{scene.address}/#token={TOKEN}')
                 await tab.until("document.querySelector('#live')?.textContent.startsWith('Stale')")
                 await work(scene, tab)
@@ -165,12 +179,12 @@ def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> N
             scene.server.close()
             scene.past.close()
 
-    asyncio.run(go())
+    return lambda work: asyncio.run(go(work))
 
 
 @pytest.mark.parametrize('size', [(1400, 1000), (390, 844)])
 @pytest.mark.parametrize('theme', ['light', 'dark'])
-def test_all_panels_are_drawn_and_fit_the_width(tmp_path, size, theme) -> None:
+def test_all_panels_are_drawn_and_fit_the_width(in_browser, size, theme) -> None:
     async def work(_: Scene, tab: Tab) -> None:
         scheme = {'name': 'prefers-color-scheme', 'value': theme}
         await tab.call('Emulation.setEmulatedMedia', features=[scheme])
@@ -192,10 +206,10 @@ def test_all_panels_are_drawn_and_fit_the_width(tmp_path, size, theme) -> None:
         width = await tab.value('document.documentElement.scrollWidth')
         assert width <= size[0]
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_the_button_confirms_with_other_rates(tmp_path) -> None:
+def test_the_button_confirms_with_other_rates(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         await tab.until("!document.querySelector('#done').disabled")
         await tab.value(
@@ -213,19 +227,19 @@ def test_the_button_confirms_with_other_rates(tmp_path) -> None:
         assert given.rates == {**rates(120.0), 'control1': rates(118.5)['control1']}
         await tab.until("document.querySelector('#done').textContent.includes('Confirmed')")
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_a_new_setpoint_replaces_the_old_one(tmp_path) -> None:
+def test_a_new_setpoint_replaces_the_old_one(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         scene.store.update(snapshot.with_setpoint, setpoint(3, 77.0))
         await tab.until("document.querySelector('#rates').innerText.includes('77.0')")
         await tab.until("document.querySelector('#done').textContent.startsWith('Done')")
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_the_safe_rates_are_confirmed_with_a_button_of_their_own(tmp_path) -> None:
+def test_the_safe_rates_are_confirmed_with_a_button_of_their_own(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         scene.clock = START + 200.0
         scene.store.update(snapshot.with_measured, rates(120.0), by_person=True)
@@ -240,10 +254,10 @@ def test_the_safe_rates_are_confirmed_with_a_button_of_their_own(tmp_path) -> No
         assert given.safe
         assert given.rates == rates(0.0)
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_without_the_token_the_page_is_read_only_until_it_is_typed(tmp_path) -> None:
+def test_without_the_token_the_page_is_read_only_until_it_is_typed(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         await tab.value('sessionStorage.clear()')
         await tab.call('Page.navigate', url=f'{scene.address}/')
@@ -256,10 +270,10 @@ def test_without_the_token_the_page_is_read_only_until_it_is_typed(tmp_path) -> 
         await tab.until("document.querySelector('#token').hidden")
         await tab.until("!document.querySelector('#done').disabled")
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_the_slider_shows_an_earlier_state_and_returns(tmp_path) -> None:
+def test_the_slider_shows_an_earlier_state_and_returns(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         scene.store.update(snapshot.with_observed_state, observed_state(3, value=0.7))
         scene.past.add(scene.store.snapshot)
@@ -282,10 +296,10 @@ def test_the_slider_shows_an_earlier_state_and_returns(tmp_path) -> None:
         await tab.value("document.querySelector('#time-now').click()")
         await tab.until("!document.querySelector('#observed .map img').src.includes('state=')")
 
-    in_browser(tmp_path, work)
+    in_browser(work)
 
 
-def test_a_lost_connection_is_reported_and_made_again(tmp_path) -> None:
+def test_a_lost_connection_is_reported_and_made_again(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         scene.server.close()
         await tab.until("document.querySelector('#live').textContent.startsWith('Not connected')")
@@ -296,4 +310,4 @@ def test_a_lost_connection_is_reported_and_made_again(tmp_path) -> None:
         # pictures that the closed server could not send as well
         await tab.until("[...document.querySelectorAll('.map img')].every((i) => i.naturalWidth)")
 
-    in_browser(tmp_path, work)
+    in_browser(work)

@@ -33,15 +33,15 @@ them. The output says RERUN."""
 WITHOUT_NODES = ('tests', [*ON_ALL_CORES, '--timeout', '900', '-m', 'not graph'])
 """These tests give way to nodes, so that a test may take several times as long as alone."""
 
+MARKS_OF_NODES, MARKS_OF_GRAPHS = ('mark.graph',), ('mark.graph', 'mark.slow')
+"""Texts in every file with such tests. The import of all other files costs ten seconds for every
+worker of pytest."""
+
 OF_NODES = (
-    ('tests of ROS 2 nodes', [*WITH_NODES, *AGAIN, '-m', 'graph and not slow']),
-    ('tests of whole graphs', [*ON_ALL_CORES, *AGAIN, '-m', 'graph and slow']),
+    ('tests of ROS 2 nodes', [*WITH_NODES, *AGAIN, '-m', 'graph and not slow'], MARKS_OF_NODES),
+    ('tests of whole graphs', [*ON_ALL_CORES, *AGAIN, '-m', 'graph and slow'], MARKS_OF_GRAPHS),
 )
 """Whole graphs have fewer workers than nodes: beside two others, photographs would be late."""
-
-MARK_OF_NODES = 'mark.graph'
-"""Text in every file with tests of nodes. The import of all other files costs ten seconds for every
-worker of pytest."""
 
 YIELDING, LAST = 10, 19
 """Niceness of the tests without nodes, which compute, and of mypy: nodes come first."""
@@ -64,8 +64,10 @@ def command(
         failed = _failures([('tests', ['-m', 'pytest', *arguments])])
     else:
         failed = _failures(CHECKS)
-        files = files_with_nodes()
-        nodes = [(name, ['-m', 'pytest', *options, *files]) for name, options in OF_NODES]
+        nodes = [
+            (name, ['-m', 'pytest', *options, *files_with(marks)])
+            for name, options, marks in OF_NODES
+        ]
         name, options = WITHOUT_NODES
         beside = [_Beside(nodes), _Beside([('mypy', ['-m', 'mypy'])], niceness=LAST)]
         failed += _failures([(name, ['-m', 'pytest', *options])], niceness=YIELDING)
@@ -75,8 +77,8 @@ def command(
         raise WorkFailed(f'failed: {", ".join(failed)}')
 
 
-def files_with_nodes() -> list[str]:
-    """Return the test files with tests of nodes, relative to the checkout.
+def files_with(marks: Sequence[str]) -> list[str]:
+    """Return the test files with all these texts, relative to the checkout.
 
     Those of `tests/` come first: they take longest, and no worker should wait for them at the end.
     """
@@ -88,7 +90,7 @@ def files_with_nodes() -> list[str]:
             'tests/**/test_*.py',
         )
         for path in ROOT.glob(pattern)
-        if MARK_OF_NODES in path.read_text(encoding='utf-8')
+        if all(mark in path.read_text(encoding='utf-8') for mark in marks)
     )
     return sorted(map(str, found), reverse=True)
 

@@ -9,6 +9,8 @@ from porotwin_cli.commands import calibrate, image
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.tracer.calibration import Calibration, save_calibration
 
+pytestmark = pytest.mark.usefixtures('undrawn')
+
 
 @pytest.fixture
 def folder(experiment: Path, tmp_path: Path) -> Path:

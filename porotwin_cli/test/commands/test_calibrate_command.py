@@ -29,7 +29,7 @@ def test_photographs_of_another_size_are_named(experiment: Path, tmp_path: Path,
         cv2.imwrite(str(folder / name), picture[::2, ::2])
     result = porotwin('calibrate', folder)
     assert result.returncode == 2
-    assert f'{folder / changed[0]}: photograph of 400 x' in result.stderr
+    assert f'{folder / changed[0]}: photograph of 320 x' in result.stderr
 
 
 @pytest.fixture

@@ -44,6 +44,7 @@ def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> 
     assert np.nanmax(seen) > 0.5
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_keeps_the_calibration_that_it_used(
     experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -58,6 +59,7 @@ def test_image_keeps_the_calibration_that_it_used(
         command(experiment, tmp_path / 'maps.nc', '40x24', None, tmp_path / 'other')
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_call_that_goes_on_finds_no_learnt_calibration_of_the_interrupted_one(
     experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -74,6 +76,7 @@ def test_a_call_that_goes_on_finds_no_learnt_calibration_of_the_interrupted_one(
     assert (learnt / 'calibration.yaml').is_file()
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_disk_that_is_full_after_the_maps_leaves_no_part_of_a_learnt_calibration(
     experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,6 +109,7 @@ def large_bag(experiment: Path, tmp_path: Path) -> Path:
     return tmp_path / 'large'
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_of_a_large_bag_goes_on_after_a_kill(
     experiment: Path, large_bag: Path, tmp_path: Path
 ) -> None:
@@ -138,6 +142,7 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
     assert not output.with_name('maps.nc.parts').exists()
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_begins_anew_if_a_picture_of_the_calibration_was_repainted(
     experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
@@ -167,6 +172,7 @@ def test_image_begins_anew_if_a_picture_of_the_calibration_was_repainted(
     assert np.isnan(open_maps(output, load_rig(folder))[:][:, :, :20]).all()
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_names_photographs_of_a_frozen_camera(
     experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -183,6 +189,7 @@ def test_image_names_photographs_of_a_frozen_camera(
     assert run == {'first': names[2], 'last': names[4], 'photographs': 3}
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_blames_a_covered_baseline_and_not_the_photographs(
     experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -201,6 +208,7 @@ def test_image_blames_a_covered_baseline_and_not_the_photographs(
     assert 'is covered or damaged in the photograph' not in told
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:
     folder = tmp_path / 'experiment'
     shutil.copytree(experiment, folder)
@@ -234,6 +242,7 @@ def test_image_does_not_replace_its_input(experiment: Path) -> None:
     assert maps.read_bytes() == before
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_tells_what_is_odd_about_a_photograph(
     experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -260,6 +269,7 @@ def test_image_tells_what_is_odd_about_a_photograph(
     assert 'in reversed order the maps hold the injected tracer' in told
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_image_names_swapped_photographs(
     experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:

@@ -13,7 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import theilslopes
 
 from porotwin_imaging.geometry.corners_and_lens import apply_homography
 from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, ROUNDS, SPREAD_PER_DEVIATION
@@ -323,6 +322,8 @@ def _tone_curve(ratio: Array, light: Array, usable: Array) -> tuple[float, Array
     `ratio` (24, 3) are log ratios of the patches, `light` the logs of the baseline; only `usable`
     patches count. p is a slope by Theil and Sen.
     """
+    from scipy.stats import theilslopes  # takes a quarter of the start of a node
+
     power = float(theilslopes(_about_medians(ratio, usable), _about_medians(light, usable)).slope)
     level = [np.median((ratio - power * light)[usable[:, i], i]) for i in range(3)]
     return power, np.array(level)
