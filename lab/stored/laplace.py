@@ -26,7 +26,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import gammaln, logsumexp
@@ -180,14 +180,14 @@ def posterior(
 class Answer(NamedTuple):
     """An answer beside the truth: the names that come first, and those listed beside them.
 
-    `right` are the names that are right, `count` is the number of true effects.
+    `right` are the names that are right, `effects` the number of true effects.
     """
 
     first: tuple[str, ...]
     listed: tuple[str, ...]
     confidence: float
     right: Collection[str]
-    count: int
+    effects: int
 
     @property
     def is_right(self) -> bool:
@@ -197,7 +197,7 @@ class Answer(NamedTuple):
     @property
     def is_whole(self) -> bool:
         """Whether the first names are as many as there are effects, and all are right."""
-        return len(self.first) == max(1, self.count) and {*self.first} <= {*self.right}
+        return len(self.first) == max(1, self.effects) and {*self.first} <= {*self.right}
 
     @property
     def is_sure_and_wrong(self) -> bool:
@@ -211,15 +211,15 @@ class Answer(NamedTuple):
         return self.confidence >= SURE and not {*self.first} <= {*self.right}
 
 
-def judged(right: Collection[str], count: int, found: Mapping[tuple[str, ...], float]) -> Answer:
+def judged(right: Collection[str], effects: int, found: Mapping[tuple[str, ...], float]) -> Answer:
     """Return the most probable set with those that are nearly as probable.
 
-    `right` and `count` are those of `Answer`.
+    `right` and `effects` are those of `Answer`.
     """
     (first, most), *_ = found.items()
     sets = [names for names, value in found.items() if value >= LISTED * most]
     listed = tuple(name for names in sets for name in names)
-    return Answer(first, listed, min(1.0, sum(found[names] for names in sets)), right, count)
+    return Answer(first, listed, min(1.0, sum(found[names] for names in sets)), right, effects)
 
 
 class Question(NamedTuple):
@@ -242,19 +242,19 @@ class Question(NamedTuple):
         return posterior(self.sets[frames], self.singles, temper, self.unknown)
 
     @property
-    def count(self) -> int:
+    def effects(self) -> int:
         """The number of true effects that the library has."""
         return 0 if self.right == (UNEXPLAINED,) else len(self.truth.truth)
 
     def answer(self, frames: float, temper: float) -> Answer:
         """Return the verdict of the evidence with these two numbers."""
-        return judged(self.right, self.count, self.posterior(frames, temper))
+        return judged(self.right, self.effects, self.posterior(frames, temper))
 
     def by_rules(self) -> Answer:
         """Return the verdict of the rules."""
         one = self.rules
         return Answer(
-            one.members or (one.name,), one.not_separable, one.confidence, self.right, self.count
+            one.members or (one.name,), one.not_separable, one.confidence, self.right, self.effects
         )
 
     def log_score(self, frames: float, temper: float) -> float:
@@ -299,7 +299,8 @@ def without(evidence: Evidence, names: Collection[str]) -> Evidence:
             if {member.effect for member in fit.members}.isdisjoint(names)
         ]
 
-    found, changed = evidence.findings, {}
+    found = evidence.findings
+    changed: dict[str, Any] = {}
     for kind in ('screened', 'singles', 'distances', 'pairs', 'pair_distances', 'triples'):
         fits = {'distances': found.singles, 'pair_distances': found.pairs}.get(kind)
         values = getattr(found, kind)
