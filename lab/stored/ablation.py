@@ -162,7 +162,7 @@ def verdicts(
         begun.replace(file)
 
 
-ALWAYS = {'COMBINATION_GAIN', 'UNRESOLVED_SHARE'}
+ALWAYS = {'SMOOTHING_WIDTH'}
 """Numbers that are defaults of parameters: `names_used` does not see them."""
 
 

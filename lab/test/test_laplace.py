@@ -77,6 +77,7 @@ def drawn_set(generator, responses, fields):
 
 def test_the_confidence_is_calibrated_on_draws_from_the_priors(monkeypatch):
     monkeypatch.setattr(laplace, 'WAVES', (1, 2, 2))
+    monkeypatch.setattr(laplace, 'OUTSIDE', 1.0)
     generator = np.random.default_rng(5)
     responses = 2.0 * generator.normal(size=(EFFECTS, CELLS))
     fields = 2.0 * generator.normal(size=(len(spectrum_of(0.0)), CELLS))
