@@ -18,7 +18,7 @@ from numpy.random import Generator
 from lab.blind.blind_cases import SMALL, BlindCase, coarse_case, small_schedule
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import is_sure_and_wrong
-from lab.stored.simulation_store import SimulationStore
+from lab.blind.simulation_store import SimulationStore
 from porotwin_core.basis.units import HOUR_S, to_ml_h
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement, random_sign
 from porotwin_core.model.effect_parameter import onset

@@ -21,9 +21,9 @@ from pathlib import Path
 from types import FrameType, ModuleType
 
 from lab.blind.blind_cases import BlindCase
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.changed_numbers import PACKAGE, Changes, load_afresh
 from lab.stored.remembered_fits import Memory, inner_changes, remember
-from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs, stored_verdict
 from porotwin_cli.terminal import print_table
 from porotwin_core.basis.whole_file import write_whole

@@ -33,6 +33,7 @@ from scipy.special import gammaln, logsumexp
 
 from lab.blind.blind_cases import BlindCase
 from lab.blind.blind_table import SURE, expected_error, is_sure_and_wrong
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.ablation import PRESENT, REMEMBERED, ChangedDiagnosis
 from lab.stored.linear_sets import (
     WAVES,
@@ -40,7 +41,6 @@ from lab.stored.linear_sets import (
     LinearSet,
     recording_of,
 )
-from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import FINDINGS, SETS, StoredVerdict, is_held_out, stored_jobs
 from porotwin_cli.terminal import print_table
 from porotwin_core.geometry.grid import FloatArray
@@ -182,7 +182,7 @@ def posterior(
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 
-class Answer(NamedTuple):
+class StatedSets(NamedTuple):
     """An answer beside the truth: the names that come first, and those listed beside them.
 
     `right` are the names that are right, `effects` the number of true effects.
@@ -216,15 +216,17 @@ class Answer(NamedTuple):
         return self.confidence >= SURE and not {*self.first} <= {*self.right}
 
 
-def judged(right: Collection[str], effects: int, found: Mapping[tuple[str, ...], float]) -> Answer:
+def judged(
+    right: Collection[str], effects: int, found: Mapping[tuple[str, ...], float]
+) -> StatedSets:
     """Return the most probable set with those that are nearly as probable.
 
-    `right` and `effects` are those of `Answer`.
+    `right` and `effects` are those of `StatedSets`.
     """
     (first, most), *_ = found.items()
     sets = [names for names, value in found.items() if value >= LISTED * most]
     listed = tuple(name for names in sets for name in names)
-    return Answer(first, listed, min(1.0, sum(found[names] for names in sets)), right, effects)
+    return StatedSets(first, listed, min(1.0, sum(found[names] for names in sets)), right, effects)
 
 
 class Question(NamedTuple):
@@ -251,14 +253,14 @@ class Question(NamedTuple):
         """The number of true effects that the library has."""
         return 0 if self.right == (UNEXPLAINED,) else len(self.truth.truth)
 
-    def answer(self, frames: float, temper: float) -> Answer:
+    def answer(self, frames: float, temper: float) -> StatedSets:
         """Return the verdict of the evidence with these two numbers."""
         return judged(self.right, self.effects, self.posterior(frames, temper))
 
-    def by_rules(self) -> Answer:
+    def by_rules(self) -> StatedSets:
         """Return the verdict of the rules."""
         one = self.rules
-        return Answer(
+        return StatedSets(
             one.members or (one.name,), one.not_separable, one.confidence, self.right, self.effects
         )
 
@@ -342,7 +344,7 @@ FIGURES = (
 """Headings of the figures of answers."""
 
 
-def figures(answers: Sequence[Answer]) -> list[str]:
+def figures(answers: Sequence[StatedSets]) -> list[str]:
     """Return `FIGURES` of the `answers` as words."""
     error = expected_error([a.confidence for a in answers], [a.is_right for a in answers])
     return [

@@ -21,8 +21,8 @@ from lab.blind.blind_score import verdicts_beside
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import is_sure_and_wrong
 from lab.blind.calibration_absorption import map_figures
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.linear_sets import recording_of
-from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_draw import HELD_OUT_EVERY, WEAK, draw_stored
 from lab.study import FiguresJob, Study
 from porotwin_cli.terminal import print_table

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lab.blind.blind_effects import equal_names
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.changed_numbers import PACKAGE, deciding_numbers, load_afresh
-from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out
 from lab.stored.stored_draw import KINDS, WEAK, WEAK_SHARE, draw_stored, weakened
 from porotwin_core.rig import EffectDescription
