@@ -105,13 +105,16 @@ def _screened(
     return [fit for fit in fits if fit.is_feasible and not levels.has_leak_at_well(fit)]
 
 
-def hopeful(pairs: Sequence[Fit]) -> bool:
+def hopeful(pairs: Sequence[Fit], single: Fit) -> bool:
     """Return whether the best of the judged `pairs` is probably part of a triple.
 
-    It leaves something, but not so much that it is hardly part of the truth.
+    It leaves a gap, and either not much of one, or its second effect earned its place beside the
+    best `single` effect: a dense tracer and decay left a fifth of a gap, and sorption was missing.
     """
     return any(
-        leaves_a_gap(pair) and normalised_misfit(pair) <= CORRECTED_MISFIT for pair in pairs[:1]
+        leaves_a_gap(pair)
+        and (normalised_misfit(pair) <= CORRECTED_MISFIT or earns_its_place(pair, single))
+        for pair in pairs[:1]
     )
 
 
