@@ -89,7 +89,7 @@ def score_case(
     stated = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(stated['verdict'])
     parameters = list(_parameters(case, stated))
-    right = verdict in truth.strongest or truth.imitated or verdict in _beside(case, hidden)
+    right = verdict in truth.strongest or truth.imitated or verdict in verdicts_beside(case, hidden)
     return CaseScore(
         name=case.name,
         kind=case.kind,
@@ -130,7 +130,7 @@ def _truth_names(case: BlindCase) -> tuple[str, ...]:
     return tuple(effect.name for effect in case.effects) or ('none',)
 
 
-def _beside(case: BlindCase, hidden: frozenset[str]) -> tuple[str, ...]:
+def verdicts_beside(case: BlindCase, hidden: frozenset[str]) -> tuple[str, ...]:
     """Return the verdicts that are right because effects of `case` are `hidden`."""
     if not hidden:
         return ()

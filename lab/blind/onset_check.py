@@ -3,7 +3,8 @@
     python -m lab.blind.onset_check FOLDER [--first 0] [--cases 10] [--seed 7001]
 
 A pump drops, a weaker bottle follows, a tube is full of water, a camera is knocked, a lamp is
-switched on, in turn. Recordings in the folder are kept.
+switched on, in turn. Recordings and simulations in the folder are kept, so that an interrupted
+check goes on.
 """
 
 import argparse
@@ -17,13 +18,14 @@ from numpy.random import Generator
 from lab.blind.blind_cases import SMALL, BlindCase, coarse_case, small_schedule
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import is_sure_and_wrong
+from lab.blind.simulation_store import SimulationStore
 from porotwin_core.basis.units import HOUR_S, to_ml_h
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement, random_sign
 from porotwin_core.model.effect_parameter import onset
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.examine import judge
+from porotwin_diagnosis.examine import DiagnosisSettings, judge
 from porotwin_recording.experiment.recording import open_recording
 
 TIMED = ('rate', 'stock_strength', 'dead_volume', 'registration', 'illumination')
@@ -122,7 +124,8 @@ def onset_cases(output: Path, numbers: Iterable[int], seed: int) -> Iterator[Ons
             make_recording(case, folder / 'recording', clean=folder / 'unfinished.nc')
             (folder / 'unfinished.nc').rename(made)
         recording = without_false_cells(open_recording(folder / 'recording'))
-        yield OnsetCase(case, judge([recording]).verdict)
+        settings = DiagnosisSettings(crew=SimulationStore(folder / 'simulations'))
+        yield OnsetCase(case, judge([recording], settings).verdict)
 
 
 def main() -> None:

@@ -1,14 +1,17 @@
 """Changed numbers of the diagnosis, judged by stored recordings.
 
     nice -n 15 python -m lab.stored.ablation FOLDER OUTPUT.json [--changes FILE] [--held-out]
+    python -m lab.stored.ablation FOLDER OUTPUT.json --changes FILE --decide
 
 The present rules judge every stored recording again. A table `[NAME]` of a TOML file holds
 constants with their new values as Python, such as `SUFFICIENT_MISFIT = "0.265"`. Every change is
 tried alone. The printed table tells which verdicts it changes. Recordings that are held out count
-only with `--held-out`.
+only with `--held-out`. With `--decide` the stored findings are decided again without a search: it
+takes a second, and tells of numbers of the decision only.
 """
 
 import argparse
+import importlib
 import json
 import pickle
 import sys
@@ -21,10 +24,17 @@ from pathlib import Path
 from types import FrameType, ModuleType
 
 from lab.blind.blind_cases import BlindCase
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.changed_numbers import PACKAGE, Changes, load_afresh
 from lab.stored.remembered_fits import Memory, inner_changes, remember
-from lab.stored.simulation_store import SimulationStore
-from lab.stored.stored_cases import StoredVerdict, is_held_out, stored_jobs, stored_verdict
+from lab.stored.stored_cases import (
+    FINDINGS,
+    StoredJob,
+    StoredVerdict,
+    is_held_out,
+    stored_jobs,
+    stored_verdict,
+)
 from porotwin_cli.terminal import print_table
 from porotwin_core.basis.whole_file import write_whole
 from porotwin_diagnosis.examine import Judged
@@ -59,14 +69,26 @@ class ChangedDiagnosis:
         seconds = time.process_time() - begin
         return stored_verdict(case, judged.verdict, store.made, seconds)
 
+    def decided(self, case: BlindCase, folder: Path) -> StoredVerdict:
+        """Return the verdict on the stored findings of `case`."""
+        self._enter()
+        reader = importlib.import_module(f'{PACKAGE}.report.evidence_json')
+        evidence = reader.read_evidence(folder / FINDINGS)
+        verdict = self.module('decision.verdict_rules').decide(evidence)
+        return stored_verdict(case, verdict, 0, 0.0)
+
+    def _enter(self) -> None:
+        """Make the package with the changes the loaded one."""
+        for name in [one for one in sys.modules if one.split('.')[0] == PACKAGE]:
+            del sys.modules[name]
+        sys.modules.update(self._modules)
+
     def judged(
         self, case: BlindCase, folder: Path, memory: Memory, store: SimulationStore
     ) -> Judged:
         """Return the verdict with all that it was made from; the package stays loaded."""
         self._memory = memory
-        for name in [one for one in sys.modules if one.split('.')[0] == PACKAGE]:
-            del sys.modules[name]
-        sys.modules.update(self._modules)
+        self._enter()
         recording = self.module('data.false_cells').without_false_cells(
             open_recording(folder / 'recording')
         )
@@ -132,6 +154,23 @@ def _difference(old: StoredVerdict, new: StoredVerdict) -> str:
     return f'{old.name} {"+".join(old.truth) or "none"}: {sides[0]} -> {sides[1]}'
 
 
+def decisions(
+    folder: Path, changes: Mapping[str, Changes], *, seed: int
+) -> Iterator[tuple[str, StoredVerdict]]:
+    """Yield the name of each change and its verdict on the stored findings of each recording."""
+    diagnoses = [ChangedDiagnosis(name, change) for name, change in changes.items()]
+    for job in _jobs(folder, seed):
+        if job.file.with_name(FINDINGS).exists():
+            yield STORED, job.found()
+            for one in diagnoses:
+                yield one.name, one.decided(job.case, job.file.parent)
+
+
+def _jobs(folder: Path, seed: int) -> list[StoredJob]:
+    count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
+    return stored_jobs(folder, count, seed)
+
+
 def verdicts(
     folder: Path, changes: Mapping[str, Changes], *, held_out: bool, seed: int
 ) -> Iterator[tuple[str, StoredVerdict]]:
@@ -140,8 +179,7 @@ def verdicts(
     All changes share the fits of a recording.
     """
     diagnoses = [ChangedDiagnosis(name, change) for name, change in changes.items()]
-    count = max((int(path.name[-3:]) for path in folder.glob('case_*')), default=-1) + 1
-    for number, job in enumerate(stored_jobs(folder, count, seed)):
+    for number, job in enumerate(_jobs(folder, seed)):
         if is_held_out(number) != held_out or not job.file.exists():
             continue
         file = job.file.with_name(REMEMBERED)
@@ -162,7 +200,7 @@ def verdicts(
         begun.replace(file)
 
 
-ALWAYS = {'COMBINATION_GAIN', 'UNRESOLVED_SHARE'}
+ALWAYS = {'SMOOTHING_WIDTH'}
 """Numbers that are defaults of parameters: `names_used` does not see them."""
 
 
@@ -189,15 +227,18 @@ def main() -> None:
     parser.add_argument('output', type=Path, help='file for all verdicts')
     parser.add_argument('--changes', type=Path, help='file with changes of numbers')
     parser.add_argument('--held-out', action='store_true')
+    parser.add_argument('--decide', action='store_true', help='from the stored findings')
     parser.add_argument('--seed', type=int, default=31, help='seed of the stored recordings')
     given = parser.parse_args()
     changes: dict[str, Changes] = {PRESENT: {}}
     if given.changes:
         changes |= tomllib.loads(given.changes.read_text(encoding='utf-8'))
     found: dict[str, list[StoredVerdict]] = {name: [] for name in (STORED, *changes)}
-    for name, verdict in verdicts(
-        given.folder.resolve(), changes, held_out=given.held_out, seed=given.seed
-    ):
+    folder = given.folder.resolve()
+    judged = verdicts(folder, changes, held_out=given.held_out, seed=given.seed)
+    if given.decide:
+        judged = decisions(folder, changes, seed=given.seed)
+    for name, verdict in judged:
         found[name].append(verdict)
         content = {key: [asdict(one) for one in values] for key, values in found.items()}
         write_whole(given.output, json.dumps(content))

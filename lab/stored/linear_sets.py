@@ -8,12 +8,14 @@ effect makes move it by modes of one standard deviation:
 | scheme | correction of the cells, in both parts of the recording | `SCHEME_SHARE` of it |
 | sand | response to the waves of log permeability that are believed | `ROUGHNESS`, long waves |
 | camera | level, bend, light, place (2), blur | `CAMERA` |
+| calibration of photographs | those of `data.shared_errors` | as the maps state |
 
 *Something else* is a smooth random field of a source, of a displacement in x and z, or of a
 spreading: the modes `c`, dc/dx, dc/dz and the Laplacian of c times waves in time, height and width.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -21,17 +23,26 @@ import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_diagnosis.data.misfit import counted_cells
-from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, at_compared_cells
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, Sample, at_compared_cells
+from porotwin_diagnosis.data.shared_errors import error_modes, sands_of
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.model.rough_sand import ROUGHNESS
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.search.effect_sets import correlated_cells, prior_deviation
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.thresholds import SCHEME_SHARE
+from porotwin_diagnosis.search.ranking import effect_and_well
 from porotwin_solver.effects.wave import DEVIATION, believed
 
 CAMERA = {'level': 0.01, 'bend': 0.01, 'light': 0.01, 'place': 0.1, 'blur': 0.1}
 """Deviations of the camera's errors: shares of the stock, a tenth of a cell and of its square."""
+
+SCHEME_SHARE = 0.3
+"""Share of the correction of the scheme that is unknown: the extrapolation factor 1.6 lies between
+the 1 to 2.3 that the observed orders of convergence ask for."""
+
+ROUGHNESS = 0.05
+"""Deviation of the logarithm of the permeability: a porosity that varies by 1 % makes that much by
+the relation of Kozeny and Carman (Bear, Dynamics of Fluids in Porous Media, section 5.10)."""
 
 SOURCE, DISPLACEMENT, SPREADING = 0.1, 1.0, 1.0
 """Deviations of the random fields at amplitude 1: share of the stock, cells, squares of cells."""
@@ -78,6 +89,16 @@ class LinearRecording(NamedTuple):
     singles: int
 
 
+def recording_of(levels: Levels, findings: Findings) -> LinearRecording:
+    """Return the responses of a recording near the judged fits of its search."""
+    return linear_recording(levels, judged_fits(findings), tried_singles(findings))
+
+
+def tried_singles(findings: Findings) -> int:
+    """Return the number of different single effects that a search tried."""
+    return len({effect_and_well(fit) for fit in findings.screened})
+
+
 def judged_fits(findings: Findings) -> list[Fit]:
     """Return the fits of a search whose evidence counts, the model without effects first."""
     return [findings.null, *findings.singles, *findings.pairs[:6], *findings.triples[:3]]
@@ -88,9 +109,9 @@ def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> Linea
 
     `singles` is the number of single effects that were tried.
     """
-    sample, refining, width = levels.judging.samples[0], levels.refining, SMOOTHING_WIDTH
+    sample, refining, width = levels.judging.samples[0], unshared(levels.refining), SMOOTHING_WIDTH
     weight = sample.weight(width)
-    near = [levels.corrected_at(fit).judging for fit in fits]
+    near = [unshared(levels.corrected_at(fit).judging) for fit in fits]
     residuals = [one.residuals(fit.effects, width)[0] for one, fit in zip(near, fits, strict=True)]
     counted = np.any([counted_cells(sample, r) for r in residuals], axis=0)
     known = [one.forwards[0].correction for one in near if one.forwards[0].correction is not None]
@@ -103,6 +124,7 @@ def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> Linea
     c = np.clip(sample.smoothed_observed, 0.0, 1.0)
     fields = random_fields(c, weight, STRIDE)
     shared = [*in_parts(scheme, sample.fitted_frames), *sand, *camera_modes(c, weight, STRIDE)]
+    shared += [at_compared_cells(one, width) * weight for one in calibration_modes(sample)]
     modes = np.stack([*shared, *fields])[:, counted]
     sets = []
     for fit, residual in zip(fits, residuals, strict=True):
@@ -120,6 +142,22 @@ def linear_recording(levels: Levels, fits: Sequence[Fit], singles: int) -> Linea
         correlated_cells(sample, width),
         singles,
     )
+
+
+def unshared(fitter: Fitter) -> Fitter:
+    """Return `fitter` with residuals from which no shared error was taken: they are modes here."""
+    samples = [replace(sample, shared_errors=None) for sample in fitter.samples]
+    pairs = zip(fitter.forwards, samples, strict=True)
+    return replace(fitter, forwards=[replace(one, sample=sample) for one, sample in pairs])
+
+
+def calibration_modes(sample: Sample) -> FloatArray:
+    """Return the modes (k, nt, nz, nx) [-] of the errors of a calibration; without one k is 0."""
+    maps, seen = sample.observed_or_zero, sample.seen_mask
+    if sample.shared_errors is None:
+        return np.zeros((0, *maps.shape))
+    sands = sands_of(sample.rig, sample.grid)
+    return error_modes(sample.shared_errors, maps, sands, sample.grid) * seen
 
 
 def linear_set(

@@ -117,7 +117,7 @@ def _marks(value: Any) -> Iterator[str]:
         yield str(value.source)
     elif kind == 'Sample':
         yield str(value.grid.shape)
-    elif kind == 'SearchSpace' or isinstance(value, Executor) or kind == 'RoughSands':
+    elif kind == 'SearchSpace' or isinstance(value, Executor):
         yield kind
     elif isinstance(value, tuple | list):
         yield f'{len(value)}:'

@@ -1,22 +1,28 @@
 """Recordings with their truth, diagnosed with every simulation kept.
 
-    nice -n 15 python -m lab.stored.stored_cases FOLDER [--cases 60] [--seed 31]
+    nice -n 15 python -m lab.stored.stored_cases FOLDER [--cases 60] [--seed 31] [--photographs]
 
 Every recording gets a folder with the recording, the simulations, the evidence of the verdict
-(findings.json) and the verdict (verdict.json). A second call continues, and makes the table anew.
+(findings.json), the linear models of its sets (linear.pickle) and the verdict (verdict.json). A
+second call continues, and makes the table anew. Photographs are those of the coarse blind check.
 """
 
 import argparse
+import pickle
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from lab.blind.blind_cases import BlindCase
+from lab.blind.blind_cases import SMALL, BlindCase, draw_case
+from lab.blind.blind_photographs import MAPS, photograph_case
+from lab.blind.blind_score import verdicts_beside
 from lab.blind.blind_study import make_recording
 from lab.blind.blind_table import is_sure_and_wrong
-from lab.stored.simulation_store import SimulationStore
+from lab.blind.calibration_absorption import map_figures
+from lab.blind.simulation_store import SimulationStore
+from lab.stored.linear_sets import recording_of
 from lab.stored.stored_draw import HELD_OUT_EVERY, WEAK, draw_stored
 from lab.study import FiguresJob, Study
 from porotwin_cli.terminal import print_table
@@ -32,7 +38,7 @@ CASE_BYTES = 1.0e9
 CASE_S = 120.0
 """Usual time of one recording [s], for the estimate."""
 
-FINDINGS, VERDICT = 'findings.json', 'verdict.json'
+FINDINGS, SETS, VERDICT = 'findings.json', 'linear.pickle', 'verdict.json'
 """Files in the folder of a recording."""
 
 
@@ -93,6 +99,7 @@ class StoredJob(FiguresJob[StoredVerdict]):
 
     case: BlindCase
     file: Path
+    photographed: bool = False
     kind: ClassVar = StoredVerdict
     did: ClassVar = 'stored'
 
@@ -103,17 +110,33 @@ class StoredJob(FiguresJob[StoredVerdict]):
 
     def figures(self) -> StoredVerdict:
         """Make the recording, diagnose it, and keep the evidence."""
-        folder = self.file.parent
-        if not (folder / 'clean.nc').exists():
-            make_recording(self.case, folder / 'recording', clean=folder / 'begun.nc')
-            (folder / 'begun.nc').rename(folder / 'clean.nc')
+        folder, case = self.file.parent, self._made()
         begin = time.process_time()
         store = SimulationStore(folder / 'simulations')
         recording = without_false_cells(open_recording(folder / 'recording'))
-        judged = judge([recording], DiagnosisSettings(excluded=self.case.withheld, crew=store))
+        judged = judge([recording], DiagnosisSettings(excluded=case.withheld, crew=store))
         seconds = time.process_time() - begin
+        findings = judged.evidence.findings
         write_evidence(folder / FINDINGS, judged.evidence)
-        return stored_verdict(self.case, judged.verdict, judged.evidence.findings.runs, seconds)
+        (folder / SETS).write_bytes(pickle.dumps(recording_of(judged.levels, findings)))
+        return stored_verdict(case, judged.verdict, findings.runs, seconds)
+
+    def _made(self) -> BlindCase:
+        """Make the recording, and return its case with all verdicts that are right.
+
+        Raises:
+            CalibrationRefused: the photographs of the case cannot be calibrated.
+        """
+        case, folder = self.case, self.file.parent
+        clean, begun = folder / 'clean.nc', folder / 'begun.nc'
+        if self.photographed:
+            photograph_case(case, folder, clean=clean)
+            hidden = map_figures(case, folder / 'recording' / MAPS, clean).hidden
+            return replace(case, right=(*case.right, *verdicts_beside(case, hidden)))
+        if not clean.exists():
+            make_recording(case, folder / 'recording', clean=begun)
+            begun.rename(clean)
+        return case
 
 
 def stored_verdict(
@@ -140,10 +163,19 @@ def is_held_out(number: int) -> bool:
     return number % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
 
 
-def stored_jobs(folder: Path, cases: int, seed: int) -> list[StoredJob]:
-    """Return the jobs of `cases` recordings in `folder`."""
-    drawn = [draw_stored(number, seed) for number in range(cases)]
-    return [StoredJob(case, folder / case.name / VERDICT) for case in drawn]
+def stored_jobs(
+    folder: Path, cases: int, seed: int, *, photographs: bool = False
+) -> list[StoredJob]:
+    """Return the jobs of `cases` recordings in `folder`; `photographs` have none of large rigs."""
+    if photographs:
+        drawn = [draw_case(number, seed, coarse=True) for number in range(cases)]
+    else:
+        drawn = [draw_stored(number, seed) for number in range(cases)]
+    return [
+        StoredJob(case, folder / case.name / VERDICT, photographs)
+        for case in drawn
+        if not photographs or case.rig.name == SMALL.name
+    ]
 
 
 def rows(verdicts: Sequence[StoredVerdict]) -> list[list[str]]:
@@ -174,10 +206,11 @@ def main() -> None:
     parser.add_argument('folder', type=Path)
     parser.add_argument('--cases', type=int, default=60, help='number of recordings')
     parser.add_argument('--seed', type=int, default=31, help='seed of effects and noise')
+    parser.add_argument('--photographs', action='store_true', help='seen by a camera')
     given = parser.parse_args()
     folder = given.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    jobs = stored_jobs(folder, given.cases, given.seed)
+    jobs = stored_jobs(folder, given.cases, given.seed, photographs=given.photographs)
     Study(folder, CASE_BYTES, workers=1).do(jobs, seconds_per_job=CASE_S)
     print_table('stored recordings', HEADINGS, rows([job.found() for job in jobs]))
 

@@ -32,7 +32,7 @@ def test_a_set_that_leaves_more_than_noise_loses_to_something_else_and_a_temper_
     found = posterior(sets, 5, 1.0)
     assert found['decay',] > 0.99 > 0.5 > posterior(sets, 5, 0.01)['decay',]
     assert next(iter(posterior(sets, 5, 1.0, unknown=('decay',)))) == ('unexplained',)
-    assert judged(('leak',), found).sure_and_wrong and judged(('decay',), found).right
+    assert judged(('leak',), 1, found).is_sure_and_wrong and judged(('decay',), 1, found).is_whole
 
 
 def test_random_fields_are_as_large_as_stated_and_longer_ones_have_fewer_waves():
@@ -77,6 +77,7 @@ def drawn_set(generator, responses, fields):
 
 def test_the_confidence_is_calibrated_on_draws_from_the_priors(monkeypatch):
     monkeypatch.setattr(laplace, 'WAVES', (1, 2, 2))
+    monkeypatch.setattr(laplace, 'OUTSIDE', 1.0)
     generator = np.random.default_rng(5)
     responses = 2.0 * generator.normal(size=(EFFECTS, CELLS))
     fields = 2.0 * generator.normal(size=(len(spectrum_of(0.0)), CELLS))

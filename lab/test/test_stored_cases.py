@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lab.blind.blind_effects import equal_names
+from lab.blind.simulation_store import SimulationStore
 from lab.stored.changed_numbers import PACKAGE, deciding_numbers, load_afresh
-from lab.stored.simulation_store import SimulationStore
 from lab.stored.stored_cases import StoredVerdict, is_held_out
 from lab.stored.stored_draw import KINDS, WEAK, WEAK_SHARE, draw_stored, weakened
 from porotwin_core.rig import EffectDescription
@@ -61,11 +61,11 @@ def loaded_again():
 
 @pytest.mark.usefixtures('loaded_again')
 def test_changed_numbers_reach_defaults_of_other_modules_until_the_next_loading():
-    value = next(n.value for n in deciding_numbers() if n.name == 'COMBINATION_GAIN')
-    for changes, expected in (({'COMBINATION_GAIN': '0.123'}, 0.123), ({}, value)):
+    value = next(n.value for n in deciding_numbers() if n.name == 'SMOOTHING_WIDTH')
+    for changes, expected in (({'SMOOTHING_WIDTH': '0.123'}, 0.123), ({}, value)):
         load_afresh(changes)
-        ranking = importlib.import_module(f'{PACKAGE}.search.ranking')
-        assert ranking.earns_its_place.__defaults__ == (expected,)
+        forward = importlib.import_module(f'{PACKAGE}.model.forward')
+        assert forward.whitened_residuals.__kwdefaults__['width'] == expected
 
 
 def verdict(name, confidence, *, right=('decay',), listed=()):

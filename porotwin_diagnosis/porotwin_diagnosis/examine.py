@@ -27,7 +27,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.compared_readings import compared_readings
 from porotwin_diagnosis.decision.evidence import Evidence, gather
 from porotwin_diagnosis.decision.explanation import explain
-from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors, measure_held_out
+from porotwin_diagnosis.decision.held_out import HeldOut, measure_held_out
 from porotwin_diagnosis.decision.intervals import with_intervals
 from porotwin_diagnosis.decision.numerics import ACCURATE, Numerics, measure_numerics
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Verdict
@@ -208,7 +208,7 @@ def judge(
         measure_held_out(recording, sample, joint, numerics, settings.crew)
         for recording, sample in zip(recordings, samples, strict=True)
     )
-    evidence = gather(samples, findings, explanation, numerics, camera_errors(held_out))
+    evidence = gather(samples, findings, explanation, numerics)
     return Judged(
         recordings,
         samples,
@@ -238,12 +238,7 @@ class _Told:
         findings, null, best = judged.findings, judged.findings.null, judged.best
         explanation = explain(findings)
         numerics = Numerics(ACCURATE, score(null), score(null))
-        without = step.levels.screening if step.is_coarse else step.levels.judging
-        errors = (
-            without.camera_error(null),
-            judged.levels.judging.camera_error(explanation.model),
-        )
-        verdict = decide(gather(self._samples, findings, explanation, numerics, errors))
+        verdict = decide(gather(self._samples, findings, explanation, numerics))
         named = in_words(verdict.model.effects) if verdict.kept else verdict.name
         before, after = (percent(fit.held_out_error) for fit in (null, best))
         error = f'{before} to {after}'

@@ -18,19 +18,11 @@ NOISE_UNCERTAINTY = 1.1
 """Ratio of the true to the measured noise that is still plausible. The estimate comes from a
 limited number of cells, and its error must not look like a gap."""
 
-PENALTY_PER_PARAMETER = 1.08
-"""Factor on the misfit of a judged fit for every parameter. A wrong effect with many parameters
-takes up some of the errors of the schemes, so that each must lower the misfit by this factor."""
-
-NEARLY_CLOSED_MISFIT = 1.5
-"""Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
-enough to the observed ones for a multifidelity correction and an estimate of the point spread."""
-
 CORRECTED_MISFIT = 2.5
-"""Misfit below which a fit is judged with the errors of the scheme taken back at itself, and below
-which runs on coarse cells are corrected at it. On a large rig with layers of sand the scheme alone
-leaves 1.7 of the true effect. From about 4 on fronts lie more than half a cell apart, and the
-correction, which stays in place, would miss them."""
+"""Misfit below which a fit is judged with its own point spread and with the errors of the scheme
+taken back at itself, and below which runs on coarse cells are corrected at it. On a large rig with
+layers of sand the scheme alone leaves 1.7 of the true effect. From about 4 on fronts lie more than
+half a cell apart, and the correction, which stays in place, would miss them."""
 
 # Selection of the fits that go on
 
@@ -57,11 +49,6 @@ effect with four parameters could move fronts in many ways, so that each way was
 shifted picture imitates a bent response, a displaced well or a porosity: without the factor, three
 of four such cases were named wrongly or with 0.5. True shifts keep their 0.99."""
 
-PART_OF_A_TRIPLE = 0.2
-"""Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
-looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
-3."""
-
 # Decision ---------------------------------------------------------------------------------------
 
 NO_GAP_MISFIT = 0.45
@@ -79,26 +66,10 @@ UNRESOLVED_SHARE = 0.04
 a strong effect exactly. Of gaps above 4, true effects left 0.02 to 0.06 in 20 recordings, wrong
 ones 0.14 and more in 8; one imitation by settling tracer left 0.07."""
 
-SCHEME_SHARE = 0.3
-"""Share of the correction of the scheme that is unknown: the extrapolation factor 1.6 lies between
-the 1 to 2.3 that the observed orders of convergence ask for."""
-
 COMBINATION_GAIN = 0.8
 """Ratio of the misfits of a pair and of the best single effect below which the second effect is
 kept, and likewise of a triple and the best pair. More effects always fit better, so that a further
 one must earn its place."""
-
-BARELY_SUFFICIENT = 0.88
-"""Lack of fit above which a single effect that suffices is compared with pairs. Below it, pairs
-took minutes and changed no verdict; a wrong single effect that hid its partner had 0.93."""
-
-SURELY_SUFFICIENT_PAIR = 0.6
-"""The same for a pair that is compared with triples. A pair without two of three true effects left
-0.70, the true three 0.37."""
-
-FAR_LESS = 0.5
-"""The same ratio where the fewer effects suffice already: a pair that halves the misfit of a
-sufficient effect shows more than errors of the scheme can make."""
 
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the
@@ -125,49 +96,26 @@ INDISTINGUISHABLE = 0.06
 
 AT_THE_LIMIT, GAP_SLOPE = 1.0, 4.0
 """Log-odds of a statement whose misfit just meets its limit, such as `none` at `NO_GAP_MISFIT`, and
-the increase of the log-odds of a gap, or of none, with the misfit relative to its limit."""
+the increase of the log-odds of a gap, or of none, with the misfit relative to its limit. Misfits
+that effects explain count likewise beside those that a calibration explains."""
 
 SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 12.0, 0.7
 """Increase of the log-odds that a model misses nothing per unit of lack of fit below
 `SURELY_SUFFICIENT`; they are `AT_THE_LIMIT` from there to 1. Of 34 blinded cases above 0.7 eight
 were wrong, of 33 from 0.5 to 0.7 one, and of 250 below 0.5 one."""
 
-BESIDE_SHARED, SURELY_BESIDE_SHARED = 0.4, 0.6
-"""`AT_THE_LIMIT` and `SURELY_SUFFICIENT` for maps with errors that all maps share, as photographs
-have them. The model may choose these errors, so that a true effect fits better. In 80 cases a
-single effect that was wrong although the true maps fit better had 0.60 to 0.75; true effects that
-the calibration does not hide had 0.37 at most, but one with 0.52."""
-
-CALIBRATION_SLOPE = 8.0
-"""Increase of the log-odds that effects make a gap per unit of log(misfit that they explain /
-misfit that the calibration explains); they are `BESIDE_SHARED` where both explain as much."""
-
-RIVAL_SLOPE = 1.6
-"""Factor on the log-odds against a rival, on maps without shared errors. Of 20 blinded cases that
-stated 0.75 to 0.95 without it all were right."""
+SURELY_BESIDE_SHARED = 0.6
+"""`SURELY_SUFFICIENT` for maps with errors that all maps share, as photographs have them; the
+log-odds there are even from it to 1. The model may choose these errors, so that a true effect fits
+better. In 80 cases a single effect that was wrong although the true maps fit better had 0.60 to
+0.75; true effects that the calibration does not hide had 0.37 at most, but one with 0.52."""
 
 CONFIDENCE_RANGE = (0.05, 0.99)
 """Least and greatest confidence that is stated: a few hundred cases cannot prove more."""
 
 OPEN_CONFIDENCE = 0.6
-"""Largest confidence where the evidence leaves a question open: held-out maps that contradict what
-the fronts name, a leak or a zone without a place, a clock where tracer from before the recording
-makes the same maps, a picture of an odd size."""
-
-LOST_PLACE = 0.25
-"""Half width of the 90 % interval of a place, relative to the rig, above which a leak or a zone is
-nowhere. True ones have 0.01. Two leaks of opposite sign that imitated a flow through the whole rig
-had 0.4 to 0.5."""
-
-MOST_SCALE_ERROR = 0.02
-"""Deviation of the size of a picture [-] that a person who marks the corners would see. People read
-corners to 0.3 % of the width. A shifted picture with four free parameters imitated immobile water
-and a displaced well with 2.5 %."""
-
-WORSENED = 1.02
-"""Ratio of the held-out errors with and without the named effects above which the maps contradict
-them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both
-predictions hardly differ in the held-out part."""
+"""Largest confidence where the evidence leaves a question open: a clock where tracer from before
+the recording makes the same maps, a scant recording, a search that was ended."""
 
 SCANT_CELLS, SCANT_FRAMES = 80, 4
 """A recording with fewer cells along the longer side of the rig, or fewer frames to fit to, is

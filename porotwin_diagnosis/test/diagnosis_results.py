@@ -9,7 +9,7 @@ from porotwin_diagnosis.advice.strength import Strength
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import Explanation
-from porotwin_diagnosis.decision.held_out import HeldOut, camera_errors
+from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -42,7 +42,7 @@ def diagnosis_of_denser_sand(path: Path) -> Diagnosis:
     return Diagnosis(
         recordings=(recording,),
         samples=(sample,),
-        evidence=gather([sample], findings, explanation, numerics, camera_errors([held_out])),
+        evidence=gather([sample], findings, explanation, numerics),
         verdict=Verdict('porosity', 0.9, best, ('porosity',), (), {'porosity': 0.98, 'rate': 0.02}),
         held_out=(held_out,),
         gap=map_gap(recording),

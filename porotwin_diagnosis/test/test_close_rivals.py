@@ -35,9 +35,6 @@ class CorrectedAt:
         alike = {'porosity', 'retardation'}
         return 0.01 if {one.label, other.label} <= alike else 0.3
 
-    def camera_error(self, fit):
-        return fit.held_out_error
-
 
 def test_the_most_probable_group_of_close_rivals_comes_first():
     singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
@@ -52,12 +49,6 @@ def test_rivals_on_equal_terms_swallow_nothing_without_shared_errors():
     singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
     _, compared = compared_rivals(CorrectedAt(), singles, NULL)
     assert [swallowed_misfit(fit) for fit in compared] == [0.0, 0.0]
-
-
-def test_a_rival_that_the_held_out_maps_contradict_comes_behind_the_others():
-    singles = [fit_of('clock', misfit=0.41, error=0.12), fit_of('leak', misfit=0.44, error=0.04)]
-    _, compared = compared_rivals(CorrectedAt(), singles, NULL)
-    assert [fit.label for fit in compared] == ['leak', 'clock']
 
 
 def test_an_earlier_finding_decides_between_close_rivals():

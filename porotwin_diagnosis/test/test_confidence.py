@@ -7,7 +7,6 @@ from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
-    rival_log_odds,
     sufficient_log_odds,
 )
 
@@ -27,7 +26,7 @@ def test_a_smaller_misfit_is_more_certain():
     assert no_gap_log_odds(0.2) > no_gap_log_odds(0.4) > 0.0
     assert sufficient_log_odds(0.3) > sufficient_log_odds(0.6) > sufficient_log_odds(0.8)
     assert sufficient_log_odds(0.8) == sufficient_log_odds(1.0)
-    assert 0.0 < sufficient_log_odds(0.6, shared_errors=True) < sufficient_log_odds(0.6)
+    assert 0.0 == sufficient_log_odds(0.6, shared_errors=True) < sufficient_log_odds(0.6)
     assert missing_log_odds(2.0) > missing_log_odds(1.1) > missing_log_odds(1.0) == 0.0
 
 
@@ -35,13 +34,3 @@ def test_what_the_calibration_swallows_counts_by_its_own_size_and_beside_the_eff
     assert calibration_log_odds(0.1, 0.0) > calibration_log_odds(0.4, 0.0) > 0.0
     assert calibration_log_odds(1.0, 0.0) == 0.0
     assert calibration_log_odds(1.0, 2.0) > calibration_log_odds(1.0, 1.2) > 0.0
-
-
-def test_on_maps_a_rival_counts_less_and_one_with_nearly_the_same_maps_still_less():
-    far, alike = (rival_log_odds(1.0, distance, shared_errors=False) for distance in (1.0, 0.1))
-    assert alike > far > 1.0
-    assert rival_log_odds(-1.0, 1.0, shared_errors=False) < -1.0  # a better rival counts more
-
-
-def test_the_log_odds_against_a_rival_hold_as_they_are_beside_shared_errors():
-    assert rival_log_odds(1.0, 0.1, shared_errors=True) == 1.0

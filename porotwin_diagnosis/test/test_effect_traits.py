@@ -2,7 +2,6 @@
 
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.effect_traits import (
-    destabilises_fronts,
     has_place,
     is_slow_on_fine_grids,
     misfit_allowance,
@@ -12,18 +11,6 @@ from porotwin_diagnosis.model.effect_traits import (
 
 def viscosity(ratio):
     return EffectDescription(name='viscosity', parameters={'viscosity_ratio': ratio})
-
-
-def buoyancy(difference):
-    return EffectDescription(name='buoyancy', parameters={'density_difference': difference})
-
-
-def test_a_thin_and_a_dense_or_light_tracer_may_finger():
-    assert destabilises_fronts([viscosity(0.9)])
-    assert not destabilises_fronts([viscosity(1.0), viscosity(1.2)])
-    assert destabilises_fronts([buoyancy(0.2)])
-    assert destabilises_fronts([buoyancy(-0.2)])
-    assert not destabilises_fronts([buoyancy(0.0)])
 
 
 def test_only_effects_of_the_camera_need_no_simulation():

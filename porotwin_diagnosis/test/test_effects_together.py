@@ -13,7 +13,6 @@ from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
     CORRECTED_MISFIT,
     SUFFICIENT_MISFIT,
-    SURELY_SUFFICIENT_PAIR,
 )
 
 
@@ -30,12 +29,14 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet):
 
 
 def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails():
-    misfits = 0.9 * SURELY_SUFFICIENT_PAIR * SUFFICIENT_MISFIT, 1.1 * CORRECTED_MISFIT, 2.0
+    misfits = 0.9 * SUFFICIENT_MISFIT, 1.1 * CORRECTED_MISFIT, 2.0, 1.1 * CORRECTED_MISFIT
     pairs = [[fit_of('rate', 'leak', misfit=misfit)] for misfit in misfits]
-    assert [hopeful(own, fit_of(misfit=9.0)) for own in [[], *pairs]] == [False] * 3 + [True]
+    singles = [fit_of('rate', misfit=misfit) for misfit in (5.0, 5.0, 3.0, 2.0, 5.0)]
+    asked = zip([[], *pairs], singles, strict=True)
+    assert [hopeful(*own) for own in asked] == [False] * 3 + [True] * 2
 
 
 def test_a_triple_is_kept_only_if_it_leaves_clearly_less_than_the_pair():
-    null, pair = fit_of(misfit=9.0), fit_of('rate', 'clock', misfit=2.0)
+    pair = fit_of('rate', 'clock', misfit=2.0)
     triples = [fit_of('rate', 'clock', 'decay', misfit=misfit) for misfit in (1.0, 1.9)]
-    assert worth_keeping(triples, pair, null) == triples[:1]
+    assert worth_keeping(triples, pair) == triples[:1]

@@ -112,13 +112,3 @@ def test_a_model_that_cannot_run_ends_neither_a_fit_nor_its_derivatives(denser_s
     assert polished(fitter, at_the_limit, fitter).is_feasible
     screened = [at_the_limit, fitter.evaluate((porosity,), np.array([least - 1.0]))]
     assert feasible(screened) == [at_the_limit]
-
-
-def test_the_correction_of_the_scheme_has_a_misfit_of_its_own(quiet):
-    sample = sample_of(quiet)
-    coarse, fine = (Forward(sample, refinement=factor) for factor in (1, 2))
-    assert Fitter([coarse]).evaluate((), np.zeros(0)).scheme_misfit == (0.0, 0.0)
-    corrected = Fitter([coarse.corrected_by(fine)]).evaluate((), np.zeros(0)).scheme_misfit
-    doubled = Fitter([coarse.corrected_by(fine, extrapolation=2.0)]).evaluate((), np.zeros(0))
-    assert min(corrected) > 0.0
-    np.testing.assert_allclose(doubled.scheme_misfit, 2.0 * np.array(corrected), rtol=1e-6)

@@ -12,7 +12,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import normalised_misfit, score
-from porotwin_diagnosis.thresholds import NEARLY_CLOSED_MISFIT
+from porotwin_diagnosis.thresholds import CORRECTED_MISFIT
 from porotwin_rig.map_camera import MapNoise
 
 
@@ -90,7 +90,7 @@ def test_corrected_coarse_cells_predict_like_the_judging_cells(quiet):
 def test_levels_are_not_corrected_at_a_fit_with_a_large_gap(denser_sand):
     levels = levels_of(denser_sand)
     null = levels.null()
-    assert normalised_misfit(null) > NEARLY_CLOSED_MISFIT
+    assert normalised_misfit(null) > CORRECTED_MISFIT
     assert levels.corrected_at(null) is levels
 
 

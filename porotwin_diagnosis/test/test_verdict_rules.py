@@ -3,13 +3,11 @@
 import math
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import pytest
 from diagnosis_examples import fit_of
 
-from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.decision.evidence import Evidence, scale_error
+from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Doubt
@@ -42,8 +40,8 @@ def findings(null, *singles, pairs=(), distances=None, pair_distances=None, part
     )
 
 
-def evidence(found, *, numerics=SHARP, errors=(0.2, 0.05), cells_along=94, frames=20):
-    return Evidence(found, explain(found), numerics, errors, cells_along, frames)
+def evidence(found, *, numerics=SHARP, cells_along=94, frames=20):
+    return Evidence(found, explain(found), numerics, cells_along, frames)
 
 
 def verdict_on(found, **others):
@@ -85,20 +83,6 @@ def test_an_effect_that_closes_the_gap_alone_is_named():
     assert verdict.confidence > 0.8
 
 
-def test_leaks_that_may_lie_almost_anywhere_explain_nothing():
-    found = findings(5.0, ('leak', 0.45), ('illumination', 2.4))
-    assert decide(replace(evidence(found), place_uncertainty=0.2)).name == 'leak'
-    verdict = decide(replace(evidence(found), place_uncertainty=0.3))
-    assert (verdict.name, verdict.doubt, verdict.members) == ('unexplained', Doubt.PLACE, ())
-
-
-def test_a_leak_of_a_weak_gap_without_a_place_is_named_with_doubt():
-    found = findings(0.65, ('leak', 0.1), ('illumination', 0.6))
-    assert decide(evidence(found)).confidence > 0.6
-    verdict = decide(replace(evidence(found), place_uncertainty=0.3))
-    assert (verdict.name, verdict.doubt, verdict.confidence) == ('leak', Doubt.PLACE, 0.6)
-
-
 def test_a_late_clock_that_old_tracer_imitates_is_named_with_doubt():
     late = evidence(findings(5.0, ('clock', 0.45), ('illumination', 2.4)))
     assert decide(late).confidence > 0.8
@@ -106,28 +90,6 @@ def test_a_late_clock_that_old_tracer_imitates_is_named_with_doubt():
     assert (verdict.name, verdict.doubt, verdict.confidence) == ('clock', Doubt.START, 0.6)
     untouched = evidence(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
     assert decide(replace(untouched, may_have_held_tracer=True)) == decide(untouched)
-
-
-def test_a_picture_of_a_size_that_marked_corners_would_show_is_named_with_doubt():
-    moved = evidence(findings(5.0, ('registration', 0.45), ('illumination', 2.4)))
-    assert decide(replace(moved, scale_error=0.015)).confidence > 0.8
-    verdict = decide(replace(moved, scale_error=0.025))
-    assert (verdict.name, verdict.doubt, verdict.confidence) == ('registration', Doubt.SIZE, 0.6)
-
-
-def test_the_size_of_a_picture_is_that_of_the_kept_model():
-    moved = EffectDescription(name='registration', parameters={'dx': 0.1, 'scale': 0.97})
-    pump = EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 2.0})
-    assert scale_error(SimpleNamespace(effects=(pump, moved))) == pytest.approx(0.03)
-    assert scale_error(SimpleNamespace(effects=(pump,))) == 0.0
-
-
-def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():
-    found = findings(5.0, ('viscosity', 0.85), ('decay', 3.0))
-    pair = fit_of('viscosity', 'decay', misfit=0.15)
-    verdict = verdict_on(replace(found, pairs=[pair], pair_distances=[0.0]))
-    assert set(verdict.members) == {'viscosity', 'decay'}
-    assert verdict.confidence > 0.8
 
 
 def test_a_gap_that_nothing_closes_is_unexplained():
@@ -178,21 +140,7 @@ def test_the_confidence_is_that_of_the_named_effect_and_not_of_its_close_rivals(
     verdict = verdict_on(found)
     assert verdict.not_separable == ('retardation', 'depth')
     assert verdict.close == ('depth',)
-    assert 0.8 < verdict.confidence < 0.9
-
-
-def test_a_rival_that_makes_nearly_the_same_maps_costs_less_confidence():
-    singles = (('porosity', 0.5), ('depth', 0.52))
-    far, near = (
-        verdict_on(findings(3.0, *singles, distances=[0.0, distance])) for distance in (0.9, 0.1)
-    )
-    assert far.name == near.name == 'porosity'
-    assert near.confidence > far.confidence + 0.1
-    shared = findings(3.0, *singles, distances=[0.0, 0.1])
-    shared = replace(
-        shared, singles=[replace(fit, unshared_misfit=(0.51, 0.51)) for fit in shared.singles]
-    )
-    assert verdict_on(shared).confidence < far.confidence
+    assert 0.7 < verdict.confidence < 0.9
 
 
 def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
@@ -288,17 +236,6 @@ def test_confidence_is_a_probability(misfit):
     assert math.isclose(sum(verdict.probabilities.values()), 1.0)
 
 
-def test_an_effect_that_makes_the_held_out_maps_worse_is_not_named():
-    found = findings(5.0, ('decay', 0.45), ('illumination', 2.4))
-    verdict = verdict_on(found, errors=(0.100, 0.103))
-    assert (verdict.name, verdict.members) == ('unexplained', ())
-    assert verdict.confidence < 0.8
-    assert verdict.model.label == 'decay', 'the report still shows the best model'
-    assert verdict_on(found, errors=(0.100, 0.101)).name == 'decay', (
-        'the same error is no contradiction'
-    )
-
-
 @pytest.mark.parametrize('scant', [{'cells_along': 79}, {'frames': 3}])
 def test_no_verdict_on_a_scant_recording_is_confident(scant):
     clear = findings(5.0, ('decay', 0.45), ('illumination', 2.4))
@@ -330,21 +267,6 @@ def test_a_viscosity_may_leave_more_than_other_effects():
     assert verdict_on(findings(13.0, ('viscosity', 1.0), ('leak', 4.0))).name == 'viscosity'
     assert verdict_on(findings(13.0, ('decay', 1.0), ('leak', 4.0))).name == 'unexplained'
     assert verdict_on(findings(13.0, ('viscosity', 1.4), ('leak', 4.0))).name == 'unexplained'
-
-
-def test_a_fingering_model_may_leave_more_by_its_fingering_amplification():
-    found = findings(13.0, ('viscosity', 1.8), ('leak', 6.0))
-    assert verdict_on(found).name == 'unexplained'
-    found = replace(
-        found,
-        singles=[replace(found.singles[0], fingering_amplification=(1.2, 1.2)), *found.singles[1:]],
-    )
-    assert verdict_on(found).name == 'unexplained'
-    found = replace(
-        found,
-        singles=[replace(found.singles[0], fingering_amplification=(3.0, 3.0)), *found.singles[1:]],
-    )
-    assert verdict_on(found).name == 'viscosity'
 
 
 def with_third(misfit, **third):

@@ -47,20 +47,6 @@ def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> 
     return max(fitted, shared), max(held_out, shared)
 
 
-def change_at_fronts(
-    samples: Sequence[Sample], changes: Sequence[FloatArray]
-) -> tuple[float, float]:
-    """Return the root mean square [-] of whitened `changes` at the observed fronts.
-
-    `changes` are (nt, nz', nx') for every one of `samples`; the result is that of the fitted and of
-    the held-out frames.
-    """
-    squares = [
-        change**2 * sample.front_mask for sample, change in zip(samples, changes, strict=True)
-    ]
-    return _root_mean_squares(samples, squares)
-
-
 def with_squares(misfits: tuple[float, float], square: float) -> tuple[float, float]:
     """Return both `misfits` [-] with `square` more of their squares."""
     fitted, held_out = np.sqrt(np.square(misfits) + square)

@@ -16,16 +16,12 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import (
     AT_THE_LIMIT,
-    BESIDE_SHARED,
-    CALIBRATION_SLOPE,
     CONFIDENCE_RANGE,
     GAP_SLOPE,
     NO_GAP_MISFIT,
-    RIVAL_SLOPE,
     SUFFICIENT_SLOPE,
     SURELY_BESIDE_SHARED,
     SURELY_SUFFICIENT,
-    SYSTEMATIC_MISFIT,
 )
 
 StrengthMeasures = tuple[float, float]
@@ -60,8 +56,7 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
     if swallowed <= 0.0:
         return math.inf
     ratio = max(gained, SMALLEST_DIVISOR) / swallowed
-    stronger = BESIDE_SHARED + CALIBRATION_SLOPE * math.log(ratio)
-    return max(no_gap_log_odds(swallowed), stronger, 0.0)
+    return max(no_gap_log_odds(swallowed), GAP_SLOPE * math.log(ratio), 0.0)
 
 
 def sufficient_log_odds(lack_of_fit: float, *, shared_errors: bool = False) -> float:
@@ -71,9 +66,7 @@ def sufficient_log_odds(lack_of_fit: float, *, shared_errors: bool = False) -> f
     `shared_errors` of all maps true effects fit better, so that a lack of fit says more.
     """
     least, surely = (
-        (BESIDE_SHARED, SURELY_BESIDE_SHARED)
-        if shared_errors
-        else (AT_THE_LIMIT, SURELY_SUFFICIENT)
+        (0.0, SURELY_BESIDE_SHARED) if shared_errors else (AT_THE_LIMIT, SURELY_SUFFICIENT)
     )
     return least + SUFFICIENT_SLOPE * max(0.0, surely - lack_of_fit)
 
@@ -132,40 +125,3 @@ def rival_of_single(names: Collection[str], probabilities: dict[str, float]) -> 
     """Return the most probable effect, or `NONE`, beside the effects `names`."""
     others = [name for name in probabilities if name not in names]
     return max(others, key=lambda name: probabilities[name], default=None)
-
-
-def single_distance(
-    names: Collection[str], probabilities: dict[str, float], findings: Findings
-) -> float:
-    """Return the whitened distance [-] of the most probable effect beside `names` from the first.
-
-    It is infinite if that effect was not judged.
-    """
-    rival = rival_of_single(names, probabilities)
-    own = (
-        distance
-        for fit, distance in zip(findings.singles, findings.distances, strict=True)
-        if fit.members[0].effect == rival
-    )
-    return min(own, default=math.inf)
-
-
-def pair_distance(rival: Fit | None, findings: Findings) -> float:
-    """Return the whitened distance [-] of `rival` from the best pair; infinite if it is no pair."""
-    pairs = zip(findings.pairs, findings.pair_distances, strict=True)
-    return min((distance for fit, distance in pairs if fit is rival), default=math.inf)
-
-
-def rival_log_odds(log_odds: float, distance: float, *, shared_errors: bool) -> float:
-    """Return the log-odds against a rival, from those of the misfits alone.
-
-    `distance` [-] is the whitened distance of the rival's maps. A rival whose maps differ by less
-    than `SYSTEMATIC_MISFIT` is seldom the true one, and misfits tell effects apart better than
-    their scatter suggests: of 16 blinded cases with a stated 0.5 to 0.85 and rivals at 0.07 to 0.14
-    all were right; rivals with other maps had 0.26 to 0.58. Neither has been shown for maps with
-    `shared_errors`, so that `log_odds` holds there.
-    """
-    if shared_errors:
-        return log_odds
-    alike = AT_THE_LIMIT if distance < SYSTEMATIC_MISFIT else 0.0
-    return RIVAL_SLOPE * (log_odds + alike)

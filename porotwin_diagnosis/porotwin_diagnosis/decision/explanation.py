@@ -16,14 +16,12 @@ from porotwin_diagnosis.search.ranking import (
     earns_its_place,
     lack_of_fit,
     larger_misfit,
+    leaves_a_gap,
     log_odds_against,
     normalised_misfit,
     simplicity,
-    surely_suffices,
 )
 from porotwin_diagnosis.thresholds import (
-    COMBINATION_GAIN,
-    FAR_LESS,
     INDISTINGUISHABLE,
     NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
@@ -82,9 +80,8 @@ def kept_model(findings: Findings) -> Fit:
 
     1. The model without effects, if it leaves no gap. Also if it leaves no more than a true model
        may, and neither an effect nor a pair earns its place beside it.
-    2. The best single effect, if it surely suffices, or if it suffices and no pair leaves far less,
-       or clearly less without further parameters.
-    3. The best pair, if the second effect earns its place, and if it suffices likewise.
+    2. The best single effect, if it leaves no gap.
+    3. The best pair, if the second effect earns its place, and if it leaves no gap.
     4. The best triple, if its further effects earn their place. The true triple may contain no pair
        that is better than its best member.
     5. Otherwise the pair, or the single effect if the second effect has not earned its place.
@@ -95,10 +92,10 @@ def kept_model(findings: Findings) -> Fit:
     if normalised_misfit(null) < NO_GAP_MISFIT or _nothing_helps(findings):
         return null
     for combinations in (findings.pairs, findings.triples):
-        if surely_suffices(kept):
+        if not leaves_a_gap(kept):
             break
         best = combinations[0] if combinations else kept
-        if earns_its_place(best, kept, _gain(best, kept, null)):
+        if earns_its_place(best, kept):
             kept = best
     return null if _is_less_probable_than_none(kept, findings) else kept
 
@@ -123,17 +120,6 @@ def _nothing_helps(findings: Findings) -> bool:
     return lack_of_fit(null, null) <= 1.0 and not any(
         earns_its_place(fit, null) for fit in explanations
     )
-
-
-def _gain(more: Fit, fewer: Fit, null: Fit) -> float:
-    """Return the ratio to which `more` effects must lower the misfit of `fewer` effects.
-
-    If fewer effects suffice, further parameters may fit nothing but errors of the scheme. A pair
-    without further parameters does not. A bent response and a displaced well have three, a moved
-    picture has four.
-    """
-    further = len(more.scaled_parameters) > len(fewer.scaled_parameters)
-    return FAR_LESS if further and lack_of_fit(fewer, null) <= 1.0 else COMBINATION_GAIN
 
 
 def _strongest_first(model: Fit, findings: Findings) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.levels import JUDGING
 from porotwin_diagnosis.search.ranking import overall_misfit, score
-from porotwin_diagnosis.thresholds import NEARLY_CLOSED_MISFIT, SHARPER_SCHEME_GAIN
+from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SHARPER_SCHEME_GAIN
 
 ACCURATE = 'accurate'
 """The preset that the diagnosis itself uses; its numerical diffusion is taken as zero."""
@@ -57,7 +57,7 @@ class Numerics:
         """Whether numerical diffusion makes a considerable part of the gap."""
         return (
             self.preset != ACCURATE
-            and self.configured >= NEARLY_CLOSED_MISFIT
+            and self.configured >= NO_GAP_MISFIT
             and self.sharp <= SHARPER_SCHEME_GAIN * self.configured
         )
 

@@ -23,10 +23,7 @@ class Doubt(StrEnum):
     RIVAL = 'rival'
     REMAINDER = 'remainder'
     FEWER = 'fewer'
-    CONTRADICTED = 'contradicted'
-    PLACE = 'place'
     START = 'start'
-    SIZE = 'size'
     SCANT = 'scant'
     UNTRIED = 'untried'
 

@@ -5,13 +5,10 @@ from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
-    pair_distance,
     pair_log_odds,
-    rival_log_odds,
     rival_of_pair,
     rival_of_single,
     share_of,
-    single_distance,
     single_log_odds,
     sufficient_log_odds,
 )
@@ -19,7 +16,6 @@ from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt, Verdict
 from porotwin_diagnosis.search.ranking import (
-    far_less,
     gained_misfit,
     lack_of_fit,
     normalised_misfit,
@@ -38,13 +34,8 @@ def decide(evidence: Evidence) -> Verdict:
 
     1. The best model misses something: `unexplained`.
     2. The model without effects leaves no gap, and numerical diffusion makes none: `none`.
-    3. The held-out maps contradict the best model: `unexplained`.
-    4. A leak or a zone of the best model may lie almost anywhere: `unexplained`. It imitates
-       something that acts in the whole rig. If the gap in the fitted part is weak, the place of a
-       true one is open too: it is named, with `OPEN_CONFIDENCE` at most.
-    5. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
-       clock has `OPEN_CONFIDENCE` at most if tracer from before the recording makes the same
-       maps, a shifted picture `OPEN_CONFIDENCE` if its size is far off.
+    3. Otherwise the effects of the best model are named, and numerical diffusion with them. A late
+       clock has `OPEN_CONFIDENCE` at most if tracer from before the recording makes the same maps.
 
     On scant evidence, and after a search that was ended, no verdict has more than
     `OPEN_CONFIDENCE`. After such a search `unexplained` has the least confidence: an effect that
@@ -56,19 +47,16 @@ def decide(evidence: Evidence) -> Verdict:
     if not explanation.suffices:
         name, doubt = UNEXPLAINED, Doubt.REMAINDER
         sure = confidence(missing_log_odds(explanation.lack_of_fit))
-    elif members and evidence.contradicted:
-        name, doubt, sure = UNEXPLAINED, Doubt.CONTRADICTED, OPEN_CONFIDENCE
-    elif members and evidence.has_lost_place:
-        name, doubt, sure = UNEXPLAINED, Doubt.PLACE, OPEN_CONFIDENCE
     else:
         name = members[0] if members else NONE
         log_odds, doubt = min(_statements(evidence, probabilities))
         sure = confidence(log_odds)
-        for applies, reason, most in _open_questions(evidence):
-            if applies and sure > most:
-                doubt, sure = reason, most
     untried = bool(evidence.findings.untried)
-    for applies, reason in ((evidence.scant, Doubt.SCANT), (untried, Doubt.UNTRIED)):
+    for applies, reason in (
+        (name in members and evidence.has_open_clock, Doubt.START),
+        (evidence.scant, Doubt.SCANT),
+        (untried, Doubt.UNTRIED),
+    ):
         if applies and sure > OPEN_CONFIDENCE:
             doubt, sure = reason, OPEN_CONFIDENCE
     if name == UNEXPLAINED:
@@ -86,15 +74,6 @@ def decide(evidence: Evidence) -> Verdict:
         doubt=doubt,
         rival=_rival(evidence, probabilities),
     )
-
-
-def _open_questions(evidence: Evidence) -> list[tuple[bool, Doubt, float]]:
-    """Return what may limit the confidence in named effects: whether it applies, and the limit."""
-    return [
-        (evidence.leaves_place_open, Doubt.PLACE, OPEN_CONFIDENCE),
-        (evidence.has_open_clock, Doubt.START, OPEN_CONFIDENCE),
-        (evidence.has_odd_size, Doubt.SIZE, OPEN_CONFIDENCE),
-    ]
 
 
 def _named(evidence: Evidence) -> tuple[Names, Names, tuple[Names, ...]]:
@@ -137,22 +116,11 @@ def _statements(evidence: Evidence, probabilities: dict[str, float]) -> list[tup
     if len(kept.members) == 1:
         if share_of(same, probabilities) >= CONFIDENCE_RANGE[1]:
             return enough
-        right = single_log_odds(same, probabilities)
-        distance = single_distance(same, probabilities, findings)
-        return [
-            (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
-            *enough,
-        ]
-    rival = rival_of_pair(same, findings)
-    right = pair_log_odds(kept.model, rival)
-    distance = pair_distance(rival, findings)
+        return [(single_log_odds(same, probabilities), Doubt.RIVAL), *enough]
+    right = pair_log_odds(kept.model, rival_of_pair(same, findings))
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
-    needed = missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer)))
-    return [
-        (rival_log_odds(right, distance, shared_errors=shared_errors), Doubt.RIVAL),
-        (needed, Doubt.FEWER),
-        *enough,
-    ]
+    needed = missing_log_odds(lack_of_fit(fewer, null))
+    return [(right, Doubt.RIVAL), (needed, Doubt.FEWER), *enough]
 
 
 def _rival(evidence: Evidence, probabilities: dict[str, float]) -> Names:

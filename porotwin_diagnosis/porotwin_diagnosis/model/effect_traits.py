@@ -26,11 +26,6 @@ def is_slow_on_fine_grids(effects: Iterable[EffectDescription]) -> bool:
     return any(EFFECTS[effect.name].is_slow_on_fine_grids for effect in effects)
 
 
-def destabilises_fronts(effects: Iterable[EffectDescription]) -> bool:
-    """Return whether fronts finger with `effects`."""
-    return any(EFFECTS[e.name].destabilises_fronts(e.parameters) for e in effects)
-
-
 def misfit_allowance(effects: Iterable[str]) -> float:
     """Return the factor [-] on the allowed misfit of the true effects with these names."""
     return max((EFFECTS[effect].misfit_allowance for effect in effects), default=1.0)

@@ -36,10 +36,6 @@ class Fit:
         expected_noise: the same before the noise was bounded (see `search.noise_bound`).
         unshared_misfit: misfit [-] if the errors that all maps share were zero, fitted and held
             out; zero if the recording states no such errors.
-        scheme_misfit: misfit [-] of the correction of the scheme alone, fitted and held out; zero
-            without a correction.
-        fingering_amplification: ratio [-] of the responses to rough sand with and without the
-            effects, fitted and held out.
         described: names of the effects that rig.yaml describes; the model has them in any case.
         held_out_parameters: scaled parameters (p,) with which the held-out frames are judged (see
             `fitter.Fitter.evaluate`); None for the fitted ones.
@@ -55,8 +51,6 @@ class Fit:
     noise_misfit: tuple[float, float] = (0.0, 0.0)
     expected_noise: tuple[float, float] = (math.inf, math.inf)
     unshared_misfit: tuple[float, float] = (0.0, 0.0)
-    scheme_misfit: tuple[float, float] = (0.0, 0.0)
-    fingering_amplification: tuple[float, float] = (1.0, 1.0)
     described: tuple[str, ...] = ()
     held_out_parameters: FloatArray | None = None
 

@@ -8,7 +8,6 @@ residuals: fronts that lie cells apart have no gradient at the resolution of the
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -17,18 +16,15 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import (
-    change_at_fronts,
     front_cells,
     misfit,
     noise_misfit,
     with_squares,
 )
-from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import (
     COARSE_SMOOTHING_WIDTH,
     SMOOTHING_WIDTH,
     Sample,
-    at_compared_cells,
 )
 from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
@@ -40,7 +36,6 @@ from porotwin_diagnosis.model.fit import (
     with_noise_share,
 )
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
-from porotwin_diagnosis.model.rough_sand import RoughSands
 from porotwin_diagnosis.thresholds import MOVING_PRICE, SYSTEMATIC_MISFIT
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
@@ -64,13 +59,11 @@ class Fitter:
     Attributes:
         forwards: one forward model per recording.
         noise_share: share of the expected noise that counts (see `search.noise_bound`).
-        rough_sands: models on rough sands, for effects that destabilise fronts.
         pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     noise_share: float = field(default=1.0, kw_only=True)
-    rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
     pool: Executor | None = field(default=None, kw_only=True)
 
     @property
@@ -217,26 +210,10 @@ class Fitter:
             covariance=np.zeros((size, size)),
             noise_misfit=noise,
             expected_noise=noise,
-            fingering_amplification=self.rough_sands.fingering_amplification(
-                self.forwards, effects
-            ),
             unshared_misfit=with_squares(misfit(self.samples, unshared), added[0]),
-            scheme_misfit=self._scheme_misfit,
             described=tuple(effect.name for effect in self.samples[0].rig.effects),
         )
         return with_noise_share(fit, self.noise_share)
-
-    def camera_error(self, fit: Fit) -> float:
-        """Return the relative L2 error [-] of the held-out maps, with blur and level of the camera.
-
-        Raises:
-            InputError: the model cannot run with the fit.
-        """
-        maps = [
-            forward.sample.at_level(blurred(forward.maps(fit.effects), forward.point_spread_width))
-            for forward in self.forwards
-        ]
-        return self._relative_error(maps, held_out=True)
 
     def distance(self, one: Fit, other: Fit) -> float:
         """Return the whitened root mean square difference [-] of two predictions.
@@ -377,18 +354,6 @@ class Fitter:
             trials=trials,
             updated_slopes=updated_slopes,
         )
-
-    @cached_property
-    def _scheme_misfit(self) -> tuple[float, float]:
-        """Return the misfit [-] that the corrections of the scheme make, fitted and held out."""
-        changes = [
-            np.zeros_like(sample.smoothed_observed)
-            if forward.correction is None
-            else at_compared_cells(forward.correction * sample.seen_mask, SMOOTHING_WIDTH)
-            * sample.weight(SMOOTHING_WIDTH)
-            for forward, sample in zip(self.forwards, self.samples, strict=True)
-        ]
-        return change_at_fronts(self.samples, changes)
 
     def _relative_error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
         """Return the relative L2 error, as a root mean square over the recordings."""

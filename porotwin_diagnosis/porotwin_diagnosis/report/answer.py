@@ -12,14 +12,14 @@ from porotwin_diagnosis.decision.held_out import (
     remaining_parts,
     root_mean_square,
 )
-from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Doubt
+from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.doubts import ALWAYS_SAID, doubt_words, scant
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, percent, phrase, spoken, spoken_label
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
-from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, OPEN_CONFIDENCE, WORSENED
+from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, OPEN_CONFIDENCE
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
@@ -28,12 +28,6 @@ MORE_THAN_NOISE = 1.3
 
 NEARLY_ALL = 0.8
 """Least share of an unexplained gap that nearly explains it, if effects of the library close it."""
-
-NO_PLACE = (
-    'But this recording leaves open where in the rig that is, so that it stands for something that '
-    'acts in the whole rig, such as a flow from outside'
-)
-"""Why a leak or a zone without a place explains nothing."""
 
 NO_FRONTS = 0.5
 """Error of a model from which on it has no fronts near the observed ones [-]."""
@@ -151,13 +145,13 @@ def _hidden_improvement(result: Diagnosis) -> str:
     seen_before, seen_after = camera_errors(result.held_out)
     before = result.evidence.findings.null.fitted_error
     after = result.verdict.model.fitted_error
-    if seen_after >= seen_before / WORSENED and result.readings and after >= before / WORSENED:
+    if seen_after >= seen_before and result.readings and after >= before:
         off = [root_mean_square(one) for one in zip(*map(_off, result.readings), strict=True)]
         return (
             'The maps are the same with and without the correction. The readings beside them lie '
             f'{number(off[1], 2)} instead of {number(off[0], 2)} standard deviations off.'
         )
-    if seen_after >= seen_before / WORSENED:
+    if seen_after >= seen_before:
         return (
             f'The gap lies in the part before the held-out one: there the error is '
             f'{percent(after)} with the correction instead of {percent(before)}. In the held-out '
@@ -180,11 +174,6 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     """Say which effects were tried, and the error that remains with the best of them."""
     findings, errors = result.evidence.findings, summary['error']
     beside = summary['remainder'] and summary['remainder']['beside']
-    if beside and result.verdict.doubt is Doubt.PLACE:
-        return (
-            f'The nearest explanation, that {_means(beside)}, closes '
-            f'{100 * _closed_share(beside):.0f} % of it. {NO_PLACE}'
-        )
     form = result.remainder
     if beside and form is not None and form.terms and form.closed > _closed_share(beside):
         said = ', and '.join(term.words for term in form.terms)
@@ -231,9 +220,8 @@ def _cause(result: Diagnosis, summary: Summary) -> list[str]:
     if verdict.name == UNEXPLAINED:
         share, part = _part(result, summary)
         form = [] if share > _closed_by_form(result) else [_form(result)]
-        nearly = verdict.doubt is Doubt.PLACE or share > NEARLY_ALL
         head = 'Not sure: the library explains nearly all of it, but not all.'
-        if not nearly:
+        if share <= NEARLY_ALL:
             head = 'Not in the library of effects.'
         return [head, *form, *filter(None, [part])]
     lines = [_with_origin(name) for name in verdict.members]
@@ -273,8 +261,6 @@ def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
     beside = summary['remainder'] and summary['remainder']['beside']
     if not beside:
         return 0.0, ''
-    if result.verdict.doubt is Doubt.PLACE:
-        return _closed_share(beside), f'It looks as if {_means(beside)}. {NO_PLACE}.'
     together = ' together' if len(beside['effects']) > 1 else ''
     partial, rest, place = result.partial, [], beside['place']
     if place:
@@ -430,11 +416,6 @@ def _how_sure(result: Diagnosis, summary: Summary) -> list[str]:
     lines += summary['history']
     if verdict.name == UNEXPLAINED:
         lines.append('It is the probability that no effect of the library explains the gap.')
-    if verdict.name == UNEXPLAINED and evidence.contradicted and evidence.explanation.suffices:
-        best = ' and '.join(map(spoken, evidence.explanation.members)) or spoken(NUMERICAL)
-        lines.append(
-            f'The fronts speak for {best}, but with it the held-out maps are predicted worse.'
-        )
     if verdict.name == NONE and _is_calibrated(result):
         lines.append(
             'The maps were calibrated by an injection. An effect that changed this injection too, '

@@ -6,7 +6,7 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report.wording import spoken
 from porotwin_diagnosis.thresholds import SCANT_CELLS, SCANT_FRAMES
 
-ALWAYS_SAID = {Doubt.CONTRADICTED, Doubt.SCANT}
+ALWAYS_SAID = {Doubt.SCANT}
 """Doubts that the report explains with figures of their own."""
 
 
@@ -22,18 +22,9 @@ def doubt_words(result: Diagnosis) -> str:
         Doubt.RIVAL: _rival(verdict),
         Doubt.REMAINDER: _remainder(verdict.name, lack),
         Doubt.FEWER: 'whether fewer effects are enough',
-        Doubt.CONTRADICTED: 'the held-out part contradicts the best model',
-        Doubt.PLACE: 'the best model has a leak or a zone that may lie almost anywhere, so that it '
-        'imitates something that acts in the whole rig'
-        if verdict.name == UNEXPLAINED
-        else 'where the leak or the zone lies: the gap is weak, so that its place and its size are '
-        'hardly known',
         Doubt.START: 'whether the clock is late: while one rate goes on, tracer that the rig held '
         'before the recording makes the same maps. Compare the clocks of camera and pumps, or '
         'change a rate in the next recording',
-        Doubt.SIZE: 'whether the picture is that much too large or too small: marked corners would '
-        'show it. Compare them with a photograph; if they are right, several other effects act '
-        'together',
         Doubt.SCANT: scant(result.evidence),
         Doubt.UNTRIED: f'what the search did not try: {result.evidence.findings.untried}',
     }[verdict.doubt]

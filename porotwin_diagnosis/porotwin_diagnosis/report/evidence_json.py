@@ -38,10 +38,8 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'distances': findings.distances,
         'pair_distances': findings.pair_distances,
         'numerics': asdict(evidence.numerics),
-        'held_out_errors': list(evidence.held_out_errors),
         'cells_along': evidence.cells_along,
         'fitted_frames': evidence.fitted_frames,
-        'place_uncertainty': evidence.place_uncertainty,
         'may_have_held_tracer': evidence.may_have_held_tracer,
     }
     write_whole(path, json.dumps(content, indent=1) + '\n')
@@ -54,15 +52,12 @@ def read_evidence(path: Path) -> Evidence:
     """
     content = json_value(read_regular(path))
     findings = _read_findings(content)
-    before, after = content['held_out_errors']
     return Evidence(
         findings,
         explain(findings),
         Numerics(**content['numerics']),
-        (before, after),
         cells_along=content['cells_along'],
         fitted_frames=content['fitted_frames'],
-        place_uncertainty=content.get('place_uncertainty', 0.0),
         may_have_held_tracer=content.get('may_have_held_tracer', False),
     )
 
@@ -105,8 +100,6 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             'noise': list(fit.noise_misfit),
             'expected_noise': list(fit.expected_noise),
             'unshared': list(fit.unshared_misfit),
-            'scheme': list(fit.scheme_misfit),
-            'fingering_amplification': list(fit.fingering_amplification),
         },
         'error': {'fitted': fit.fitted_error, 'held_out': fit.held_out_error},
     }
@@ -128,7 +121,5 @@ def _read_fit(content: dict[str, Any]) -> Fit:
         noise_misfit=tuple(content['misfit']['noise']),
         expected_noise=tuple(content['misfit'].get('expected_noise', content['misfit']['noise'])),
         unshared_misfit=tuple(content['misfit'].get('unshared', (0.0, 0.0))),
-        scheme_misfit=tuple(content['misfit'].get('scheme', (0.0, 0.0))),
-        fingering_amplification=tuple(content['misfit']['fingering_amplification']),
         described=tuple(content.get('described', ())),
     )

@@ -20,7 +20,7 @@ from porotwin_diagnosis.search.ranking import (
     larger_misfit,
     log_odds_against,
 )
-from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS, WORSENED
+from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS
 
 
 def compared_rivals(
@@ -29,8 +29,7 @@ def compared_rivals(
     """Return judged `singles`, with the close rivals of the first one compared on equal terms.
 
     Rivals that look the same form a group, whose probabilities add up. The most probable group
-    comes first, and its most probable fit. A group whose first fit the held-out maps contradict
-    comes behind the others. The levels are corrected at the first fit.
+    comes first, and its most probable fit. The levels are corrected at the first fit.
 
     Args:
         levels: the levels of the recordings.
@@ -48,10 +47,7 @@ def compared_rivals(
     others = [fit for fit in singles if fit.label not in labels]
     groups = _groups(levels, _on_equal_terms(levels, rivals))
     best = min(larger_misfit(fit) for group in groups for fit in group)
-    contradicted = contradicted_fits(levels, [group[0] for group in groups], null)
-    groups.sort(
-        key=lambda group: (group[0].label in contradicted, -_probability(group, best, prior))
-    )
+    groups.sort(key=lambda group: -_probability(group, best, prior))
     ordered = [
         *(fit for g in groups for fit in sorted(g, key=lambda f: -_probability([f], best, prior))),
         *others,
@@ -87,17 +83,6 @@ def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
         )
 
     return sorted((mean(fit) for fit in rivals), key=larger_misfit)
-
-
-def contradicted_fits(levels: Levels, fits: Sequence[Fit], null: Fit) -> set[str]:
-    """Return the labels of the `fits` that predict the held-out maps worse than the `null` model.
-
-    The predictions have the blur and the level of the camera. An effect may fit the fronts, where
-    the misfit counts, and be wrong in the whole plume.
-    """
-    camera_error = levels.judging.camera_error
-    limit = WORSENED * camera_error(null)
-    return {fit.label for fit in fits if camera_error(fit) > limit}
 
 
 def _groups(levels: Levels, rivals: Sequence[Fit]) -> list[list[Fit]]:

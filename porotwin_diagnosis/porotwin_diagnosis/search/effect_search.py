@@ -46,9 +46,9 @@ from porotwin_diagnosis.search.ranking import (
     close_to_best,
     earns_its_place,
     first_of_each_effect,
+    leaves_a_gap,
     may_need_a_second_effect,
     normalised_misfit,
-    one_effect_is_enough,
     score,
 )
 from porotwin_diagnosis.search.single_effects import (
@@ -251,16 +251,15 @@ def _with_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Sea
 
     A single effect that suffices when it is fitted again needs no third effect.
     """
-    pairs, null = findings.pairs, findings.null
-    enough = one_effect_is_enough(findings.singles[0], pairs, null)
-    if enough or not hopeful(pairs, null):
+    pairs, null, single = findings.pairs, findings.null, findings.singles[0]
+    if not leaves_a_gap(single) or not hopeful(pairs, single):
         return SearchStep(levels, findings)
     levels, triples = judged_together(levels, space, pairs[:1], null, 3)
-    if not worth_keeping(triples, pairs[0], null):
+    if not worth_keeping(triples, pairs[0]):
         return SearchStep(levels, findings)
     levels, inside = judged_inside(levels, triples, null)
     pairs = levels.ranked([*pairs, *inside])
-    triples = worth_keeping(triples, pairs[0], null)
+    triples = worth_keeping(triples, pairs[0])
     findings = replace(findings, pairs=pairs, triples=triples)
     return _with_members(levels, findings, triples or pairs, 0.88)
 

@@ -16,20 +16,15 @@ from porotwin_diagnosis.search.effect_sets import Extension, each_left_out, line
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
-    lack_of_fit,
     leaves_a_gap,
     member_labels,
     normalised_misfit,
     score,
-    surely_suffices,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
     BEAM,
-    COMBINATION_GAIN,
     CORRECTED_MISFIT,
-    FAR_LESS,
-    PART_OF_A_TRIPLE,
     WIDE_BEAM,
 )
 
@@ -110,15 +105,17 @@ def _screened(
     return [fit for fit in fits if fit.is_feasible and not levels.has_leak_at_well(fit)]
 
 
-def hopeful(pairs: Sequence[Fit], null: Fit) -> bool:
+def hopeful(pairs: Sequence[Fit], single: Fit) -> bool:
     """Return whether the best of the judged `pairs` is probably part of a triple.
 
-    It leaves something, but not so much that it is hardly part of the truth.
+    It leaves a gap, and either not much of one, or its second effect earned its place beside the
+    best `single` effect: a dense tracer and decay left a fifth of a gap, and sorption was missing.
     """
-    if not pairs or surely_suffices(pairs[0]):
-        return False
-    of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(null)
-    return normalised_misfit(pairs[0]) <= max(CORRECTED_MISFIT, of_the_gap)
+    return any(
+        leaves_a_gap(pair)
+        and (normalised_misfit(pair) <= CORRECTED_MISFIT or earns_its_place(pair, single))
+        for pair in pairs[:1]
+    )
 
 
 def judged_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgement:
@@ -135,7 +132,6 @@ def judged_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgemen
     return levels.judged_again(judged, null, 0.89)
 
 
-def worth_keeping(triples: Sequence[Fit], pair: Fit, null: Fit) -> list[Fit]:
+def worth_keeping(triples: Sequence[Fit], pair: Fit) -> list[Fit]:
     """Return the judged `triples` that explain clearly more than the best `pair`."""
-    gain = FAR_LESS if lack_of_fit(pair, null) <= 1.0 else COMBINATION_GAIN
-    return [triple for triple in triples if earns_its_place(triple, pair, gain)]
+    return [triple for triple in triples if earns_its_place(triple, pair)]

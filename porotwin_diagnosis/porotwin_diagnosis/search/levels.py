@@ -32,7 +32,6 @@ from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.library import pumping_wells
 from porotwin_diagnosis.model.polishing import polished
-from porotwin_diagnosis.model.rough_sand import RoughSands, on_rough_sand
 from porotwin_diagnosis.progress import Progress, steps_of
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
@@ -44,7 +43,6 @@ from porotwin_diagnosis.search.ranking import (
 from porotwin_diagnosis.thresholds import (
     BEAM,
     CORRECTED_MISFIT,
-    NEARLY_CLOSED_MISFIT,
     NO_GAP_MISFIT,
     WELL_DISTANCE,
 )
@@ -70,9 +68,6 @@ TYPICAL_POINT_SPREAD = 0.55
 
 POINT_SPREAD_RANGE = (0.3, 0.9)
 """Least and largest point spread width [cells] that is attributed to the camera."""
-
-ROUGH_SANDS = 2
-"""Number of rough sands for the fingering amplification."""
 
 REFINING_ITERATIONS = 3
 """Iterations of a fit on the cells of the recording, which starts close to its optimum."""
@@ -183,7 +178,7 @@ class Levels:
         ]
         corrected = replace(self, judging=replace(self.judging, forwards=forwards))
         judged = corrected.judging.evaluated_again(fit)
-        if normalised_misfit(judged) > NEARLY_CLOSED_MISFIT:
+        if normalised_misfit(judged) > CORRECTED_MISFIT:
             return corrected
         return corrected.with_point_spread_of(fit)
 
@@ -328,10 +323,6 @@ def make_levels(
     """
     alone = crew is None or crew.workers == 1
     pool = None if crew is None or alone else crew.threads(THREADS_PER_WORKER * crew.workers)
-    sands = [
-        [Forward(on_rough_sand(sample, seed), refinement=JUDGING, crew=crew) for sample in samples]
-        for seed in range(ROUGH_SANDS)
-    ]
 
     def models(refinement: int, seen: Sequence[Sample], width: float) -> list[Forward]:
         return [
@@ -352,7 +343,6 @@ def make_levels(
         ),
         judging=Fitter(
             models(JUDGING, samples, TYPICAL_POINT_SPREAD),
-            rough_sands=RoughSands(sands),
             pool=pool,
         ),
         finest=tuple(Forward(sample, refinement=FINEST, crew=crew) for sample in samples),

@@ -6,11 +6,11 @@ for the held-out part. The following quantities derive from them:
     score = sqrt((m_fitted^2 + m_held_out^2) / 2)
     larger misfit = max(m_fitted, m_held_out)
     misfit beyond the noise = sqrt(max(m^2 - (NOISE_UNCERTAINTY n)^2, 0))
-    normalised misfit = max over the parts of (misfit beyond the noise / A) / V
+    normalised misfit = max over the parts of (misfit beyond the noise) / V
 
-A is the fingering amplification of the fit, V the misfit allowance of its effects and of those that
-rig.yaml describes. Both are 1 for most effects. The held-out part counts by itself, because a wrong
-effect adapts to the fitted part and fails in the held-out one.
+V is the misfit allowance of the effects of the fit and of those that rig.yaml describes, 1 for most
+effects. The held-out part counts by itself, because a wrong effect adapts to the fitted part and
+fails in the held-out one.
 """
 
 import math
@@ -18,21 +18,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_diagnosis.model.effect_traits import misfit_allowance
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.thresholds import (
-    BARELY_SUFFICIENT,
     CLOSE_TO_BEST,
     COMBINATION_GAIN,
-    FAR_LESS,
     NO_GAP_MISFIT,
     NOISE_UNCERTAINTY,
     ODDS_PER_PARAMETER,
-    PENALTY_PER_PARAMETER,
-    SCHEME_SHARE,
     SUFFICIENT_MISFIT,
-    SURELY_SUFFICIENT_PAIR,
     SYSTEMATIC_MISFIT,
     UNRESOLVED_SHARE,
 )
@@ -53,13 +47,11 @@ def misfit_beyond_noise(fit: Fit) -> tuple[float, float]:
 def normalised_misfit(fit: Fit) -> float:
     """Return the misfit [-] beyond the noise relative to the one that the true effect may leave.
 
-    It is max(b_fitted / A_fitted, b_held_out / A_held_out) / V, with the misfit b beyond the noise,
-    the fingering amplification A and the misfit allowance V.
+    It is max(b_fitted, b_held_out) / V, with the misfit b beyond the noise and the misfit allowance
+    V.
     """
-    parts = zip(misfit_beyond_noise(fit), fit.fingering_amplification, strict=True)
-    largest = max(beyond / amplification for beyond, amplification in parts)
     effects = (*(member.effect for member in fit.members), *fit.described)
-    return largest / misfit_allowance(effects)
+    return max(misfit_beyond_noise(fit)) / misfit_allowance(effects)
 
 
 def swallowed_misfit(fit: Fit) -> float:
@@ -105,21 +97,11 @@ def log_odds_against(misfit: float, best: float) -> float:
 def lack_of_fit(model: Fit, null: Fit) -> float:
     """Return the misfit of `model` relative to the largest misfit of a true model.
 
-    lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
-    and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
-    The limit is `SUFFICIENT_MISFIT`, u is `UNRESOLVED_SHARE`, and e is `SCHEME_SHARE`.
+    lack of fit = m / sqrt(limit^2 + (u m0)^2), with the normalised misfits m of the model and m0 of
+    the model without effects, `null`. The limit is `SUFFICIENT_MISFIT`, u is `UNRESOLVED_SHARE`.
     """
     left = UNRESOLVED_SHARE * normalised_misfit(null)
-    return normalised_misfit(model) / math.hypot(_limit(model), left)
-
-
-def surely_suffices(model: Fit) -> bool:
-    """Return whether `model` leaves so little that no further effect is looked for.
-
-    A large gap allows no more here.
-    """
-    share = SURELY_SUFFICIENT_PAIR if len(model.members) > 1 else BARELY_SUFFICIENT
-    return normalised_misfit(model) <= share * _limit(model)
+    return normalised_misfit(model) / math.hypot(SUFFICIENT_MISFIT, left)
 
 
 def simplicity(fit: Fit) -> float:
@@ -130,46 +112,27 @@ def simplicity(fit: Fit) -> float:
 def leaves_a_gap(fit: Fit) -> bool:
     """Return whether the judged `fit` leaves something for a further effect.
 
-    It does above `SUFFICIENT_MISFIT` and the unknown share of the errors of the scheme.
+    It does above `SUFFICIENT_MISFIT`, however large the gap was.
     """
-    return normalised_misfit(fit) > _limit(fit)
+    return normalised_misfit(fit) > SUFFICIENT_MISFIT
 
 
 def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
     """Return whether pairs are worth their time beside the best `single` effect.
 
-    They are if the model without effects, `null`, leaves a gap, and it does not surely suffice.
+    They are if both it and the model without effects, `null`, leave a gap.
     """
-    return normalised_misfit(null) >= NO_GAP_MISFIT and not surely_suffices(single)
+    return normalised_misfit(null) >= NO_GAP_MISFIT and leaves_a_gap(single)
 
 
-def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
-    """Return whether `single` suffices, and none of the judged `pairs` is clearly better."""
-    better = bool(pairs) and earns_its_place(pairs[0], single)
-    return lack_of_fit(single, null) <= 1.0 and not better
-
-
-def _limit(fit: Fit) -> float:
-    """Return `SUFFICIENT_MISFIT` with the unknown share of the correction of the scheme [-]."""
-    return math.hypot(SUFFICIENT_MISFIT, SCHEME_SHARE * max(fit.scheme_misfit))
-
-
-def earns_its_place(more: Fit, fewer: Fit, gain: float = COMBINATION_GAIN) -> bool:
+def earns_its_place(more: Fit, fewer: Fit) -> bool:
     """Return whether the further effects earn their place in the judged fit `more`.
 
-    More effects always fit better. With every further effect the score must fall below `gain` of
-    that of the fit with `fewer` effects, and the held-out misfit must fall.
+    More effects always fit better. With every further effect the score must fall below
+    `COMBINATION_GAIN` of that of the fit with `fewer` effects, and the held-out misfit must fall.
     """
-    least = gain ** max(1, len(more.members) - len(fewer.members))
+    least = COMBINATION_GAIN ** max(1, len(more.members) - len(fewer.members))
     return score(more) < least * score(fewer) and more.held_out_misfit < fewer.held_out_misfit
-
-
-def far_less(more: Fit, fewer: Fit) -> float:
-    """Return `FAR_LESS` times the ratio of the scores of `fewer` and of `more` effects.
-
-    Above 1 the fit with more effects leaves far less.
-    """
-    return FAR_LESS * score(fewer) / max(score(more), SMALLEST_DIVISOR)
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:
@@ -180,42 +143,25 @@ def feasible(fits: Sequence[Fit]) -> list[Fit]:
 def close_to_best(fits: Sequence[Fit]) -> list[Fit]:
     """Return the fits whose score is close to the best one, the second in any case.
 
-    `fits` are sorted by their score. A fit is close by its score, or by its score with the penalty
-    for parameters: an effect with few parameters may be true although one with many fits better.
+    `fits` are sorted by their score.
     """
-    if not fits:
-        return []
-    limit = CLOSE_TO_BEST * score(fits[0])
-    penalised_limit = CLOSE_TO_BEST * min(map(_penalised_score, fits))
     return [
         fit
         for index, fit in enumerate(fits)
-        if index < 2 or score(fit) < limit or _penalised_score(fit) < penalised_limit
+        if index < 2 or score(fit) < CLOSE_TO_BEST * score(fits[0])
     ]
 
 
 def ranked(fits: Sequence[Fit]) -> list[Fit]:
     """Return the judged `fits`, the most plausible first.
 
-    They are sorted by larger misfit times PENALTY_PER_PARAMETER^p, with p parameters. If the same
-    effects were fitted several times, only the best fit is kept.
+    They are sorted by larger misfit. If the same effects were fitted several times, only the best
+    fit is kept.
     """
     best: dict[frozenset[str], Fit] = {}
-    for fit in sorted(fits, key=_penalised_misfit):
+    for fit in sorted(fits, key=larger_misfit):
         best.setdefault(member_labels(fit.members), fit)
     return list(best.values())
-
-
-def _penalised_misfit(fit: Fit) -> float:
-    return larger_misfit(fit) * _penalty(fit)
-
-
-def _penalised_score(fit: Fit) -> float:
-    return score(fit) * _penalty(fit)
-
-
-def _penalty(fit: Fit) -> float:
-    return float(PENALTY_PER_PARAMETER ** len(fit.scaled_parameters))
 
 
 def first_of_each_effect(fits: Sequence[Fit]) -> list[Fit]:
