@@ -5,18 +5,15 @@ The parts add in squares to the whole error e:
     e^2 = camera^2 + noise^2 + scheme^2 + rest^2.
 
 camera: size of the blur of the camera and of the most probable of the errors that the calibration
-states (`shared_errors`), but no more than by which the error falls with them: a wrong front of the
-model lets it fall by more than their size. noise: its expected size.
-scheme: the change of the maps on cells twice as large. It is at least the error on the cells
-themselves, as errors fall by half or more where cells do. rest: the description of the rig, and its
-rates.
+states (`shared_errors`); no more than by which the error falls with them. noise: its expected size.
+scheme: the change of the maps on cells twice as large. Errors fall by about half where cells do;
+those of sharp fronts fall by less, and are then larger. rest: the description of rig and rates.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, conservative_resample, relative_error
 from porotwin_diagnosis.data.noise import blurred, noise_floor
@@ -68,18 +65,15 @@ def error_parts(
     spread = blurred(predicted, point_spread_width)
     seen = spread + late.camera_change(predicted, point_spread_width)
     whole = late.relative_error(predicted)
-    fall = _rest(whole, late.relative_error(seen))
-    norm = max(float(np.linalg.norm(late.observed_or_zero)), SMALLEST_DIVISOR)
-    change = float(np.linalg.norm((seen - predicted) * late.seen_mask))
-    camera = min(fall, change / norm)
-    left = _rest(whole, camera)
+    stated = relative_error(late.observed + seen - predicted, late.observed)
+    camera = min(_rest(whole, late.relative_error(seen)), stated)
     random = replace(
         late.noise, point_spread_width=0.0, systematic=late.noise.systematic and (0.0,)
     )
-    noise = min(noise_floor(random, spread, late.observed), left)
+    noise = min(noise_floor(random, spread, late.observed), _rest(whole, camera))
     finer = np.stack([conservative_resample(one, coarse.shape[1:]) for one in predicted])
-    scheme = min(relative_error(coarse, finer), _rest(left, noise))
-    return ErrorParts(camera, noise, scheme, _rest(left, noise, scheme))
+    scheme = min(relative_error(coarse, finer), _rest(whole, camera, noise))
+    return ErrorParts(camera, noise, scheme, _rest(whole, camera, noise, scheme))
 
 
 def _rest(whole: float, *parts: float) -> float:

@@ -569,9 +569,9 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
 
 
 def _only_tracer(signal: Array) -> Array:
-    """Return the signal (nz, nx), 0 away from plumes; hidden cells take that of their neighbours.
+    """Return the signal (nz, nx), 0 away from plumes, and continued behind hidden sand.
 
-    The pump log counts the tracer behind these too. The many cells without tracer would add the
+    The pump log counts the tracer there too. The many cells without tracer would add the
     small error of the light to the mass. Lamps drift, so that this error comes and goes over the
     photographs, and would bend the response.
     """
