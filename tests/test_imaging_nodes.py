@@ -15,7 +15,6 @@ from graph import running_graph
 from porotwin_core.rig import Rig, write_rig
 from porotwin_core.ros.from_messages import seconds_from_msg
 from porotwin_hub.launching.graph import NodeDescription
-from porotwin_imaging.photograph.sent_photos import SentPhotos
 from porotwin_msgs.msg import CleanState
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
@@ -179,49 +178,3 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
         first, *_, second = graph.wait_for_messages('asset/new_state', 4, timeout=60)
         assert second.sequence == 3
         assert np.nansum(second.tracer.concentration) > np.nansum(first.tracer.concentration)
-
-
-def test_a_restarted_camera_goes_on_after_the_last_photograph(tmp_path: Path, domain: int) -> None:
-    camera = photographer()
-    photos = tmp_path / 'photos'
-    photos.mkdir()
-    write_rig(camera.rig, tmp_path / 'rig.yaml')
-    nodes = [
-        NodeDescription(
-            'imaging',
-            'porotwin_imaging',
-            'imaging_node',
-            {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
-        ),
-        NodeDescription(
-            'camera',
-            'porotwin_imaging',
-            'camera_node',
-            {'source': f'folder:{photos}', 'progress': str(tmp_path / 'progress')},
-        ),
-    ]
-    with running_graph(nodes, tmp_path / 'run', domain) as graph:
-        graph.wait_for_publishers('asset/new_state')
-        os.mkfifo(photos / 'fifo.jpg')
-        put(photos, '00.jpg', camera.baseline())
-        graph.wait_for_log('imaging', 'baseline:', timeout=60)
-        # the name is no UTF-8
-        put(photos, os.fsdecode(b'\xff.jpg'), camera.photograph(plume(0.05), time=30.0))
-        states: list[Any] = graph.wait_for_messages('asset/new_state', 1, timeout=60)
-        graph.wait_for_log('camera', 'is a FIFO', timeout=60)
-        # the camera notes a photograph a moment after it was sent
-        graph.listener.wait_for(
-            'the note of two photographs',
-            lambda: len(list(SentPhotos(tmp_path / 'progress'))) >= 2,
-            timeout=60.0,
-        )
-        os.kill(graph.processes.process('camera').pid, signal.SIGKILL)
-        put(photos, 'latest.jpg', camera.photograph(plume(0.06), time=60.0))
-        graph.wait_for_messages('asset/new_state', 2, timeout=60)
-        put(photos, 'latest.jpg', camera.photograph(plume(0.07), time=90.0))
-        graph.wait_for_messages('asset/new_state', 3, timeout=60)
-        assert [state.sequence for state in states] == [0, 1, 2]
-        np.testing.assert_allclose(
-            [seconds_from_msg(s.time_step) for s in states], [0, 30, 30], atol=1e-3
-        )
-        assert 'duplicate' not in graph.log('camera') + graph.log('imaging')

@@ -1,9 +1,7 @@
 """Tests of the whole twin in real processes: photographs in, setpoints out."""
 
-import math
-import os
+import importlib
 import shutil
-import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from graph import RunningGraph, running_graph
+from refused_node import refusal
 
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.clock.stamps import time_in_words
@@ -165,37 +164,22 @@ def check_unusable_photographs(graph: RunningGraph) -> None:
     graph.listener.wait_for('the report on the last photograph', reported, timeout=30.0)
 
 
-def test_the_hub_uses_a_restarted_solver(session: Path, tmp_path: Path, domain: int) -> None:
-    nodes = [*twin_beside(session), mock_camera(session, period_s=4.0)]
-    with running_graph(nodes, tmp_path, domain) as graph:
-        graph.wait_for_messages('tracer/predicted', 2, timeout=START_S + 60.0)
-        os.kill(graph.processes.process('solver').pid, signal.SIGKILL)
-        before = len(graph.messages['hub/cycle'])
-        graph.listener.wait_for(
-            'a forecast by the restarted solver',
-            lambda: any(
-                not report.remarks and math.isfinite(report.objective)
-                for report in graph.messages['hub/cycle'][before + 1 :]
-            ),
-            timeout=60.0,
-        )
-        assert any('solver ended' in line for line in graph.lines)
-
-
-def test_an_unknown_well_in_rig_yaml_is_named_at_once(
-    session: Path, tmp_path: Path, domain: int
+def test_an_unknown_well_in_rig_yaml_is_named_by_every_node(
+    session: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     data = yaml.safe_load((session / 'rig.yaml').read_text())
     data['control']['wells'] = ['control1', 'control9']
     wrong = tmp_path / 'rig.yaml'
     wrong.write_text(yaml.safe_dump(data))
-    settings = GraphSettings(rig=wrong, grid=GRID)
-    with running_graph(twin_nodes(settings), tmp_path, domain) as graph:
-        graph.listener.wait_for(
-            'all five nodes to refuse', lambda: len(graph.processes.failed) == 5, timeout=START_S
-        )
-        for name, line in graph.processes.failed.items():
-            assert "unknown well 'control9'" in line, name
+    nodes = twin_nodes(GraphSettings(rig=wrong, grid=GRID))
+    assert len(nodes) == 5
+    for node in nodes:
+        main = importlib.import_module(node.module).main
+        told = refusal(main, monkeypatch, capfd, rig=wrong, grid=GRID)
+        assert "unknown well 'control9'" in told, node.name
 
 
 def test_real_photographs_become_maps_predictions_and_setpoints(

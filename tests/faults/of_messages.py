@@ -2,8 +2,6 @@
 
 import array
 import math
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -18,7 +16,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
-from faults.stage import ENVIRONMENT, GRID, Stage, kill
+from faults.stage import GRID, Stage, kill
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.ros import conversions, qos
@@ -382,27 +380,6 @@ def foreign_server(stage: Stage) -> Iterator[None]:
     with stage.foreign_service(Predict, 'solver/predict', zeros):
         stage.good_photograph()
         yield
-
-
-@fault(
-    'A second hub is started in the same domain.',
-    Answer('ROS_DOMAIN_ID'),
-    does='The second hub ends at once. One line says how to run two.',
-    mends='nothing',
-)
-def second_hub(stage: Stage) -> None:
-    command = [sys.executable, '-m', 'porotwin_hub.hub_node', '--ros-args']
-    command += ['-r', f'__ns:={NAMESPACE}', '-p', f'rig:={stage.folder / "rig.yaml"}']
-    ran = subprocess.run(
-        command,
-        env={**ENVIRONMENT, 'ROS_DOMAIN_ID': str(stage.domain)},
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert ran.returncode == 2, ran.stderr
-    assert 'ROS_DOMAIN_ID' in ran.stderr.strip().splitlines()[-1]
 
 
 @fault(

@@ -42,8 +42,10 @@ def imaging_killed(stage: Stage) -> None:
     does=RESTARTED + ' Until then the last setpoint holds while it is valid.',
     mends=BY_ITSELF,
 )
-def solver_killed(stage: Stage) -> None:
+def solver_killed(stage: Stage) -> Iterator[None]:
     kill(stage, 'solver')
+    yield
+    stage.wait_for_forecast()
 
 
 @fault(
@@ -102,8 +104,12 @@ def operator_killed(stage: Stage) -> None:
     does=RESTARTED,
     mends=BY_ITSELF,
 )
-def camera_killed(stage: Stage) -> None:
+def camera_killed(stage: Stage) -> Iterator[None]:
+    before = len(stage.graph.log('camera'))
     kill(stage, 'camera')
+    yield
+    stage.wait_for_control()
+    assert 'duplicate' not in stage.graph.log('camera')[before:]  # those were sent before it ended
 
 
 @fault(
@@ -129,7 +135,7 @@ def page_killed(stage: Stage) -> None:
 @fault(
     'A second twin starts in the same domain.',
     Answer('another node /porotwin/hub runs in this ROS domain'),
-    does='The second one refuses to start. Control continues.',
+    does='The second one refuses to start, with one line. Control continues.',
     mends='give each rig a domain of its own (`--domain`)',
 )
 def second_twin(stage: Stage) -> None:
@@ -150,7 +156,9 @@ def second_twin(stage: Stage) -> None:
         timeout=60.0,
     )
     assert second.returncode == 2, second.stderr
-    assert 'another node /porotwin/hub runs in this ROS domain' in second.stderr
+    last = second.stderr.strip().splitlines()[-1]
+    assert 'another node /porotwin/hub runs in this ROS domain' in last
+    assert 'ROS_DOMAIN_ID' in last
 
 
 @fault(

@@ -239,6 +239,14 @@ class Stage:
             f'no setpoint follows from {len(stamps)} good photographs in {limit:g} s'
         )
 
+    def wait_for_forecast(self) -> None:
+        """Take good photographs until the hub has a forecast; fail after two cycles."""
+        reports = self.graph.messages['hub/cycle']
+        begun, deadline = len(reports), time.monotonic() + CYCLES * PHOTO_INTERVAL_S
+        while not any(math.isfinite(report.objective) for report in reports[begun:]):
+            assert time.monotonic() < deadline, 'no forecast'
+            self.wait_for_control()
+
     def check_setpoints(self) -> None:
         """Check every setpoint so far: its photograph was good, and it keeps the limits."""
         for message in self.graph.messages['wells/setpoint']:

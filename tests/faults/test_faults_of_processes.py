@@ -1,4 +1,8 @@
-"""Killed and stopped processes in a running twin: every fault shows, and control goes on."""
+"""Killed and stopped processes, and a clock that is set, under a running twin.
+
+Every fault shows, and control goes on. One twin meets all of them, because its start costs as much
+as many faults.
+"""
 
 import pytest
 
@@ -7,9 +11,11 @@ from faults.suite import Stages, check
 
 pytestmark = pytest.mark.graph  # beside the tests of nodes: it waits most of the time
 
-FAULTS = [fault for fault in all_faults() if fault.group == 'Processes']
+SETTABLE_CLOCK = True
+
+FAULTS = [fault for fault in all_faults() if fault.group in ('Clocks', 'Processes')]
 
 
 @pytest.mark.parametrize('fault', FAULTS, ids=str)
-def test_a_process_that_fails_shows_and_control_goes_on(fault: Fault, stages: Stages) -> None:
+def test_a_failure_or_a_set_clock_shows_and_control_goes_on(fault: Fault, stages: Stages) -> None:
     check(fault, stages)
