@@ -24,7 +24,7 @@ from porotwin_solver.model.model import Model
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 
 rig = load_rig(SMALL_RIG)
-grid = rig.grid(94, 56)
+grid = rig.grid(62, 37)
 interval, photographs = 120.0, 31
 limits, objective = Limits.of(rig), make_objective(rig, grid)
 controller = Controller(limits, objective, horizon=600.0, evaluations=25)

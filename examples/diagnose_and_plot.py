@@ -41,6 +41,7 @@ with tempfile.TemporaryDirectory() as folder:
         effects=[parse_effect('porosity:factor=0.88')],
         noise=MapNoise.drawn(3),
         grid=rig.grid(62, 37),
+        cell=0.004,
     )
     recording = open_recording(Path(folder) / 'recording')
     excluded = [name for name in EFFECTS if name not in CONSIDERED]

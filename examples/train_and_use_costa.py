@@ -29,7 +29,7 @@ from porotwin_solver.model.simulation import simulate
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 
 rig = load_rig(SMALL_RIG)
-grid = rig.grid(62, 37)
+grid = rig.grid(47, 28)
 interval = 60.0
 
 

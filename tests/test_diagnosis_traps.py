@@ -99,9 +99,9 @@ def test_an_effect_of_the_camera_does_not_pass_as_physics(tmp_path, effect, impo
     assert camera.held_out_misfit < 0.75 * physics.held_out_misfit
 
 
-def test_a_tenth_of_a_cell_is_no_gap_but_two_percent_of_retardation_is(quiet):
+def test_a_tenth_of_a_cell_is_no_gap_but_two_percent_of_retardation_is(tmp_path):
     """On the cells of the recording the scheme displaces fronts by more than that."""
-    sample = sample_of(quiet)
+    sample = sample_of(recorded(tmp_path / 'recording', grid=SMALL.grid(94, 56)))
     fine = Forward(sample, refinement=2)
     shift = {'dx': 0.1 * sample.grid.dx, 'dz': 0.0, 'rotation': 0.0, 'scale': 1.0}
     changes = []

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from diagnosis_examples import SLOW_EFFECTS, recorded, sample_of
+from diagnosis_examples import SLOW_EFFECTS, SMALL, recorded, sample_of
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription
@@ -46,7 +46,7 @@ def test_the_true_effect_is_the_first(denser_sand):
 def test_a_zone_that_the_scan_has_missed_is_found_at_the_place_of_a_leak(tmp_path, monkeypatch):
     zone = {'x': 0.24, 'z': 0.3, 'radius': 0.04, 'permeability_factor': 0.15}
     hidden = EffectDescription(name='heterogeneity', parameters=zone)
-    sample = sample_of(recorded(tmp_path / 'recording', hidden))
+    sample = sample_of(recorded(tmp_path / 'recording', hidden, grid=SMALL.grid(94, 56)))
     levels = make_levels([sample], progress=lambda _stage, _share: None)
     beside = {'leak': (0.26, 0.28), 'heterogeneity': (0.45, 0.1)}
 

@@ -18,6 +18,7 @@ from porotwin_recording.experiment.recording import open_recording
 from porotwin_recording.tables.concentration import ConcentrationWriter
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     result = porotwin('simulate', experiment, '--output', tmp_path / 'model.nc', '--json')
     assert result.returncode == 0, result.stderr
@@ -84,6 +85,7 @@ def test_impossible_times_are_refused(tmp_path: Path, times: str, complaint: str
         simulate.command(tmp_path, tmp_path / 'model.nc', times=times)
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> None:
     effect = 'rate:well=injector,factor=0.5'
     for name, extra in (('plain', []), ('weak', ['--effect', effect])):
@@ -129,6 +131,7 @@ def test_missing_rates_and_an_effect_given_twice_are_refused_first(
     assert not output.exists()
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_closed_rig_whose_wells_take_turns_is_simulated(tmp_path: Path) -> None:
     rig = yaml.safe_load(small_rig().read_text())
     rig['boundaries'] = dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')

@@ -12,6 +12,7 @@ SHORT = ('--siblings', '24', '--cells', '330', '--horizon', '2min')
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures('undrawn')
 def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_path: Path) -> None:
     text = (experiment / 'rig.yaml').read_text()
     (tmp_path / 'stocked.yaml').write_text(
