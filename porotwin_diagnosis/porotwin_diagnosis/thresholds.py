@@ -49,6 +49,11 @@ effect with four parameters could move fronts in many ways, so that each way was
 shifted picture imitates a bent response, a displaced well or a porosity: without the factor, three
 of four such cases were named wrongly or with 0.5. True shifts keep their 0.99."""
 
+PART_OF_A_TRIPLE = 0.2
+"""Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
+looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
+3."""
+
 # Decision ---------------------------------------------------------------------------------------
 
 NO_GAP_MISFIT = 0.45

@@ -31,8 +31,8 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet):
 def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails():
     misfits = 0.9 * SUFFICIENT_MISFIT, 1.1 * CORRECTED_MISFIT, 2.0, 1.1 * CORRECTED_MISFIT
     pairs = [[fit_of('rate', 'leak', misfit=misfit)] for misfit in misfits]
-    singles = [fit_of('rate', misfit=misfit) for misfit in (5.0, 5.0, 3.0, 2.0, 5.0)]
-    asked = zip([[], *pairs], singles, strict=True)
+    gaps = [fit_of(misfit=misfit) for misfit in (9.0, 9.0, 9.0, 9.0, 30.0)]
+    asked = zip([[], *pairs], gaps, strict=True)
     assert [hopeful(*own) for own in asked] == [False] * 3 + [True] * 2
 
 

@@ -251,8 +251,8 @@ def _with_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Sea
 
     A single effect that suffices when it is fitted again needs no third effect.
     """
-    pairs, null, single = findings.pairs, findings.null, findings.singles[0]
-    if not leaves_a_gap(single) or not hopeful(pairs, single):
+    pairs, null = findings.pairs, findings.null
+    if not leaves_a_gap(findings.singles[0]) or not hopeful(pairs, null):
         return SearchStep(levels, findings)
     levels, triples = judged_together(levels, space, pairs[:1], null, 3)
     if not worth_keeping(triples, pairs[0]):

@@ -25,6 +25,7 @@ from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import (
     BEAM,
     CORRECTED_MISFIT,
+    PART_OF_A_TRIPLE,
     WIDE_BEAM,
 )
 
@@ -105,17 +106,13 @@ def _screened(
     return [fit for fit in fits if fit.is_feasible and not levels.has_leak_at_well(fit)]
 
 
-def hopeful(pairs: Sequence[Fit], single: Fit) -> bool:
+def hopeful(pairs: Sequence[Fit], null: Fit) -> bool:
     """Return whether the best of the judged `pairs` is probably part of a triple.
 
-    It leaves a gap, and either not much of one, or its second effect earned its place beside the
-    best `single` effect: a dense tracer and decay left a fifth of a gap, and sorption was missing.
+    It leaves a gap, but not so much of the one of `null` that it is hardly part of the truth.
     """
-    return any(
-        leaves_a_gap(pair)
-        and (normalised_misfit(pair) <= CORRECTED_MISFIT or earns_its_place(pair, single))
-        for pair in pairs[:1]
-    )
+    limit = max(CORRECTED_MISFIT, PART_OF_A_TRIPLE * normalised_misfit(null))
+    return any(leaves_a_gap(pair) and normalised_misfit(pair) <= limit for pair in pairs[:1])
 
 
 def judged_inside(levels: Levels, triples: Sequence[Fit], null: Fit) -> Judgement:
