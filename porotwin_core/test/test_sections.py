@@ -164,6 +164,8 @@ def test_maps_show_no_canals_and_no_dry_sand_unless_it_rains() -> None:
     assert not wet[np.ix_(row, column)].any(), 'the canal'
     assert not wet[grid.z > 0.477].any(), 'above the highest level plus the fringe'
     assert wet[grid.z < 0.40].all()
+    held = rig.cell_pore_volume(grid)[wet].sum()
+    assert rig.pore_volume == pytest.approx(held, rel=0.02), 'nor does it hold their water'
     assert rig_with(WATER, **table).wet_sand(grid)[-1].all(), 'rain may raise the table'
 
 

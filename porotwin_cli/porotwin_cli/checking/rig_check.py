@@ -393,16 +393,17 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     physics = described_physics(rig, grid)
     if physics.boundaries.corners_with_a_jump:
         return 'heads: the rate between sides that meet in a corner is not determined'
-    flux = background_flux(physics)
+    flux, pores = background_flux(physics), physics.mobile_water
     if physics.fringe is not None:
-        flux = TableFlow(physics, np.zeros(grid.shape)).flux
+        table = TableFlow(physics, np.zeros(grid.shape))
+        flux, pores = table.flux, table.surface * pores
     if flux is None:
         return 'heads: with its effects the rig has equal water levels, which drive no water'
     through = np.concatenate([*entering(flux), flux.divergence().ravel()])
     rate = float(through[through > 0.0].sum())
     if rate <= 0.0:
         return 'heads: no water flows through the rig; compare them with the levels of water bodies'
-    seconds = float(physics.mobile_water.sum()) / rate
+    seconds = float(physics.contact.where_canal(pores, 0.0 * pores).sum()) / rate
     start = ' at the start' if rig.levels else ''
     balance = water_balance(rig, grid, {})
     places = {} if balance is None else balance.places

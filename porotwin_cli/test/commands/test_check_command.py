@@ -32,7 +32,7 @@ from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
-from porotwin_core.rig.sections import LevelCourse
+from porotwin_core.rig.sections import LevelCourse, WaterTable
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
@@ -194,6 +194,18 @@ def test_the_rate_between_two_heads_counts_the_effects() -> None:
     assert told.endswith(f'in {minutes:.3g} min')
     loose = rig.with_effects([EffectDescription(name='porosity', parameters={'factor': 0.5})])
     assert heads_in_words(loose, rig.grid(40, 24)).endswith(f'in {0.5 * minutes:.3g} min')
+
+
+def test_below_a_table_only_the_wet_pores_are_exchanged() -> None:
+    sides = {'top': 'closed', 'left': 'open', 'right': 'open'}
+    heads = Boundaries.model_validate({**sides, 'heads_m': {'left': 0.30, 'right': 0.28}})
+    update = {'boundaries': heads, 'water_table': WaterTable(fringe_m=0.0)}
+    rig = load_rig(small_rig()).model_copy(update=update)
+    dupuit = 6.57e-10 * 998.0 * GRAVITY / 1e-3 * 0.010 * (0.30**2 - 0.28**2) / (2.0 * 0.934)
+    wet = 0.375 * 0.010 * 0.934 * 0.29  # the mean height of the table
+    told = heads_in_words(rig, rig.grid(80, 48))
+    minutes = float(told.removesuffix(' min').split()[-1])
+    assert minutes == pytest.approx(wet / dupuit / 60.0, rel=0.03)
 
 
 @pytest.mark.parametrize(
