@@ -20,8 +20,7 @@ def _find(known: Known) -> Iterator[Remark]:
     assert told is not None
     pauses = FixedPauses.of(known.rig)
     run = pauses.in_schedule(told)
-    end_min = known.rig.control.end_min if known.rig.control is not None else None
-    last = max(told.rows[-1].time, MINUTE_S * (end_min or 0.0), *map(float, known.times[-1:]))
+    last = known.end
     for well, own in pauses.of_wells.items():
         for begin, end in own:
             if begin < last and _pumps_throughout(told, well, begin, min(end, last)):
