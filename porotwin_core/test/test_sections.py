@@ -133,6 +133,9 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
+        (WATER, {'levels': {'canal': {'points': [[5, 0.52]]}}}, ['levels.canal']),
+        ({'sea': {**SEA, 'head_m': 0.52}}, {}, []),  # in a reservoir beside the closed rig
+        ({'sea': {**SEA, 'head_m': 0.52}}, TABLE, ['water.sea.head_m']),
         ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
         ({'sea': {**SEA, 'head_m': 0.6}}, OPEN, ['boundaries.heads_m']),
         (

@@ -263,8 +263,9 @@ def test_mistakes_of_an_experiment_are_all_listed(experiment: Path, tmp_path: Pa
     assert 'it uses semicolons' in told(folder)
 
 
-def test_rates_off_the_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
-    rig = changed(tmp_path)
+def test_rates_off_the_told_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
+    control = yaml.safe_load(small_rig().read_text())['control']
+    rig = changed(tmp_path, control={**control, 'rate_step_ml_h': 0.5})
     (tmp_path / 'rates.csv').write_text(
         'time_s,well,rate_ml_h,concentration\n0,control1,107.37,0\n0,producer,-107.37,0\n'
         '60,control1,110,0\n60,producer,-110,0\n90,control1,3.55,0\n90,producer,-3.55,0\n'
@@ -273,6 +274,7 @@ def test_rates_off_the_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
     assert 'rates.csv at 0 s is control1 107.37 ml/h: no multiple of control.rate_step' in remarks
     assert 'like 1 more' in remarks
     assert check(rig.parent).runs
+    assert 'no multiple' not in told(changed(tmp_path).parent), 'nobody told the default'
 
 
 def test_a_bag_is_checked() -> None:
