@@ -48,7 +48,7 @@ ZONE, CHART = '#b03a2e', '#1e8449'
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
 FLOWS = {'injects stock': '#b03a2e', 'injects water': '#2471a3', 'takes out': '#7d3c98'}
 COLOURS = {**ROLES, **FLOWS}
-"""Colours of wells by their part in a control section, and by what they do in a recording."""
+"""Colours of wells by their part in a control section, and in a recording."""
 
 CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
 LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
@@ -193,7 +193,7 @@ def well_roles(checked: CheckedRig) -> dict[str, str]:
 
 
 def _flow(rates: Sequence[WellRate]) -> str:
-    """Return what a well with these `rates` does in a recording."""
+    """Return the part of a well with these `rates` in a recording."""
     injected = [rate.concentration for rate in rates if rate.rate > 0.0]
     if injected:
         return 'injects stock' if max(injected) > 0.0 else 'injects water'
