@@ -44,6 +44,18 @@ def test_the_table_holds_the_move_and_the_mass(moving: Path, tmp_path: Path) -> 
         assert [float(row['time_s']) for row in csv.DictReader(file)] == [0.0, 30.0]
 
 
+def test_the_screen_shows_few_rows_where_a_file_has_all(tmp_path: Path) -> None:
+    rig = load_rig(small_rig())
+    with ConcentrationWriter(tmp_path / 'maps.nc', rig.grid(9, 6)) as writer:
+        for number in range(60):
+            writer.append(30.0 * number, np.full((6, 9), 0.01))
+    given = ['measure', tmp_path / 'maps.nc', '--rig', small_rig()]
+    shown = porotwin(*given, '--output', tmp_path / 'plume.csv').stdout
+    assert '1770' in shown
+    assert len(shown.splitlines()) < 60 < len(porotwin(*given).stdout.splitlines())
+    assert len((tmp_path / 'plume.csv').read_text().splitlines()) == 61
+
+
 def test_open_water_hides_no_sand(moving: Path, tmp_path: Path) -> None:
     """Maps of photographs show nothing there, simulated ones do: both see all of the sand."""
     rig = yaml.safe_load(small_rig().read_text())
