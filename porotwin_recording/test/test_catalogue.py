@@ -170,13 +170,6 @@ def test_only_a_folder_without_its_whole_maps_is_unfinished(tmp_path: Path) -> N
     assert (plain.state, len(plain.remarks)) == ('complete', 1)
 
 
-def test_a_recording_in_the_making_is_not_listed(tmp_path: Path) -> None:
-    for name in ('.run.partial', 'run'):
-        write_folder(tmp_path / name, bench_experiment())
-    assert list(find_recordings(tmp_path)) == [tmp_path / 'run']
-    assert list(find_recordings(tmp_path / '.run.partial')) == [tmp_path / '.run.partial']
-
-
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='no such folder'):
         list(find_recordings(tmp_path / 'nowhere'))

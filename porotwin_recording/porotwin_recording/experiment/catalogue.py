@@ -112,8 +112,7 @@ def find_recordings(root: Path) -> Iterator[Path]:
     """Yield every bag and experiment folder in the folder `root`, or `root` itself, by name.
 
     A folder is one bag if it has a metadata.yaml, or if its files are named as a recorder names
-    the parts of one bag. Other .mcap files are bags of their own. Hidden folders are left out: a
-    command writes there what is not yet a recording.
+    the parts of one bag. Other .mcap files are bags of their own.
 
     Raises:
         InputError: there is no such folder, or a file is no bag.
@@ -127,7 +126,7 @@ def find_recordings(root: Path) -> Iterator[Path]:
         return
     for place, folders, names in os.walk(root):
         folder = Path(place)
-        folders[:] = sorted(name for name in folders if not name.startswith('.'))
+        folders.sort()
         files = sorted(name for name in names if name.endswith(('.mcap', f'.mcap{COMPRESSED}')))
         if RIG_FILE in names and not {*FILES[1:]}.isdisjoint(names):
             yield folder
