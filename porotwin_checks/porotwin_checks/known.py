@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
@@ -70,6 +71,16 @@ class Known:
     def name_of(self, number: int) -> str:
         """Return the name of a map by its `number`."""
         return self.names[number] if self.names else f'the map at {self.times[number]:.0f} s'
+
+    @property
+    def end(self) -> float:
+        """The last known time [s]; without maps and photographs, the end of the experiment too."""
+        tables = [rates.rows for rates in (self.commanded, self.measured) if rates is not None]
+        times = [0.0, *(row.time for rows in tables for row in rows), *map(float, self.times[-1:])]
+        control = self.rig.control
+        if control is not None and not (self.has('times') or self.photos):
+            times.append(MINUTE_S * (control.end_min or 0.0))
+        return max(*times, *(photo.time for photo in self.photos))
 
     @property
     def grid(self) -> Grid:

@@ -9,12 +9,14 @@ import pytest
 from recording_examples import controlled_rig
 
 from porotwin_checks.all_checks import OF_TABLES, remarks_about
+from porotwin_checks.checks.announced_pauses import CHECK as PAUSES
 from porotwin_checks.checks.map_values import CHECK
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
+from porotwin_core.rig.control_section import FixedWell
 
 
 def with_control(**changes: Any) -> Rig:
@@ -87,6 +89,17 @@ def test_a_chase_with_water_at_another_rate_is_not_odd() -> None:
     first, last = data.commanded.rows
     data = replace(data, commanded=Schedule((first, chase, last)))
     assert list(found_in(data)) == []
+
+
+def test_a_recording_that_ends_before_a_pause_does_not_pump_through_it() -> None:
+    rests = FixedWell(rate_ml_h=523.2, concentration=1.0, pauses_min=((20.0, 30.0),))
+    rig = with_control(fixed={'in': rests}, end_min=80.0, producer=None)
+    told = Schedule(recording().commanded.rows[:1])
+    codes = [
+        [one.code for one in PAUSES.find(Known(rig=rig, commanded=told, times=times))]
+        for times in ([0.0, 540.0], [0.0, 1900.0], [])
+    ]
+    assert codes == [[], ['pumps_in_pause'], ['pumps_in_pause']]
 
 
 def test_control_wells_that_inject_too_much_together_are_odd() -> None:

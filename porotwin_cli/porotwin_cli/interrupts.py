@@ -19,7 +19,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def told_in_one_line() -> Iterator[None]:
     """End the process with one line after Ctrl-C, SIGTERM or SIGHUP in the block.
 
-    They raise KeyboardInterrupt, so that the block ends what it started. The signal itself is
+    They raise KeyboardInterrupt, so that the block ends its children. The signal itself is
     noted, because compiled code turns a KeyboardInterrupt into other errors.
 
     Raises:

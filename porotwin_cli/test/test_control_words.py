@@ -30,6 +30,8 @@ def test_limits_and_parts_are_told() -> None:
     free = control.model_copy(update={'max_change_ml_h': None})
     limits = control_words(rig.model_copy(update={'control': free}))[0]
     assert 'any change from setpoint to setpoint' in limits
+    spared = control.model_copy(update={'max_producer_rate_ml_h': control.most_fixed_ml_h + 200})
+    assert ', 200 ml/h together' in control_words(rig.model_copy(update={'control': spared}))[0]
     assert control_words(rig.model_copy(update={'control': None})) == []
 
 

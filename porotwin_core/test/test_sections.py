@@ -133,6 +133,9 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
+        (WATER, {'levels': {'canal': {'points': [[5, 0.52]]}}}, ['levels.canal']),
+        ({'sea': {**SEA, 'head_m': 0.52}}, {}, []),  # in a reservoir beside the closed rig
+        ({'sea': {**SEA, 'head_m': 0.52}}, TABLE, ['water.sea.head_m']),
         ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
         ({'sea': {**SEA, 'head_m': 0.6}}, OPEN, ['boundaries.heads_m']),
         (
@@ -164,6 +167,8 @@ def test_maps_show_no_canals_and_no_dry_sand_unless_it_rains() -> None:
     assert not wet[np.ix_(row, column)].any(), 'the canal'
     assert not wet[grid.z > 0.477].any(), 'above the highest level plus the fringe'
     assert wet[grid.z < 0.40].all()
+    held = rig.cell_pore_volume(grid)[wet].sum()
+    assert rig.pore_volume == pytest.approx(held, rel=0.02), 'nor does it hold their water'
     assert rig_with(WATER, **table).wet_sand(grid)[-1].all(), 'rain may raise the table'
 
 

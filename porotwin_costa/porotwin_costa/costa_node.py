@@ -40,7 +40,7 @@ from porotwin_costa.data.dataset import (
     newest_pairs,
     pairs_beside,
 )
-from porotwin_costa.data.physics_id import PhysicsId
+from porotwin_costa.data.physics_id import PhysicsId, untaught
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
@@ -184,8 +184,8 @@ class CostaNode(TwinNode):
     def _objection(self) -> str:
         """Return why the model does not correct the physics in force, or an empty string."""
         model = self._in_use.model
-        if model is not None and self._rig.levels:
-            return 'levels of water change, which COSTA does not know'
+        if model is not None and (unknown := untaught(self._rig)):
+            return unknown
         present = PhysicsId.of(self._present_rig, self._preset)
         if model is None or not model.physics.difference(present):
             return ''

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import ThreadCrew
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rig.sections import LevelCourse
+from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.run_training import Experiments, train_from_runs
 
@@ -18,6 +21,20 @@ def _solver(_grid):
 
 def _slow(_grid):
     return MovingTracers(0.8 * SPEED)
+
+
+def _none(_grid):
+    pytest.fail('the work began')
+
+
+def test_levels_that_change_are_refused_before_the_work(rig, grid):
+    tidal = rig.model_copy(update={'levels': {'sea': LevelCourse(points=((40, 0.29),))}})
+    frames = [moving_frames(grid, 12, at=0.2)]
+    with ThreadCrew(1) as pool, pytest.raises(InputError, match='levels'):
+        data = Experiments(tidal, grid, frames, STEP_S, '', _none, _none, pool)
+        train_from_runs(data, architecture('local'), seed=3)
+    with pytest.raises(InputError, match='levels'):
+        build_dataset(frames, tidal, grid=grid, time_step=STEP_S, predict=_none, residual=_none)
 
 
 def test_workers_prepare_the_pairs_of_one_process(rig, grid):

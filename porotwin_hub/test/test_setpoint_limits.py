@@ -123,5 +123,7 @@ def test_the_producer_takes_out_no_more_than_it_may(small_rig: Rig) -> None:
     found = limits.setpoint(np.full(len(limits.wells), limits.max_rate))
     assert to_ml_h(found['producer'].rate) == pytest.approx(-600.0, abs=0.5)
     assert limits.violations(found) == []
+    together = limits.violations({**found, 'control1': WellRate(limits.max_rate)})
+    assert any('which max_producer_rate_ml_h 600 leaves' in line for line in together)
     more = {**found, 'producer': WellRate(from_ml_h(-601.0))}
     assert any('takes out at most 600 ml/h' in line for line in limits.violations(more))

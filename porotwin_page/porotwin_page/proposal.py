@@ -46,8 +46,8 @@ def _rate(well: str, value: object, control: Control) -> WellRate:
 
 def _check_sum(rates: WellRates, control: Control) -> None:
     together = sum(rate.rate for rate in rates.values()) / from_ml_h(1.0)
-    if together > control.max_total_rate_ml_h + ROUND_OFF_ML_H:
+    if together > control.most_total_ml_h + ROUND_OFF_ML_H:
         raise InputError(
             f'control wells inject {together:.1f} ml/h together; rig.yaml allows '
-            f'{control.max_total_rate_ml_h:g} ml/h'
+            f'{control.most_total_words}'
         )

@@ -20,10 +20,7 @@ def _find(known: Known) -> Iterator[Remark]:
     assert told is not None
     pauses = FixedPauses.of(known.rig)
     run = pauses.in_schedule(told)
-    end_min = known.rig.control.end_min if known.rig.control is not None else None
-    # a recording may have ended earlier than planned: its last rates say nothing of later pauses
-    seen = [*map(float, known.times[-1:]), *(photo.time for photo in known.photos[-1:])]
-    last = max(told.rows[-1].time, *(seen or [MINUTE_S * (end_min or 0.0)]))
+    last = known.end
     for well, own in pauses.of_wells.items():
         for begin, end in own:
             if begin < last and _pumps_throughout(told, well, begin, min(end, last)):

@@ -35,12 +35,8 @@ class Injected(NamedTuple):
 
 
 def injected(known: Known) -> Injected:
-    """Return what all wells inject until the last known time, by the delivered rates."""
-    schedule = known.rates or Schedule()
-    told = (known.commanded, known.measured)
-    times = [row.time for rates in told if rates is not None for row in rates.rows]
-    times += [photo.time for photo in known.photos]
-    end = max([*times, 0.0, *map(float, known.times[-1:])])
+    """Return what all wells inject until the `end`, by the delivered rates."""
+    schedule, end = known.rates or Schedule(), known.end
     volume = math.fsum(
         (high - low) * max(well.rate, 0.0)
         for low, high, rates in schedule.intervals(0.0, end)

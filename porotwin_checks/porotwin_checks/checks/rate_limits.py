@@ -8,6 +8,7 @@ from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
+from porotwin_core.rig import PUMP_STEP_ML_H
 
 SAME_RATE = 0.005
 """Relative difference of a rate from the described one that rounding of units makes."""
@@ -20,7 +21,8 @@ ROUND = 'round it, or correct rate_step_ml_h in rig.yaml if the pump takes it'
 def _find(known: Known) -> Iterator[Remark]:
     """Yield remarks about wells, each once, the sum of the control wells, and their steps.
 
-    A control well that injects tracer is not used as one.
+    A control well that injects tracer is not used as one. Nobody told the steps of a pump that has
+    the default.
     """
     control, commanded = known.rig.control, known.commanded
     if control is None or commanded is None:
@@ -43,7 +45,8 @@ def _find(known: Known) -> Iterator[Remark]:
             remark = Remark(f'rates.csv: well {row.well}', f'{rate:g} ml/h', why, REMEDY)
             odd.setdefault(row.well, remark)
         beside = abs(math.remainder(rate, control.rate_step_ml_h))
-        if row.well in control.wells and beside > ROUND_OFF_ML_H:
+        is_told = control.rate_step_ml_h != PUMP_STEP_ML_H
+        if is_told and row.well in control.wells and beside > ROUND_OFF_ML_H:
             off.append((row.time, f'{row.well} {rate:.6g} ml/h'))
     yield from odd.values()
     for time in dict.fromkeys(row.time for row in commanded.rows):

@@ -14,7 +14,7 @@ def control_words(rig: Rig) -> list[str]:
     most, least = control.max_change_ml_h, control.min_rate_ml_h
     limits = [
         f'{", ".join(control.wells)} up to {control.max_rate_ml_h:g} ml/h each',
-        f'{control.max_total_rate_ml_h:g} ml/h together',
+        f'{control.most_total_ml_h:g} ml/h together',
         f'{control.producer} takes out up to {_producer_ml_h(control):g} ml/h'
         if control.producer is not None
         else '',

@@ -12,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 
 from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
+from porotwin_checks.known import Known
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.checking.plan_words import place_words, plan_words
@@ -308,7 +309,7 @@ def in_words(checked: CheckedRig) -> list[str]:
     elif checked.data is None:
         lines += fixed_wells_in_words(checked.rig)
     rates = announced_rates(checked)
-    if rates.rows and (end := last_time(checked.rig, rates)):
+    if rates.rows and (end := last_time(checked.rig, checked.data)):
         lines.append(plan_words(rates, end))
     if (words := stock_words(checked)) is not None:
         lines.append(words)
@@ -331,7 +332,7 @@ def in_words(checked: CheckedRig) -> list[str]:
 def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
     """Yield a remark if the plan takes more stock than there is."""
     plan = (data and data.known_rates) or uncontrolled_rates(rig)
-    end = last_time(rig, plan)
+    end = last_time(rig, data)
     bottle = bottle_at(rig, plan, end)
     if bottle is not None and bottle.empty_at < end:
         why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
@@ -352,17 +353,17 @@ def stock_words(checked: CheckedRig) -> str | None:
     """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
     rig, data = checked.rig, checked.data
     plan = (data and data.known_rates) or uncontrolled_rates(rig)
-    end = last_time(rig, plan)
+    end = last_time(rig, data)
     bottle = bottle_at(rig, plan, end)
     if bottle is None:
         return None
     return f'stock: {bottle.left * ML:.4g} ml are left in the bottle at {end:g} s'
 
 
-def last_time(rig: Rig, plan: Schedule) -> float:
-    """Return the end of the experiment [s], or the last row of the `plan` without one."""
-    end = rig.control.end_min if rig.control is not None else None
-    return MINUTE_S * end if end is not None else max((row.time for row in plan.rows), default=0.0)
+def last_time(rig: Rig, data: RecordedData | None) -> float:
+    """Return the end of a recording or, without one, of the experiment of `rig` [s]."""
+    known = Known(rig=rig, commanded=uncontrolled_rates(rig)) if data is None else data.known()
+    return known.end
 
 
 def balance_of(checked: CheckedRig) -> WaterBalance | None:
@@ -393,16 +394,17 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
     physics = described_physics(rig, grid)
     if physics.boundaries.corners_with_a_jump:
         return 'heads: the rate between sides that meet in a corner is not determined'
-    flux = background_flux(physics)
+    flux, pores = background_flux(physics), physics.mobile_water
     if physics.fringe is not None:
-        flux = TableFlow(physics, np.zeros(grid.shape)).flux
+        table = TableFlow(physics, np.zeros(grid.shape))
+        flux, pores = table.flux, table.surface * pores
     if flux is None:
         return 'heads: with its effects the rig has equal water levels, which drive no water'
     through = np.concatenate([*entering(flux), flux.divergence().ravel()])
     rate = float(through[through > 0.0].sum())
     if rate <= 0.0:
         return 'heads: no water flows through the rig; compare them with the levels of water bodies'
-    seconds = float(physics.mobile_water.sum()) / rate
+    seconds = float(physics.contact.where_canal(pores, 0.0 * pores).sum()) / rate
     start = ' at the start' if rig.levels else ''
     balance = water_balance(rig, grid, {})
     places = {} if balance is None else balance.places

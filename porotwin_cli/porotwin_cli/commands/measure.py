@@ -102,7 +102,7 @@ def command(
         return
     shown = [[_short(row[name]) for name in SHOWN] for row in rows]
     title = f'{maps}, outline at {level:g}'
-    if sys.stdout.isatty() and len(shown) > MOST_ROWS:
+    if (output or sys.stdout.isatty()) and len(shown) > MOST_ROWS:
         title += f'; {MOST_ROWS} of {len(shown)} maps, --output or --json gives all'
         half = MOST_ROWS // 2
         shown = [*shown[:half], ['...'] * len(SHOWN), *shown[-half:]]
@@ -161,12 +161,13 @@ def _rows(
     from porotwin_imaging.measures.plume_measures import plume_alone, plume_measures
     from porotwin_imaging.measures.wasserstein import map_distance
 
-    pores = _pores(rig, maps.grid)
+    sand = rig.wet_sand(maps.grid)
+    pores = np.where(sand, _pores(rig, maps.grid), 0.0)
     rows: list[dict[str, Any]] = []
     before = None
     doubted = []
     for time, (read, deviation, systematic) in zip(maps.times, maps.with_deviations(), strict=True):
-        values = np.where(np.isinf(read), np.nan, read)
+        values = np.where(sand & np.isfinite(read), read, np.nan)
         measures = plume_measures(
             values, maps.grid, pores,
             level=level, side=side, deviation=deviation, systematic=systematic,

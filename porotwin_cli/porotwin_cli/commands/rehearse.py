@@ -43,7 +43,8 @@ def command(
             'May be given several times. '
             f'Names: {", ".join(extension_names("porotwin_rig.effects"))}. '
             'docs/effects.md lists the parameters with their units. '
-            'Viscosity and buoyancy take several times longer than the others.'
+            'Viscosity and buoyancy, also in rig.yaml, take several times longer than the others, '
+            'whatever the --grid; a shorter --duration-min helps.'
         ),
     ] = None,
     duration_min: Annotated[

@@ -24,6 +24,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.rig.control_zones import control_zones
+from porotwin_core.rig.rig_on_axes import WATER, draw_water, water_place
 from porotwin_core.rig.sand_interfaces import MOST_SANDS
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 
@@ -43,11 +44,11 @@ SHADED_PERCENTILES = (2.0, 98.0)
 Shading = Callable[[Any], FloatArray]
 """Returns the shade [-] of permeabilities [m^2]."""
 
-ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
+ZONE, CHART = '#b03a2e', '#1e8449'
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
 FLOWS = {'injects stock': '#b03a2e', 'injects water': '#2471a3', 'takes out': '#7d3c98'}
 COLOURS = {**ROLES, **FLOWS}
-"""Colours of wells by their part in a control section, and by what they do in a recording."""
+"""Colours of wells by their part in a control section, and in a recording."""
 
 CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
 LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
@@ -175,7 +176,7 @@ def _role_handles(rig: Rig, roles: Mapping[str, str]) -> list[Line2D]:
         for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
     ]
     if not rig.closed:
-        handles.append(Line2D([], [], color=OPEN, lw=4, label='water'))
+        handles.append(Line2D([], [], color=WATER, lw=4, label='water'))
     return handles
 
 
@@ -192,7 +193,7 @@ def well_roles(checked: CheckedRig) -> dict[str, str]:
 
 
 def _flow(rates: Sequence[WellRate]) -> str:
-    """Return what a well with these `rates` does in a recording."""
+    """Return the part of a well with these `rates` in a recording."""
     injected = [rate.concentration for rate in rates if rate.rate > 0.0]
     if injected:
         return 'injects stock' if max(injected) > 0.0 else 'injects water'
@@ -228,31 +229,17 @@ def _draw_depth(axis: Axes, rig: Rig) -> None:
 
 def _draw_sides(axis: Axes, rig: Rig) -> None:
     width, height = rig.width_m, rig.height_m
-    sides: dict[str, tuple[list[float], list[float]]] = {
-        'bottom': ([0, width], [0, 0]),
-        'top': ([0, width], [height, height]),
-        'left': ([0, 0], [0, height]),
-        'right': ([width, width], [0, height]),
-    }
-    for x, z in sides.values():
-        axis.plot(np.array(x), np.array(z), color='black', lw=1.5)
+    axis.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color='black', lw=1.5)
+    draw_water(axis, rig)
     inward = {'bottom': (0, 12), 'top': (0, -12), 'left': (12, 0), 'right': (-12, 0)}
     for name, body in rig.water_bodies.items():
-        words = (
-            f'{name}, {body.rate_ml_h:g} ml/h' if body.head_m is None else f'head {body.head_m:g} m'
-        )
-        if body.corners_m is not None:
-            axis.fill(*np.array(body.corners_m).T, color=OPEN, alpha=0.5)
-            _label(axis, words, np.mean(body.corners_m, axis=0), (0, 0), 0)
-            continue
-        assert body.side is not None
-        (x0, x1), (z0, z1) = sides[body.side]
-        along_z = body.side in ('left', 'right')
-        end = body.to_m or (height if along_z else width)
-        x, z = ([x0, x1], [body.from_m, end]) if along_z else ([body.from_m, end], [z0, z1])
-        axis.plot(x, z, color=OPEN, lw=4, ls='-' if body.rate_ml_h is None else ':')
-        if body.side not in rig.boundaries.open_sides or rig.boundaries.heads_m:
-            middle = np.array([sum(x), sum(z)]) / 2.0
+        told = f'{body.rate_ml_h:g} ml/h' if body.head_m is None else f'{body.head_m:g} m'
+        words = f'{name} {told}'
+        middle = np.mean(water_place(rig, name), axis=0)
+        if body.side is None:
+            _label(axis, words, middle, (0, 0), 0)
+        elif body.side not in rig.boundaries.open_sides or rig.boundaries.heads_m:
+            along_z = body.side in ('left', 'right')
             _label(axis, words, middle, inward[body.side], 90 if along_z else 0)
 
 
@@ -264,7 +251,7 @@ def _label(
         (float(place[0]), float(place[1])),
         xytext=offset,
         textcoords='offset points',
-        color=OPEN,
+        color=WATER,
         ha='center',
         va='center',
         rotation=rotation,

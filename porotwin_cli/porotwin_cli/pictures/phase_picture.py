@@ -13,7 +13,7 @@ from porotwin_core.basis.errors import writing
 from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_water, draw_wells
 from porotwin_imaging.phases.phase_colours import PHASES
 from porotwin_imaging.phases.phase_measures import SURE
 from porotwin_imaging.phases.phase_segmentation import PhaseMap
@@ -50,6 +50,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
         axis.imshow(
             _doubt(found), origin='lower', extent=extent, cmap=ListedColormap([DOUBT]), alpha=0.6
         )
+        draw_water(axis, rig)
         draw_wells(axis, rig)
         draw_interfaces(axis, rig, colour=INTERFACE)
         axis.set_title(unit.precise(time))

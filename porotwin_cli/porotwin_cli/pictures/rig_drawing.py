@@ -22,7 +22,7 @@ from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_zones import ZoneKind, control_zones
-from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_water, draw_wells
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
@@ -58,6 +58,7 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
     axis.imshow(
         concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
     )
+    draw_water(axis, rig)
     draw_zones(axis, rig)
     draw_wells(axis, rig)
     draw_interfaces(axis, rig, colour=INTERFACE)

@@ -32,7 +32,7 @@ from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
-from porotwin_core.rig.sections import LevelCourse
+from porotwin_core.rig.sections import LevelCourse, WaterTable
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
@@ -196,6 +196,18 @@ def test_the_rate_between_two_heads_counts_the_effects() -> None:
     assert heads_in_words(loose, rig.grid(40, 24)).endswith(f'in {0.5 * minutes:.3g} min')
 
 
+def test_below_a_table_only_the_wet_pores_are_exchanged() -> None:
+    sides = {'top': 'closed', 'left': 'open', 'right': 'open'}
+    heads = Boundaries.model_validate({**sides, 'heads_m': {'left': 0.30, 'right': 0.28}})
+    update = {'boundaries': heads, 'water_table': WaterTable(fringe_m=0.0)}
+    rig = load_rig(small_rig()).model_copy(update=update)
+    dupuit = 6.57e-10 * 998.0 * GRAVITY / 1e-3 * 0.010 * (0.30**2 - 0.28**2) / (2.0 * 0.934)
+    wet = 0.375 * 0.010 * 0.934 * 0.29  # the mean height of the table
+    told = heads_in_words(rig, rig.grid(80, 48))
+    minutes = float(told.removesuffix(' min').split()[-1])
+    assert minutes == pytest.approx(wet / dupuit / 60.0, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ('effect', 'complaint'),
     [
@@ -251,8 +263,9 @@ def test_mistakes_of_an_experiment_are_all_listed(experiment: Path, tmp_path: Pa
     assert 'it uses semicolons' in told(folder)
 
 
-def test_rates_off_the_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
-    rig = changed(tmp_path)
+def test_rates_off_the_told_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
+    control = yaml.safe_load(small_rig().read_text())['control']
+    rig = changed(tmp_path, control={**control, 'rate_step_ml_h': 0.5})
     (tmp_path / 'rates.csv').write_text(
         'time_s,well,rate_ml_h,concentration\n0,control1,107.37,0\n0,producer,-107.37,0\n'
         '60,control1,110,0\n60,producer,-110,0\n90,control1,3.55,0\n90,producer,-3.55,0\n'
@@ -261,6 +274,7 @@ def test_rates_off_the_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
     assert 'rates.csv at 0 s is control1 107.37 ml/h: no multiple of control.rate_step' in remarks
     assert 'like 1 more' in remarks
     assert check(rig.parent).runs
+    assert 'no multiple' not in told(changed(tmp_path).parent), 'nobody told the default'
 
 
 def test_a_bag_is_checked() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from cli_examples import porotwin
 from typer.testing import CliRunner
 
@@ -41,6 +42,38 @@ def test_the_table_holds_the_move_and_the_mass(moving: Path, tmp_path: Path) -> 
     assert second['tracer_deviation_ml'] == pytest.approx(0.1 * second['tracer_ml'], rel=1e-3)
     with table.open() as file:
         assert [float(row['time_s']) for row in csv.DictReader(file)] == [0.0, 30.0]
+
+
+def test_the_screen_shows_few_rows_where_a_file_has_all(tmp_path: Path) -> None:
+    rig = load_rig(small_rig())
+    with ConcentrationWriter(tmp_path / 'maps.nc', rig.grid(9, 6)) as writer:
+        for number in range(60):
+            writer.append(30.0 * number, np.full((6, 9), 0.01))
+    given = ['measure', tmp_path / 'maps.nc', '--rig', small_rig()]
+    shown = porotwin(*given, '--output', tmp_path / 'plume.csv').stdout
+    assert '1770' in shown
+    assert len(shown.splitlines()) < 60 < len(porotwin(*given).stdout.splitlines())
+    assert len((tmp_path / 'plume.csv').read_text().splitlines()) == 61
+
+
+def test_open_water_hides_no_sand(moving: Path, tmp_path: Path) -> None:
+    """Maps of photographs show nothing there, simulated ones do: both see all of the sand."""
+    rig = yaml.safe_load(small_rig().read_text())
+    corners = [[0.0, 0.4], [0.1, 0.4], [0.1, 0.562], [0.0, 0.562]]
+    rig |= {
+        'boundaries': {'top': 'closed'},
+        'water': {'canal': {'corners_m': corners, 'head_m': 0.5}},
+    }
+    (moving.parent / 'rig.yaml').write_text(yaml.safe_dump(rig))
+    result = porotwin('measure', moving, '--json')
+    assert [row['seen'] for row in json.loads(result.stdout)['rows']] == [1.0, 1.0]
+    description = load_rig(moving.parent)
+    hidden = np.where(description.wet_sand(description.grid(94, 56)), 0.0, np.nan)
+    path = tmp_path / 'hidden.nc'
+    with ConcentrationWriter(path, description.grid(94, 56)) as writer:
+        writer.append(0.0, hidden)
+    (row,) = json.loads(porotwin('measure', path, '--json').stdout)['rows']
+    assert row['seen'] == 1.0
 
 
 def test_another_rig_than_the_one_beside_the_maps_is_told(moving: Path) -> None:

@@ -305,6 +305,17 @@ class Control(Section):
             return self.max_total_rate_ml_h
         return min(self.max_total_rate_ml_h, self.max_producer_rate_ml_h - self.most_fixed_ml_h)
 
+    @property
+    def most_total_words(self) -> str:
+        """`most_total_ml_h` with its origin."""
+        most = self.most_total_ml_h
+        if most == self.max_total_rate_ml_h:
+            return f'{most:g} ml/h, max_total_rate_ml_h'
+        return (
+            f'{most:g} ml/h, which max_producer_rate_ml_h {self.max_producer_rate_ml_h:g} leaves '
+            f'beside the fixed wells with {self.most_fixed_ml_h:g}'
+        )
+
     @pydantic.model_validator(mode='after')
     def _spares_the_producer(self) -> Self:
         most = self.max_producer_rate_ml_h

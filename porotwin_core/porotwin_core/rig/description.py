@@ -498,8 +498,10 @@ class Rig(Section):
 
     @property
     def pore_volume(self) -> float:
-        """Volume of the water in the pores of the whole rig [m^3]."""
-        return float(self.cell_pore_volume(self.grid(PORE_SAMPLES, PORE_SAMPLES)).sum())
+        """Volume of the pores of the `wet_sand` [m^3]; of all sand, where levels miss all of it."""
+        grid = self.grid(PORE_SAMPLES, PORE_SAMPLES)
+        pores = self.cell_pore_volume(grid)
+        return float(pores[self.wet_sand(grid)].sum() or pores.sum())
 
     def cell_pore_volume(self, grid: Grid) -> FloatArray:
         """Return the volume of the pores of each cell of `grid` [m^3], (nz, nx)."""

@@ -1,7 +1,9 @@
-"""Wells and sands of a rig on a plot in metres, the same in all pictures."""
+"""Wells, water and sands of a rig on a plot in metres, the same in all pictures."""
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from porotwin_core.rig import Rig, Well
 from porotwin_core.rig.sand_interfaces import interfaces
@@ -26,6 +28,33 @@ def draw_wells(axis: Axes, rig: Rig, *, dark: bool = False) -> None:
             color=ink,
             path_effects=[withStroke(linewidth=2, foreground=ground, alpha=0.8)],
         )
+
+
+WATER, OPEN_WATER = '#2471a3', '#a8cbe6'
+"""Colours of the water at sides, and in the picture."""
+
+
+def draw_water(axis: Axes, rig: Rig) -> None:
+    """Draw open water, and the water at the sides of `rig`: dotted where it comes at a rate."""
+    for name, body in rig.water_bodies.items():
+        place = water_place(rig, name)
+        if body.side is None:
+            axis.fill(*place.T, facecolor=OPEN_WATER, edgecolor=WATER, lw=0.8)
+        else:
+            axis.plot(*place.T, color=WATER, lw=4, ls='-' if body.rate_ml_h is None else ':')
+
+
+def water_place(rig: Rig, name: str) -> NDArray[np.float64]:
+    """Return the corners (x, z) [m] of the open water `name`, or both ends of it at a side."""
+    body = rig.water_bodies[name]
+    if body.corners_m is not None:
+        return np.array(body.corners_m)
+    width, height = rig.width_m, rig.height_m
+    if body.side in ('left', 'right'):
+        x = 0.0 if body.side == 'left' else width
+        return np.array([[x, body.from_m], [x, body.to_m or height]])
+    z = 0.0 if body.side == 'bottom' else height
+    return np.array([[body.from_m, z], [body.to_m or width, z]])
 
 
 def _has_no_room_right(well: Well, rig: Rig) -> bool:

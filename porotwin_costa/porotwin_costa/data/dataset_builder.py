@@ -13,6 +13,7 @@ from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_costa.data.dataset import Dataset, empty_dataset
 from porotwin_costa.data.frames import Frames, frame_pairs, left_out, mean_rates, rate_vector
+from porotwin_costa.data.physics_id import refuse_untaught
 
 PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
 """(concentration, rates, time step [s]) -> predicted concentration, uncorrected; (nz, nx) [-]."""
@@ -65,8 +66,9 @@ def build_dataset(
         progress: called with the number of samples after each one.
 
     Raises:
-        InputError: a frame is not on `grid`, or no pair can be used.
+        InputError: a frame is not on `grid`, no pair can be used, or `rig` has levels.
     """
+    refuse_untaught(rig)
     dropped: Counter[str] = Counter()
     samples: list[TrainingSample] = []
     names = []

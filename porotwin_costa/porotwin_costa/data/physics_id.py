@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Self
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
 
 
@@ -35,3 +36,18 @@ class PhysicsId:
                 f'rig {self.rig}, not {other.rig} (sand, wells, boundaries or effects of rig.yaml)'
             )
         return ''
+
+
+def untaught(rig: Rig) -> str:
+    """Return what moves the water of `rig` and no correction knows, or an empty string."""
+    return 'levels of water change, which COSTA does not know' if rig.levels else ''
+
+
+def refuse_untaught(rig: Rig) -> None:
+    """Refuse to learn the errors of a model of `rig` that no correction can know.
+
+    Raises:
+        InputError: there are some.
+    """
+    if unknown := untaught(rig):
+        raise InputError(f'rig.yaml: {unknown}; name a rig.yaml without levels')

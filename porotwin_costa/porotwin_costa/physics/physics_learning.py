@@ -199,7 +199,7 @@ def learn_physics(
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
             say(f'no more physics to learn: {name} takes {percent(max(kept_gain, 0.0))} of the gap')
             break
-        say(f'learnt {name}: takes {percent(kept_gain)} of the squared gap of the kept free runs')
+        say(f'learnt {name}: takes {percent(kept_gain)} of the squared gap left on kept maps')
         best = found
     if not best.learnt.parts:
         say('the model lacks no physics that these maps show')

@@ -13,6 +13,7 @@ from porotwin_costa.correction.free_run_gate import Judge, gated, kept_runs
 from porotwin_costa.data.dataset import Dataset, join_datasets
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames
+from porotwin_costa.data.physics_id import refuse_untaught
 from porotwin_costa.networks import Architecture
 from porotwin_costa.physics.physics_learning import SolverOn, Solvers, learn_physics
 from porotwin_costa.training.rollout_training import CURRICULUM, Stage, train_through_runs
@@ -101,8 +102,10 @@ def train_from_runs(
         say: told every decision.
 
     Raises:
-        InputError: too few maps, none with tracer to judge, or the model cannot run.
+        InputError: too few maps, none with tracer to judge, the model cannot run, or the rig has
+            levels.
     """
+    refuse_untaught(experiments.rig)
     usual = architecture.training.epochs
     settings = architecture.training.with_epochs(epochs)
     learning, kept = kept_runs(experiments.frames, settings.validation_share)
@@ -111,6 +114,8 @@ def train_from_runs(
     solver = experiments.solver_on(experiments.grid)
     judge = Judge(solver, kept, experiments.time_step)
     judge.check()
+    alone = float(judge.alone.mean())
+    say(f'model alone: error of the kept free runs {alone:.4f} of the observed maps')
     learnt = LearntPhysics()
     if architecture.learns_physics:
         learnt = learn_physics(

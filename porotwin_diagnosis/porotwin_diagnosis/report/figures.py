@@ -15,7 +15,7 @@ from porotwin_core.clock.time_units import TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_wells
+from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_water, draw_wells
 from porotwin_core.rig.well_colours import well_colours
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.decision.held_out import HeldOut
@@ -308,6 +308,7 @@ def _map(axis: Axes, result: Diagnosis, values: FloatArray, **style: Any) -> Any
 def _wells(axis: Axes, result: Diagnosis, *, dark: bool = False) -> None:
     """Draw the wells and the limits of the rig, with names in white on a `dark` map."""
     rig = result.recordings[0].rig
+    draw_water(axis, rig)
     draw_wells(axis, rig, dark=dark)
     axis.tick_params(labelsize=8)
     axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m), aspect='equal')

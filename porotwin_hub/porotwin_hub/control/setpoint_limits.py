@@ -31,7 +31,8 @@ class Limits:
     Rates are multiples of `step` [m^3/s]. A control well that pumps has at least `min_rate`
     [m^3/s]. `max_change` [m^3/s] bounds the change of one rate from one setpoint to the next; the
     safe rates are always allowed. The producer takes out at most `max_producer_rate` [m^3/s];
-    `max_total_rate` allows for it. `pausing` wells are fixed ones with announced pauses.
+    `max_total_rate` allows for it, as `max_total_words` tell. `pausing` wells are fixed ones with
+    announced pauses.
     """
 
     wells: tuple[str, ...]
@@ -45,6 +46,7 @@ class Limits:
     max_change: float = math.inf
     max_producer_rate: float = math.inf
     pausing: frozenset[str] = frozenset()
+    max_total_words: str = ''
 
     @classmethod
     def of(cls, rig: Rig) -> 'Limits':
@@ -71,6 +73,7 @@ class Limits:
             max_change=from_ml_h(control.max_change_ml_h or math.inf),
             max_producer_rate=from_ml_h(control.max_producer_rate_ml_h or math.inf),
             pausing=frozenset(n for n, well in control.fixed.items() if well.pauses_min),
+            max_total_words=control.most_total_words,
         )
 
     def setpoint(
@@ -166,7 +169,7 @@ class Limits:
         if math.fsum(control) > self.max_total_rate + RATE_TOLERANCE:
             lines.append(
                 f'control wells inject {to_ml_h(math.fsum(control)):.1f} ml/h together, '
-                f'more than {to_ml_h(self.max_total_rate):.1f} ml/h'
+                f'more than {self.max_total_words or f"{to_ml_h(self.max_total_rate):.1f} ml/h"}'
             )
         return lines
 

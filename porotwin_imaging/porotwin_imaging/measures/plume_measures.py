@@ -80,7 +80,7 @@ class PlumeMeasures:
         area_m2: area above the level [m^2].
         contour_m: length of the outline [m].
         fingers: fingers on one side.
-        seen: share of the cells that the map shows [-].
+        seen: share of the cells with pores that the map shows [-].
         tracer_deviation_ml, x_deviation_m, z_deviation_m, spread_x_deviation_m,
             spread_z_deviation_m, area_deviation_m2: standard deviations of these; NaN if a value
             that is seen has no deviation. Without a plume, that of the tracer is half of what was
@@ -167,7 +167,7 @@ def plume_measures(
         area_m2=_area(shown, level, grid),
         contour_m=contour_length(values, grid, level),
         fingers=finger_count(values, grid, level, side),
-        seen=float(seen.mean()),
+        seen=float(seen[pore_volume > 0.0].mean()),
         **found,
     )
 

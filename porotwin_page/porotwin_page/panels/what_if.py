@@ -18,7 +18,7 @@ def what_if_view(snapshot: GraphSnapshot, _: Moment) -> Json | None:
         'present': expectation_view(snapshot.expected),
         'wells': list(control.wells) if control is not None else [],
         'max_rate_ml_h': control.max_rate_ml_h if control is not None else 0.0,
-        'max_total_ml_h': control.max_total_rate_ml_h if control is not None else 0.0,
+        'max_total_ml_h': control.most_total_ml_h if control is not None else 0.0,
         'step_ml_h': control.rate_step_ml_h if control is not None else 0.0,
         'controlled': snapshot.setpoint is not None,
     }

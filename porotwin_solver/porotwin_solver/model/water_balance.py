@@ -34,11 +34,13 @@ class WaterBalance:
         wells: of wells and leaks, by name.
         places: of open sides and other water, by name.
         sands: through the sands of the middle of the rig, positive to the right; empty for one.
+        levels: for which it holds, of the water whose level changes [m], by name.
     """
 
     wells: Mapping[str, float]
     places: Mapping[str, float]
     sands: Mapping[str, float]
+    levels: Mapping[str, float]
 
     @property
     def in_ml_h(self) -> dict[str, dict[str, float]]:
@@ -51,7 +53,8 @@ class WaterBalance:
     def __str__(self) -> str:
         """Return the balance on one line."""
         wells, places, sands = (_in_words(rates) for rates in self.in_ml_h.values())
-        told = f'into the sand [ml/h]: {"; ".join(filter(None, (wells, places)))}'
+        levels = ''.join(f'{name} at {level:g} m, ' for name, level in self.levels.items())
+        told = f'{levels}into the sand [ml/h]: {"; ".join(filter(None, (wells, places)))}'
         return told if not sands else f'{told}; to the right through the middle: {sands}'
 
 
@@ -74,7 +77,10 @@ def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None
         return None
     flux = _flux(physics, rates)
     places = {**at_sides(rig, grid, entering(flux)), **into_canals(rig, grid, flux)}
-    return WaterBalance(wells, places, _through_sands(rig, grid, flux))
+    levels = {
+        name: (rig.water_bodies[name].head_m or 0.0) + rates[name].rise for name in rig.levels
+    }
+    return WaterBalance(wells, places, _through_sands(rig, grid, flux), levels)
 
 
 def into_canals(rig: Rig, grid: Grid, flux: FaceField) -> dict[str, float]:

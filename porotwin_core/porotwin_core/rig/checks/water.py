@@ -44,7 +44,7 @@ def _water(rig: Rig) -> Iterator[Remark]:
     yield from _exchanged_heads(rig)
     if rig.water or rig.water_table:  # only then are heads heights above the lower edge
         for name, body in rig.water_bodies.items():
-            yield from _low_level(rig, name, body)
+            yield from _missed_level(rig, name, body)
             yield from _level_at_side(rig, name, body)
     if rig.water_table and heads:
         yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
@@ -105,17 +105,24 @@ def _foot(rig: Rig, body: WaterBody) -> float:
     return rig.height_m if body.side == 'top' else 0.0
 
 
-def _low_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
-    """Yield a remark about water that stands below its place, at the start or later."""
+def _missed_level(rig: Rig, name: str, body: WaterBody) -> Iterator[Remark]:
+    """Yield remarks about water below its place or above its tank, at the start or later.
+
+    A side may have a level above the tank, in a reservoir, unless a table lies in the sand.
+    """
     if body.head_m is None:
         return
-    foot, lowest = _foot(rig, body), min(_levels(rig, name, body.head_m))
-    if lowest < foot:
-        place = 'open water' if body.side is None else f'{body.side} side'
-        key = f'levels.{name}' if lowest < body.head_m else _head_key(rig, name)
-        why = f'its water stands below the {place}, which begins at {foot:g} m'
+    levels, foot, top = _levels(rig, name, body.head_m), _foot(rig, body), rig.height_m
+    place = 'open water' if body.side is None else f'{body.side} side'
+    missed = {}
+    if (lowest := min(levels)) < foot:
+        missed[lowest] = f'stands below the {place}, which begins at {foot:g} m'
+    if (highest := max(levels)) > top and (body.side is None or rig.water_table is not None):
+        missed[highest] = f'would flow over: the rig is {top:g} m high'
+    for level, why in missed.items():
+        key = f'levels.{name}' if level != body.head_m else _head_key(rig, name)
         remedy = 'correct it, in m above the lower edge of the sand'
-        yield Remark(key, f'{lowest:g} m', why, remedy)
+        yield Remark(key, f'{level:g} m', f'its water {why}', remedy)
 
 
 def _dry_wells(rig: Rig, wet_m: float) -> Iterator[Remark]:
