@@ -180,7 +180,9 @@ def _ends(
     title = table.find('end')
     if title is not None:
         start = table.needed(*START)
-        zoned = [names_zone(dated_words(table, each)) for each in (start, title)]
+        zoned = [
+            names_zone(dated_words(table, each), answers.date_numbers) for each in (start, title)
+        ]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
                 f'{table.path}: only one of {table.spelt(start)} and {table.spelt(title)} names a '
