@@ -2,7 +2,6 @@
 
 import json
 import logging
-import math
 import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -26,6 +25,7 @@ from rich.table import Table
 from rich.text import Text
 
 from porotwin_core.basis.errors import InputError, check_writable
+from porotwin_core.basis.json_text import plain_json
 from porotwin_core.basis.plain_text import plain
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
@@ -208,19 +208,7 @@ class _ProgressLines(Progress):
 
 def print_json(result: dict[str, Any]) -> None:
     """Print one JSON object; paths become text, NaN and infinity become null."""
-    print(json.dumps(_plain(result), indent=2))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    print(json.dumps(plain_json(result), indent=2))
 
 
 def print_table(

@@ -72,7 +72,8 @@ def error_parts(
     )
     noise = min(noise_floor(random, spread, late.observed), left)
     finer = np.stack([conservative_resample(one, coarse.shape[1:]) for one in predicted])
-    scheme = min(relative_error(coarse, finer), _rest(left, noise))
+    # a model without tracer has no error of its scheme
+    scheme = min(relative_error(coarse, finer), _rest(left, noise)) if predicted.any() else 0.0
     return ErrorParts(_rest(whole, left), noise, scheme, _rest(left, noise, scheme))
 
 
