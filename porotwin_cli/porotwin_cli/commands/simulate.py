@@ -103,7 +103,7 @@ def command(
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment, command='simulate')
+        check_output(path, experiment, command='simulate', named=path == output)
     recording = open_recording(experiment)
     rig = recording.rig
     schedule = recording.delivered
