@@ -131,6 +131,7 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'partly': {**SEA, 'head_m': 0.3}}, {}, ['water.partly.head_m']),
         ({'partly': {**SEA, 'head_m': 0.3}}, TABLE, []),
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
+        ({'sea': SEA}, {'water_table': {'fringe_m': 50.0}}, ['water_table.fringe_m']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
         ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
