@@ -12,7 +12,8 @@ from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_checks.checks.map_values import CHECK
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import from_ml_h
+from porotwin_core.basis.units import ML, from_ml_h
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
 
@@ -302,3 +303,32 @@ def test_rates_through_an_announced_pause_are_told(
         assert (one.facts['begin_min'], one.facts['end_min']) == told
         assert one.facts['told_ml'] == pytest.approx(523.2 / 2)
         assert one.facts['run_ml'] == pytest.approx(523.2 * (30.0 - 11.0) / 60.0)
+
+
+OUT, PRESSURE, DYE = GaugeKind.OUTFLOW, GaugeKind.PRESSURE, GaugeKind.CONCENTRATION
+PUMPED_ML = 523.2 / 2
+"""What the well 'in' injects until 1800 s."""
+
+
+@pytest.mark.parametrize(
+    ('readings', 'codes'),
+    [
+        ([GaugeReading(1800.0, OUT, -PUMPED_ML / ML, 1.0 / ML, 'in')], []),
+        ([GaugeReading(1800.0, OUT, PUMPED_ML / ML, 1.0 / ML, 'in')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, -PUMPED_ML / 1e3 / ML, 1.0 / ML, 'in')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, 40.0 / ML, 1.0 / ML, 'out')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, 2.0 / ML, 1.0 / ML, 'out')], []),
+        ([GaugeReading(1800.0, DYE, 0.2, 0.1, 'in')], ['no_outflow']),
+        ([GaugeReading(9.0, PRESSURE, 20.0, 1.0, '', (0.1, 0.1), (0.1, 0.1))], ['same_port']),
+        ([GaugeReading(9.0, PRESSURE, value, 1.0, '', (0.1, 0.1)) for value in (4.0, 6.0)], []),
+        (
+            [GaugeReading(9.0, PRESSURE, value, 1.0, '', (0.1, 0.1)) for value in (4.0, 16.0)],
+            ['two_readings'],
+        ),
+    ],
+)
+def test_readings_that_cannot_be_right_are_odd(
+    readings: list[GaugeReading], codes: list[str]
+) -> None:
+    found = found_in(replace(recording(), readings=readings))
+    assert [remark.code for remark in found] == codes

@@ -2,6 +2,7 @@
 
 import io
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -356,6 +357,9 @@ def in_words(checked: CheckedRig) -> list[str]:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
+    if checked.data is not None and checked.data.readings:
+        kinds = Counter(str(one.kind) for one in checked.data.readings)
+        lines.append(f'readings: {", ".join(f"{count} {kind}" for kind, count in kinds.items())}')
     if checked.planned is not None:
         lines.append(f'demo and up: {plan_in_words(checked.planned)}')
     lines += control_words(checked.planned or checked.rig)

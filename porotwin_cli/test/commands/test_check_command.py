@@ -29,6 +29,7 @@ from porotwin_cli.checking.rig_check import (
 )
 from porotwin_cli.pictures.check_picture import check_picture, shading, well_roles
 from porotwin_cli.workspace import ROOT, small_rig
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
@@ -312,9 +313,16 @@ def test_an_effect_that_begins_after_the_end_is_odd_and_moves_no_water(tmp_path:
     assert '+1000.0' in str(balance_of(checked))
 
 
-def test_water_without_a_steady_table_is_told_beside_dry_wells(tmp_path: Path) -> None:
+def test_water_without_a_steady_table_is_told_beside_dry_wells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise InputError('no steady table found; correct the heads')
+
+    monkeypatch.setattr('porotwin_cli.checking.rig_check.TableFlow', refuse)
     keys = {'top': 'closed', 'left': 'open', 'right': 'open', 'heads_m': {'left': 0.0, 'right': 0}}
-    checked = pumped(tmp_path, '500 500', boundaries=keys, water_table={'fringe_m': 0.0})
+    changed(tmp_path, boundaries=keys, water_table={'fringe_m': 0.0})
+    checked = check(tmp_path / 'rig.yaml')
     assert not checked.runs
     assert {'water_table', 'wells.injector'} <= {remark.key for remark in checked.remarks}
 
