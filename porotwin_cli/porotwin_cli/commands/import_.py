@@ -124,7 +124,7 @@ def command(
     from porotwin_imaging.photograph.exposure_time import exif_words
     from porotwin_recording.experiment.bag_conversion import import_experiment
     from porotwin_recording.experiment.experiment_folder import RIG_FILE
-    from porotwin_recording.importers.map_import import MapAnswers, import_maps
+    from porotwin_recording.importers.map_import import MapAnswers, import_maps, maps_in
     from porotwin_recording.importers.packed import opened_archive
     from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
     from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
@@ -155,7 +155,8 @@ def command(
             f'{target}: lies inside {source}, whose next import would find the photographs twice; '
             'name a folder elsewhere'
         )
-    with opened_archive(source) as data:
+    with opened_archive(source) as opened:
+        data = opened if opened.is_dir() and is_lab_folder(opened) else maps_in(opened)
         is_experiment = data.name == RIG_FILE or is_bag(data)
         has_maps = data.suffix == '.zarr' or (data.is_file() and not is_experiment)
         if has_maps:
@@ -174,7 +175,7 @@ def command(
         with one_writer(target), _absent_after_error(target):
             if has_maps:
                 maps = MapAnswers(time_unit, first_row, stock, decimal, no_value)
-                described = _rig((data.parent, source.parent), rig)
+                described = _rig((data.parent, opened, source.parent), rig)
                 told = import_maps(data, target, described, maps)
             else:
                 answers = ProtocolAnswers(
@@ -191,7 +192,7 @@ def command(
                 beside = (data,) if data == source else (data, source.parent)
                 described = _rig(beside, rig)
                 told = import_protocols(data, target, described, answers, exposure=exif_words)
-            told = [line.replace(str(data), str(source)) for line in told]
+            told = [line.replace(str(opened), str(source)) for line in told]
             for line in told:
                 say(line)
             _report(source, target, told, as_json=as_json)
