@@ -13,6 +13,7 @@ import numpy as np
 
 from porotwin_checks.checks.measured_rates import wells_with_turned_sign
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, quoted
 from porotwin_core.rig import Rig
@@ -232,13 +233,14 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
     """Return the well of every injection, by its name or by its place."""
     named = table.find('well')
     if named is not None and not any('(' in word for word in table.columns[named]):
-        for line, word in zip(table.lines, table.columns[named], strict=True):
+        wells = [as_known(word, rig.wells) for word in table.columns[named]]
+        for line, word in zip(table.lines, wells, strict=True):
             if word not in rig.wells:
                 raise InputError(
                     f"{table.path}:{line}: unknown well '{word}'; the rig has "
                     f'{", ".join(rig.wells)}'
                 )
-        return table.columns[named]
+        return wells
     if named is not None:
         words = [re.findall(r'[-+\d.,eE]*\d', word) for word in table.columns[named]]
         if any(len(pair) != 2 for pair in words):
