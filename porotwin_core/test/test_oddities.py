@@ -125,7 +125,8 @@ def test_the_small_rig_is_not_odd() -> None:
             },
             'the fixed wells alone inject 41.6667 ml/h',
         ),
-        ({'control.max_rate_ml_h': '2 l/week'}, 'write the number alone'),
+        ({'control.max_rate_ml_h': '6 litre per day'}, 'with a unit, such as 6 l/d'),
+        ({'boundaries': {'top': 'open', 'heads_m': {'top': '1 ft'}}}, 'with a unit, such as 48 cm'),
         *(
             (
                 {

@@ -134,7 +134,7 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'sea': SEA}, {'water_table': {'fringe_m': 50.0}}, ['water_table.fringe_m']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
-        ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
+        ({'sea': {**SEA, 'head_m': '45 cm'}}, OPEN, []),  # a head beside other water drives water
         ({'sea': {**SEA, 'head_m': 0.6}}, OPEN, ['boundaries.heads_m']),
         (
             {'sea': {**SEA, 'head_m': 0.6}},

@@ -69,6 +69,7 @@ def test_any_rate_in_si_comes_back_within_its_round_off(
         ('time_s\twell\trate_ml_h\tconcentration\n', 'it uses tabs'),
         ('time_s,well,rate_ml_h,concentration\n0,in,5,5,1\n', ':2: .*decimal points, not commas'),
         ('time_s,well,rate_ml_h,concentration\n0,in,"5,5",1\n', ':2: .*with a decimal point'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,5.4D-06,1\n', 'write 5.4e-06'),
         ('time_s,well,rate_ml_h,concentration\n0,in,"1,200",1\n', 'write 1200 or 1.200'),
         ('time_s,well,rate_ml_h,concentration\n0:15,in,5,1\n', 'import reads clock times'),
         ('time_s,well,rate_ml_h,concentration\n2024-05-31,in,5,1\n', 'seconds from the start'),

@@ -27,8 +27,14 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
 )
 """Endings of keys with other units, the known endings, and the worth of one of the unit."""
 
-_RATE = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE)
-"""A rate with its unit."""
+_RATE = re.compile(
+    r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*(?-i:(?!Ml))([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE
+)
+"""A rate with its unit; Ml is a megalitre."""
+
+RATE_WORDS = 'write ml/h, as a number alone or with a unit, such as 6 l/d or 2 ml/min'
+LENGTH_WORDS = 'write m, as a number alone or with a unit, such as 48 cm or 480 mm'
+"""Remedies for a text that is no rate or no length."""
 
 _LENGTH = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([mcd]?m)\s*')
 """A length with its unit."""

@@ -25,6 +25,7 @@ from porotwin_recording.importers.words_of_languages import (
     quantities,
     with_plain_signs,
 )
+from porotwin_recording.tables.csv_table import FORTRAN
 
 Decimal = Literal['point', 'comma']
 
@@ -176,7 +177,7 @@ def number_in(word: str, decimal: Decimal) -> float:
         if not _WHOLE.fullmatch(whole):
             return math.nan
         whole = _SEPARATORS.sub('', whole)
-    text = f'{whole}.{rest}' if mark else whole
+    text = FORTRAN.sub('e', f'{whole}.{rest}' if mark else whole)
     try:
         return float(text) if text.isascii() and '_' not in text else math.nan
     except ValueError:

@@ -16,6 +16,9 @@ EXACT_INTEGERS = 1e15
 THOUSANDS = re.compile(r'-?\d{1,3}(,\d{3})+')
 """A number with commas between its thousands, or with a decimal comma."""
 
+FORTRAN = re.compile(r'(?<=[\d.])[dD](?=[-+]?\d+$)')
+"""The letter of Fortran before the power of ten, as in 5.4D-06."""
+
 CLOCK = re.compile(r'\d:\d|\d{4}-\d\d|\d\d?[./]\d\d?[./]\d{4}')
 """A part of a clock time or of a date."""
 
@@ -112,6 +115,8 @@ def _number_remedy(text: str) -> str:
     if THOUSANDS.fullmatch(text.strip()):
         plain, point = text.replace(',', ''), text.replace(',', '.')
         return f'write {plain}' + (f' or {point}' if text.count(',') == 1 else '')
+    if FORTRAN.search(text):
+        return f'write {FORTRAN.sub("e", text)}'
     if CLOCK.search(text):
         return 'write seconds from the start of the experiment; ./porotwin import reads clock times'
     return 'write a finite number' + (' with a decimal point' if ',' in text else '')
