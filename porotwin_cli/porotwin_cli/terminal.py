@@ -242,6 +242,19 @@ def print_table(
     Console(width=PIPE_WIDTH if is_file else None).print(table, crop=not is_file)
 
 
+def refuse_inside(source: Path, target: Path) -> None:
+    """Check that `target` lies outside the folder `source`, whose next reading would find it.
+
+    Raises:
+        InputError: it lies inside.
+    """
+    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
+        raise InputError(
+            f'{target}: lies inside {source}, whose next reading would find it too; name a folder '
+            'elsewhere'
+        )
+
+
 def refuse_existing(path: Path) -> None:
     """Check that `path` does not exist, so that nothing is overwritten, and may be written.
 

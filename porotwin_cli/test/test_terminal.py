@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 
 from porotwin_cli import terminal
+from porotwin_cli.recorded.conversion import convert
 from porotwin_cli.terminal import (
     left_in_words,
     print_json,
     print_table,
     progress,
     refuse_existing,
+    refuse_inside,
     say,
     seconds_left,
 )
@@ -104,3 +106,12 @@ def test_a_task_may_know_its_remaining_time() -> None:
     with progress() as bar:
         bar.add_task('diagnosis', total=100, left=lambda: 'at most 9 min')
         assert left_in_words(bar.tasks[0]) == 'at most 9 min'
+
+
+def test_a_target_inside_its_source_is_refused(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    with pytest.raises(InputError, match='lies inside'):
+        convert(lambda *_, **__: None, bag, bag / 'sub', as_json=False)
+    refuse_inside(bag, tmp_path / 'bag_2')
+    refuse_inside(bag / 'bag.mcap', bag / 'sub')

@@ -80,6 +80,7 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'camera': {'corners_px': CORNERS, 'colour_checker_px': CORNERS[::-1]}}, 'checker_px'),
         ({'camera': {'corners_px': CORNERS[:3]}}, 'too few values'),
         ({'depth_m': '10 mm'}, 'write the number alone'),
+        ({'density_kg_m3': '9_98.0'}, 'write the number alone'),
         ({'depth_m': '0,01'}, 'decimal point'),
         ({'depth_m': True}, 'write a number'),
         ({'depth_m': float('inf')}, 'finite'),

@@ -275,8 +275,12 @@ def test_a_producing_row_needs_no_concentration(folder: Path) -> None:
         for line, end in zip(INJECTION.splitlines(), (',concentration', ',0.5', ','), strict=True)
     ]
     (folder / 'injection_protocol.csv').write_text('\n'.join(lines))
-    recording, _ = imported(folder)
+    recording, told = imported(folder)
     assert recording.schedule.at(70.0)['in'].concentration == 0.5
+    assert not any('left out' in line for line in told)
+    (folder / 'injection_protocol.csv').write_text('\n'.join([*lines[:2], f'{lines[2]}1']))
+    (folder.parent / 'experiment').rename(folder.parent / 'third')
+    assert any('concentration is left out where' in line for line in imported(folder)[1])
     (folder / 'injection_protocol.csv').write_text('\n'.join(lines).replace(',0.5', ','))
     (folder.parent / 'experiment').rename(folder.parent / 'other')
     with pytest.raises(InputError, match=r"csv:2: concentration is ''; write a number"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from porotwin_cli.recorded.conversion import convert
-from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_cli.terminal import Json, print_json, refuse_existing, refuse_inside, say
 from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
@@ -150,11 +150,7 @@ def command(
     }
     if not source.exists():
         raise InputError(f'{source}: no such file or folder')
-    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
-        raise InputError(
-            f'{target}: lies inside {source}, whose next import would find the photographs twice; '
-            'name a folder elsewhere'
-        )
+    refuse_inside(source, target)
     with opened_archive(source) as opened:
         data = opened if opened.is_dir() and is_lab_folder(opened) else maps_in(opened)
         is_experiment = data.name == RIG_FILE or is_bag(data)

@@ -1,5 +1,6 @@
 """Numbers with a unit in a text: rates, lengths, and keys such as `width_cm` for `width_m`."""
 
+import math
 import re
 from collections.abc import Container
 
@@ -41,6 +42,14 @@ _LENGTH = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([mcd]?m)\s*')
 
 PERCENT = 100.0
 """Largest share that was probably written in percent."""
+
+
+def plain_number(text: str) -> float:
+    """Return the number in `text`; NaN for others, also for 5_00 and digits of other scripts."""
+    try:
+        return float(text) if text.isascii() and '_' not in text else math.nan
+    except ValueError:
+        return math.nan
 
 
 def was_percent(value: float) -> str:

@@ -3,6 +3,7 @@
 A rate or a level may be a text with its unit.
 """
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -11,6 +12,7 @@ from porotwin_core.basis.text_with_unit import (
     LENGTH_WORDS,
     RATE_WORDS,
     length_in_m,
+    plain_number,
     rate_in_ml_h,
 )
 
@@ -30,14 +32,11 @@ def _number(value: Any, remedy: str) -> Any:
         raise ValueError('write a number; yes, no, true and false are none')  # noqa: TRY004
     if not isinstance(value, str):
         return value
-    try:
-        return float(value)
-    except ValueError:
-        pass
-    try:
-        float(value.replace(',', '.'))
-    except ValueError:
-        raise ValueError(remedy) from None
+    number = plain_number(value)
+    if not math.isnan(number):
+        return number
+    if math.isnan(plain_number(value.replace(',', '.'))):
+        raise ValueError(remedy)
     raise ValueError('write a decimal point instead of the comma')
 
 

@@ -733,7 +733,9 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     _refuse_repeated(path, axes, places)
     values[places] = np.where(seen, columns['concentration'], np.nan)
     units = {name: unit_in(title) for name, title in titles.items()}
-    return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
+    counts = {'no line': values.size - table.length, 'no number': seen.count(False)}
+    gaps = {why: count for why, count in counts.items() if count}
+    return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units, gaps=gaps)
 
 
 def _shown(time: Any) -> str:

@@ -339,6 +339,12 @@ def _concentrations(
                     f'{table.path}:{row}: {title} is {share / factor:g}; write a share of the '
                     'tracer stock from 0 (water) to 1, or percent with % in the title'
                 )
+        idle = sum(share > 0 and rate < 0 for share, rate in zip(found, rates, strict=True))
+        if idle:
+            told.append(
+                f'{table.path}: {title} is left out where water is taken out ({idle} rows); was '
+                'the sign of these rates wrong?'
+            )
         return found
     inject = {well for well, rate in zip(wells, rates, strict=True) if rate > 0}
     if answers.concentration is None and len(inject) > 1:

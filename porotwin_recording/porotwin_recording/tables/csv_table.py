@@ -8,7 +8,7 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_text
-from porotwin_core.basis.text_with_unit import in_other_unit
+from porotwin_core.basis.text_with_unit import in_other_unit, plain_number
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
@@ -100,11 +100,7 @@ def parse_number(text: str, label: str) -> float:
     Raises:
         InputError: `text` is no finite number; `label` opens the message.
     """
-    try:
-        # Python reads 5_00 and the digits of other scripts as well
-        value = float(text) if text.isascii() and '_' not in text else math.nan
-    except ValueError:
-        value = math.nan
+    value = plain_number(text)
     if not math.isfinite(value):
         raise InputError(f"{label} is '{text}'; {_number_remedy(text)}")
     return value
