@@ -2,7 +2,9 @@
 
 import json
 import logging
+import shlex
 import sys
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
@@ -77,6 +79,7 @@ class _NewWarnings(logging.Handler):
 
 def show_warnings() -> None:
     """Print the warnings of all packages on standard error, each once."""
+    warnings.filterwarnings('ignore', 'Glyph .* missing from')  # a box in the picture shows it
     logger = logging.getLogger('porotwin')
     logger.addHandler(_NewWarnings())
     logger.propagate = False
@@ -240,6 +243,11 @@ def print_table(
     for row in cells:
         table.add_row(*map(escape, row))
     Console(width=PIPE_WIDTH if is_file else None).print(table, crop=not is_file)
+
+
+def as_argument(path: Path) -> str:
+    """Return `path` as a word of a command to copy."""
+    return shlex.quote(f'./{path}' if str(path).startswith('-') else str(path))
 
 
 def refuse_inside(source: Path, target: Path) -> None:

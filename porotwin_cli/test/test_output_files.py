@@ -114,6 +114,10 @@ def test_a_missing_folder_and_a_folder_are_named(tmp_path: Path) -> None:
         check_output(tmp_path / 'absent' / 'maps.nc')
     with pytest.raises(InputError, match='is a folder'):
         check_output(tmp_path)
+    link = tmp_path / 'link.nc'
+    link.symlink_to(tmp_path / 'disk_that_is_not_there.nc')
+    with pytest.raises(InputError, match='is a link to nothing'):
+        check_output(link)
 
 
 def test_a_second_call_for_an_output_is_refused(tmp_path: Path) -> None:

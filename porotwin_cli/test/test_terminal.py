@@ -8,6 +8,7 @@ import pytest
 from porotwin_cli import terminal
 from porotwin_cli.recorded.conversion import convert
 from porotwin_cli.terminal import (
+    as_argument,
     left_in_words,
     print_json,
     print_table,
@@ -24,6 +25,11 @@ def test_json_has_text_for_paths_and_null_for_nan(capsys: pytest.CaptureFixture[
     print_json({'path': Path('a') / 'b', 'errors': [0.5, float('nan')], 'rows': ({1: 'x'},)})
     expected = {'path': 'a/b', 'errors': [0.5, None], 'rows': [{'1': 'x'}]}
     assert json.loads(capsys.readouterr().out) == expected
+
+
+def test_a_proposed_command_takes_its_path_for_no_option() -> None:
+    assert as_argument(Path('-x.nc')) == './-x.nc'
+    assert as_argument(Path('two words.nc')) == "'two words.nc'"
 
 
 def test_messages_go_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:

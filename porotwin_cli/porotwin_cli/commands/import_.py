@@ -1,6 +1,5 @@
 """./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
-import shlex
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from porotwin_cli.recorded.conversion import convert
-from porotwin_cli.terminal import Json, print_json, refuse_existing, refuse_inside, say
+from porotwin_cli.terminal import Json, as_argument, print_json, refuse_existing, refuse_inside, say
 from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
@@ -255,6 +254,6 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     else:
         rows = f', {len(made.delivered.rows)} rates' if made.known_rates else ''
         print(f'{target}: {maps} maps, {photographs} photographs{rows}')
-        there, maps_file = (shlex.quote(str(path)) for path in (target, target / MAPS_FILE))
+        there, maps_file = (as_argument(path) for path in (target, target / MAPS_FILE))
         image = f'./porotwin image {there} --output {maps_file} makes its maps'
         say(f'next: ./porotwin check {there}' + (f'; {image}' if photographs and not maps else ''))

@@ -82,6 +82,8 @@ def check_output(output: Path, *inputs: Path | None, command: str = '', named: b
         raise InputError(f'{output}: there is no folder {output.parent}; make it, or name another')
     check_writable(output)
     if not output.exists():
+        if output.is_symlink():
+            raise InputError(f'{output}: is a link to nothing; name another output or remove it')
         return
     for path in inputs:
         if path is None or not path.exists():
