@@ -462,7 +462,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
 def levels_in_words(rig: Rig, grid: Grid) -> list[str]:
     """Return one line for each level that changes: its range, and the flow at its extremes.
 
-    The other levels are those of the same moment.
+    The other levels belong to the same moment.
     """
     levels, lines = WaterLevels.of(rig), []
     for name, course in levels.courses.items():
@@ -510,7 +510,7 @@ def barriers_in_words(rig: Rig) -> list[str]:
 
 
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
-    """Return how many maps there are, of which times and cells, and what that means."""
+    """Return number, times and cells of the maps, and their use for a diagnosis."""
     words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
     if len(times) < FEWEST_FRAMES:
         words += f'; a diagnosis needs {FEWEST_FRAMES} maps'

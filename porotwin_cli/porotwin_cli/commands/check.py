@@ -48,7 +48,7 @@ def command(
         output = output / PICTURE
     if output.suffix.lower() != '.png':
         raise InputError(f'{output}: the picture is a PNG; give a name that ends in .png')
-    check_output(output, path, command='check', named=named)  # replaces that of an earlier check
+    check_output(output, path, command='check', named=named)  # an earlier picture is replaced
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     words, balance = in_words(checked), balance_of(checked)
     check_picture(output, checked, words)
