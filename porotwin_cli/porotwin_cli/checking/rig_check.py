@@ -229,7 +229,8 @@ def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kin
 def _as_remark(key: str, error: InputError) -> Remark:
     """Return the message of a refusal as a remark."""
     why, _, remedy = str(error).rpartition('; ')
-    return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
+    told = (why or remedy).removeprefix(f'{key}: ')
+    return Remark(key, '', told, remedy if why else 'correct it', refused=True)
 
 
 def _told(text: str, kind: Kind) -> Remark:

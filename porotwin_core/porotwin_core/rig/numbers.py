@@ -18,11 +18,7 @@ from porotwin_core.basis.text_with_unit import (
 
 
 def _as_number(value: Any) -> Any:
-    """Return `value` as a number.
-
-    Raises:
-        ValueError: it is a text or a truth value.
-    """
+    """Return `value` as a number; a text or a truth value raises ValueError."""
     return _number(value, 'write the number alone; its unit is a part of the name of the key')
 
 

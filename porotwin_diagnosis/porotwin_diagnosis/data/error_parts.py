@@ -7,8 +7,7 @@ The parts add in squares to the whole error e:
 camera: how much the error falls when the model is shown with the blur of the camera and with the
 most probable of the errors that the calibration states (`shared_errors`). noise: its expected size.
 scheme: the change of the maps on cells twice as large. It is at least the error on the cells
-themselves, as errors fall by half or more where cells do. rest: the description of the rig, and its
-rates.
+themselves, as errors fall by half or more where cells do. rest: rig and rates.
 """
 
 from dataclasses import dataclass, replace
