@@ -229,8 +229,7 @@ def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kin
 def _as_remark(key: str, error: InputError) -> Remark:
     """Return the message of a refusal as a remark."""
     why, _, remedy = str(error).rpartition('; ')
-    told = (why or remedy).removeprefix(f'{key}: ')
-    return Remark(key, '', told, remedy if why else 'correct it', refused=True)
+    return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
 
 
 def _told(text: str, kind: Kind) -> Remark:
@@ -260,7 +259,7 @@ def _uses(rig: Rig, grid: Grid, rates: WellRates) -> Iterator[Remark]:
     if rig.camera is not None:
         uses['camera'] = lambda: Geometry.of(rig)
     if rig.water_table is not None:
-        uses['water_table'] = lambda: (heads_in_words(rig, grid), water_balance(rig, grid, rates))
+        uses['water'] = lambda: (heads_in_words(rig, grid), water_balance(rig, grid, rates))
     for key, use in uses.items():
         try:
             use()

@@ -324,7 +324,7 @@ def test_water_without_a_steady_table_is_told_beside_dry_wells(
     changed(tmp_path, boundaries=keys, water_table={'fringe_m': 0.0})
     checked = check(tmp_path / 'rig.yaml')
     assert not checked.runs
-    assert {'water_table', 'wells.injector'} <= {remark.key for remark in checked.remarks}
+    assert {'water', 'wells.injector'} <= {remark.key for remark in checked.remarks}
 
 
 def test_one_extreme_sand_does_not_make_the_others_alike() -> None:
