@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 
@@ -49,6 +50,7 @@ class Known:
             them.
         photos: the listed photographs, ordered by time.
         names: a name for each map, such as its photograph; empty: they are named by their times.
+        readings: of balances and manometers, ordered by time.
     """
 
     rig: Rig
@@ -60,6 +62,7 @@ class Known:
     scaled_maps: Maps | None = None
     photos: Sequence[ListedPhoto] = ()
     names: Sequence[str] = ()
+    readings: Sequence[GaugeReading] = ()
 
     def has(self, name: str) -> bool:
         """Return whether the attribute `name` is known, and not empty."""

@@ -13,7 +13,8 @@ from porotwin_checks.checks.announced_pauses import CHECK as PAUSES
 from porotwin_checks.checks.map_values import CHECK
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import from_ml_h
+from porotwin_core.basis.units import ML, from_ml_h
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_section import FixedWell
@@ -325,3 +326,32 @@ def test_rates_say_nothing_of_a_pause_after_the_recording() -> None:
     for end, told in ((480.0, 0), (900.0, 1)):
         known = Known(rig=rig, commanded=running, rates=running, photos=[Photo(end, 'a', 'state')])
         assert [one.code for one in found_in(known)].count('pumps_in_pause') == told
+
+
+OUT, PRESSURE, DYE = GaugeKind.OUTFLOW, GaugeKind.PRESSURE, GaugeKind.CONCENTRATION
+PUMPED_ML = 523.2 / 2
+"""What the well 'in' injects until 1800 s."""
+
+
+@pytest.mark.parametrize(
+    ('readings', 'codes'),
+    [
+        ([GaugeReading(1800.0, OUT, -PUMPED_ML / ML, 1.0 / ML, 'in')], []),
+        ([GaugeReading(1800.0, OUT, PUMPED_ML / ML, 1.0 / ML, 'in')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, -PUMPED_ML / 1e3 / ML, 1.0 / ML, 'in')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, 40.0 / ML, 1.0 / ML, 'out')], ['other_outflow']),
+        ([GaugeReading(1800.0, OUT, 2.0 / ML, 1.0 / ML, 'out')], []),
+        ([GaugeReading(1800.0, DYE, 0.2, 0.1, 'in')], ['no_outflow']),
+        ([GaugeReading(9.0, PRESSURE, 20.0, 1.0, '', (0.1, 0.1), (0.1, 0.1))], ['same_port']),
+        ([GaugeReading(9.0, PRESSURE, value, 1.0, '', (0.1, 0.1)) for value in (4.0, 6.0)], []),
+        (
+            [GaugeReading(9.0, PRESSURE, value, 1.0, '', (0.1, 0.1)) for value in (4.0, 16.0)],
+            ['two_readings'],
+        ),
+    ],
+)
+def test_readings_that_cannot_be_right_are_odd(
+    readings: list[GaugeReading], codes: list[str]
+) -> None:
+    found = found_in(replace(recording(), readings=readings))
+    assert [remark.code for remark in found] == codes

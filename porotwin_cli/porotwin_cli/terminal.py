@@ -2,8 +2,9 @@
 
 import json
 import logging
-import math
+import shlex
 import sys
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
@@ -26,6 +27,7 @@ from rich.table import Table
 from rich.text import Text
 
 from porotwin_core.basis.errors import InputError, check_writable
+from porotwin_core.basis.json_text import plain_json
 from porotwin_core.basis.plain_text import plain
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
@@ -77,6 +79,7 @@ class _NewWarnings(logging.Handler):
 
 def show_warnings() -> None:
     """Print the warnings of all packages on standard error, each once."""
+    warnings.filterwarnings('ignore', 'Glyph .* missing from')  # a box in the picture shows it
     logger = logging.getLogger('porotwin')
     logger.addHandler(_NewWarnings())
     logger.propagate = False
@@ -208,19 +211,7 @@ class _ProgressLines(Progress):
 
 def print_json(result: dict[str, Any]) -> None:
     """Print one JSON object; paths become text, NaN and infinity become null."""
-    print(json.dumps(_plain(result), indent=2))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    print(json.dumps(plain_json(result), indent=2))
 
 
 def print_table(
@@ -252,6 +243,24 @@ def print_table(
     for row in cells:
         table.add_row(*map(escape, row))
     Console(width=PIPE_WIDTH if is_file else None).print(table, crop=not is_file)
+
+
+def as_argument(path: Path) -> str:
+    """Return `path` as a word of a command to copy."""
+    return shlex.quote(f'./{path}' if str(path).startswith('-') else str(path))
+
+
+def refuse_inside(source: Path, target: Path) -> None:
+    """Check that `target` lies outside the folder `source`, whose next reading would find it.
+
+    Raises:
+        InputError: it lies inside.
+    """
+    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
+        raise InputError(
+            f'{target}: lies inside {source}, whose next reading would find it too; name a folder '
+            'elsewhere'
+        )
 
 
 def refuse_existing(path: Path) -> None:

@@ -71,6 +71,40 @@ def test_a_command_may_overwrite_what_it_made(recording: Path) -> None:
             check_output(file, recording, command=command)
 
 
+@pytest.mark.parametrize(
+    ('description', 'file'),
+    [
+        ('sand_image: {file: sands.png}', 'sands.png'),
+        ('control: {zone: {file: ../rig/./zone.nc}}', 'zone.nc'),
+        ('depth_m: {points_file: points.csv}\nwidth_m: wrong', 'points.csv'),
+    ],
+)
+def test_a_file_that_a_description_names_is_kept(tmp_path: Path, description, file) -> None:
+    folder = tmp_path / 'rig'
+    folder.mkdir()
+    (folder / 'rig.yaml').write_text(description)
+    for name in (file, 'other.png'):
+        (folder / name).write_text('of the lab')
+    with pytest.raises(InputError, match='is a file of the input'):
+        check_output(folder / file, folder / 'rig.yaml', command='check')
+    check_output(folder / 'other.png', folder / 'rig.yaml', command='check')
+
+
+def test_a_file_that_nobody_named_is_kept_unless_the_command_made_it(tmp_path: Path) -> None:
+    picture, table = tmp_path / 'maps.png', tmp_path / 'maps.csv'
+    for file in (picture, table):
+        check_output(file, command='segment', named=False)
+        file.write_text('of the lab')
+        with pytest.raises(InputError, match='exists already, and segment did not make it'):
+            check_output(file, command='segment', named=False)
+        check_output(file, command='segment')
+    with ConcentrationWriter(
+        tmp_path / 'maps.nc', Grid(3, 2, 0.3, 0.2), origin=made('segment')
+    ) as writer:
+        writer.append(0.0, np.zeros((2, 3)))
+    check_output(table, command='segment', named=False)
+
+
 def made(command: str) -> MapOrigin:
     return MapOrigin(program=maker(command))
 
@@ -80,6 +114,10 @@ def test_a_missing_folder_and_a_folder_are_named(tmp_path: Path) -> None:
         check_output(tmp_path / 'absent' / 'maps.nc')
     with pytest.raises(InputError, match='is a folder'):
         check_output(tmp_path)
+    link = tmp_path / 'link.nc'
+    link.symlink_to(tmp_path / 'disk_that_is_not_there.nc')
+    with pytest.raises(InputError, match='is a link to nothing'):
+        check_output(link)
 
 
 def test_a_second_call_for_an_output_is_refused(tmp_path: Path) -> None:

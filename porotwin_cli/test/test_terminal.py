@@ -6,12 +6,15 @@ from pathlib import Path
 import pytest
 
 from porotwin_cli import terminal
+from porotwin_cli.recorded.conversion import convert
 from porotwin_cli.terminal import (
+    as_argument,
     left_in_words,
     print_json,
     print_table,
     progress,
     refuse_existing,
+    refuse_inside,
     say,
     seconds_left,
 )
@@ -22,6 +25,11 @@ def test_json_has_text_for_paths_and_null_for_nan(capsys: pytest.CaptureFixture[
     print_json({'path': Path('a') / 'b', 'errors': [0.5, float('nan')], 'rows': ({1: 'x'},)})
     expected = {'path': 'a/b', 'errors': [0.5, None], 'rows': [{'1': 'x'}]}
     assert json.loads(capsys.readouterr().out) == expected
+
+
+def test_a_proposed_command_takes_its_path_for_no_option() -> None:
+    assert as_argument(Path('-x.nc')) == './-x.nc'
+    assert as_argument(Path('two words.nc')) == "'two words.nc'"
 
 
 def test_messages_go_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,3 +112,12 @@ def test_a_task_may_know_its_remaining_time() -> None:
     with progress() as bar:
         bar.add_task('diagnosis', total=100, left=lambda: 'at most 9 min')
         assert left_in_words(bar.tasks[0]) == 'at most 9 min'
+
+
+def test_a_target_inside_its_source_is_refused(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    with pytest.raises(InputError, match='lies inside'):
+        convert(lambda *_, **__: None, bag, bag / 'sub', as_json=False)
+    refuse_inside(bag, tmp_path / 'bag_2')
+    refuse_inside(bag / 'bag.mcap', bag / 'sub')

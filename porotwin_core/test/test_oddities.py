@@ -80,6 +80,7 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'camera': {'corners_px': CORNERS, 'colour_checker_px': CORNERS[::-1]}}, 'checker_px'),
         ({'camera': {'corners_px': CORNERS[:3]}}, 'too few values'),
         ({'depth_m': '10 mm'}, 'write the number alone'),
+        ({'density_kg_m3': '9_98.0'}, 'write the number alone'),
         ({'depth_m': '0,01'}, 'decimal point'),
         ({'depth_m': True}, 'write a number'),
         ({'depth_m': float('inf')}, 'finite'),
@@ -126,7 +127,8 @@ def test_the_small_rig_is_not_odd() -> None:
             },
             'the fixed wells alone inject 41.6667 ml/h',
         ),
-        ({'control.max_rate_ml_h': '2 l/week'}, 'write the number alone'),
+        ({'control.max_rate_ml_h': '6 litre per day'}, 'with a unit, such as 6 l/d'),
+        ({'boundaries': {'top': 'open', 'heads_m': {'top': '1 ft'}}}, 'with a unit, such as 48 cm'),
         *(
             (
                 {

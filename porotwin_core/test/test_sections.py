@@ -131,12 +131,13 @@ SEA, TABLE = WATER['sea'], {'water_table': {'fringe_m': 0.02}}
         ({'partly': {**SEA, 'head_m': 0.3}}, {}, ['water.partly.head_m']),
         ({'partly': {**SEA, 'head_m': 0.3}}, TABLE, []),
         ({'sea': {**SEA, 'head_m': 0.2}}, TABLE, ['wells.ink']),
+        ({'sea': SEA}, {'water_table': {'fringe_m': 50.0}}, ['water_table.fringe_m']),
         (WATER, {'levels': {'canal': {'points': [[5, 0.39], [9, 0.45]]}}}, ['levels.canal']),
         (WATER, {'levels': {'sea': {'points': [[5, 0.41]]}}}, []),
         (WATER, {'levels': {'canal': {'points': [[5, 0.52]]}}}, ['levels.canal']),
         ({'sea': {**SEA, 'head_m': 0.52}}, {}, []),  # in a reservoir beside the closed rig
         ({'sea': {**SEA, 'head_m': 0.52}}, TABLE, ['water.sea.head_m']),
-        ({'sea': SEA}, OPEN, []),  # a head beside other water drives water
+        ({'sea': {**SEA, 'head_m': '45 cm'}}, OPEN, []),  # a head beside other water drives water
         ({'sea': {**SEA, 'head_m': 0.6}}, OPEN, ['boundaries.heads_m']),
         (
             {'sea': {**SEA, 'head_m': 0.6}},

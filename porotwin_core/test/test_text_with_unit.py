@@ -20,6 +20,8 @@ def test_a_rate_with_its_unit_is_read(text: str, ml_h: float) -> None:
     assert rate_in_ml_h(text) == pytest.approx(ml_h)
 
 
-@pytest.mark.parametrize('text', ['5', '2 l', 'l/d', '2 l/week', '2**9 l/d', '1,5 l/d', ''])
+@pytest.mark.parametrize(
+    'text', ['5', '2 l', 'l/d', '9 Ml/h', '2 l/week', '2**9 l/d', '1,5 l/d', '']
+)
 def test_any_other_text_is_no_rate_with_a_unit(text: str) -> None:
     assert rate_in_ml_h(text) is None

@@ -82,7 +82,7 @@ def test_a_schedule_and_a_plan_name_the_levels() -> None:
     [
         ([[5, 0.47], [4, 0.48]], None, '4 min follows 5 min'),
         ([[5, 0.47]], 4.0, '5 min lies beyond the cycle'),
-        ([[5, '2 l']], None, 'write the number alone'),
+        ([[5, '2 l']], None, 'such as 48 cm'),
         ([[0, 0.48]], 0.5, 'a cycle of a minute or more'),
         ([], None, 'give at least one'),
         ([[5, 0.47], [1e12, 0.48]], None, 'no experiment is longer than a year'),

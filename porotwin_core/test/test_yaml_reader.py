@@ -19,6 +19,8 @@ from porotwin_core.rig.yaml_reader import LARGEST_TEXT, read_yaml, read_yaml_fil
         ('.5', 0.5),
         ('010', 10),
         ('-3', -3),
+        ('0x3E6', 998),
+        ('0o7', 7),
         ('no', 'no'),
         ('on', 'on'),
         ('true', True),

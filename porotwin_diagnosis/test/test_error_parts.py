@@ -69,6 +69,12 @@ def test_a_wrong_model_is_what_is_left(late, truth) -> None:
     assert found.rest > max(found.camera, found.noise)
 
 
+def test_a_model_without_tracer_has_no_error_of_its_scheme(late, truth) -> None:
+    found = _parts(late, truth[0], tuple(map(np.zeros_like, truth)))
+    assert found.scheme == 0.0
+    assert found.whole == pytest.approx(1.0)
+
+
 def test_a_model_on_large_cells_shows_its_scheme(late, truth) -> None:
     finer = Forward(late, refinement=4).maps(())
     found = _parts(late, finer, truth)

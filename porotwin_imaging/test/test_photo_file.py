@@ -40,6 +40,16 @@ def test_lab_colours_are_refused() -> None:
         photo_file.decode(file.getvalue().replace(rgb, lab))
 
 
+@pytest.mark.parametrize('kind', [np.float32, np.int32])
+def test_levels_of_32_bits_are_refused_without_a_line_of_the_decoder(kind, capfd) -> None:
+    file = io.BytesIO()
+    Image.fromarray(pixels()[..., 0].astype(kind)).save(file, 'TIFF')
+    assert photo_file.is_complete(file.getvalue())
+    with pytest.raises(InputError, match='levels of 32 bits; save it with 8 or 16'):
+        photo_file.decode(file.getvalue())
+    assert capfd.readouterr().err == ''
+
+
 @pytest.mark.parametrize('share', [0, 128, 255])
 def test_transparency_does_not_darken_a_tiff(share: int) -> None:
     file = io.BytesIO()

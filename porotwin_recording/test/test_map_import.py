@@ -148,8 +148,12 @@ def test_unknown_values_of_a_table_are_unknown_in_the_maps(tmp_path: Path, unkno
     ]
     path = tmp_path / 'maps.CSV'
     path.write_text('\n'.join(['time [s],x,z,concentration', *rows]))
-    found, _ = imported(path)
+    found, told = imported(path)
     np.testing.assert_array_equal(found.concentration[1], [[np.nan, 0.5, 0.5]] * 2)
+    assert any('4 of 12 values are read as not known: no number (4)' in line for line in told)
+    path.write_text('\n'.join(['time [s],x,z,concentration', *rows[1:]]))
+    (tmp_path / 'made_of_CSV').rename(tmp_path / 'other')
+    assert any('no line (1)' in line for line in imported(path)[1])
 
 
 @pytest.mark.parametrize('count', [11, 12, 13])

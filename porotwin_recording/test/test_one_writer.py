@@ -43,3 +43,8 @@ def test_a_file_that_exists_has_one_writer_too(tmp_path: Path) -> None:
 def test_the_root_is_no_output() -> None:
     with pytest.raises(InputError, match='name a folder for this output'), only_writer(Path('/')):
         pass
+
+
+def test_a_place_that_holds_no_files_is_no_second_writer() -> None:
+    with pytest.raises(InputError, match='cannot be written'), only_writer(Path('/proc/maps.nc')):
+        pass

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.basis.errors import InputError
+from porotwin_recording.importers.map_import import maps_in
 from porotwin_recording.importers.packed import opened_archive
 
 
@@ -111,3 +112,25 @@ def test_a_file_that_is_not_read_is_told_with_its_remedy(tmp_path: Path) -> None
         path.write_bytes(content)
         with pytest.raises(InputError, match=remedy), opened_archive(path):
             pass
+
+
+def test_the_only_file_of_maps_is_found_beside_its_rig(tmp_path: Path) -> None:
+    names = ('run/rig.yaml', 'run/zone.nc', 'run/raw/maps.npz', '__MACOSX/run/._maps.npz')
+    path = tmp_path / 'run.zip'
+    with zipfile.ZipFile(path, 'w') as archive:
+        for name in names:
+            archive.writestr(name, 'control: {zone: {file: zone.nc}}')
+    with opened_archive(path) as found:
+        assert maps_in(found).name == 'maps.npz'
+    with zipfile.ZipFile(path, 'a') as archive:
+        archive.writestr('run/raw/other.npz', '')
+    with (
+        pytest.raises(InputError, match=r'run\.zip/run: holds 2 files of maps'),
+        opened_archive(path) as found,
+    ):
+        maps_in(found)
+    experiment = tmp_path / 'experiment'
+    experiment.mkdir()
+    for name in ('rates.csv', 'maps.npz'):
+        (experiment / name).write_text('')
+    assert maps_in(experiment) == experiment

@@ -248,6 +248,19 @@ def test_protocols_of_which_only_one_names_its_zone_are_refused(folder: Path) ->
     assert [p.time for p in recording.photos] == [-7260.0, -7170.0, -7140.0]
 
 
+def test_counts_in_utc_beside_a_clock_without_a_zone_are_refused(folder: Path) -> None:
+    text = INJECTION
+    for minute in range(3):
+        moment = datetime(2024, 5, 31, 10, minute, tzinfo=UTC)
+        text = text.replace(f'{moment:%Y-%m-%d %H:%M:%S}', f'{moment.timestamp():.0f}')
+    (folder / 'injection_protocol.csv').write_text(text)
+    answers = replace(PLAIN, date_numbers='unix-s')
+    with pytest.raises(InputError, match=r'imaging_protocol.csv: .* no zone.*--time-zone'):
+        imported(folder, answers)
+    recording, _ = imported(folder, replace(answers, time_zone='Europe/Oslo'))
+    assert [p.time for p in recording.photos] == [-7260.0, -7170.0, -7140.0]
+
+
 def test_a_duration_in_place_of_an_end_is_refused(folder: Path) -> None:
     (folder / 'injection_protocol.csv').write_text(
         'well,start,Duration [s],rate_ml/min\nin,2024-05-31 10:00:00,120,2\n'
@@ -262,8 +275,12 @@ def test_a_producing_row_needs_no_concentration(folder: Path) -> None:
         for line, end in zip(INJECTION.splitlines(), (',concentration', ',0.5', ','), strict=True)
     ]
     (folder / 'injection_protocol.csv').write_text('\n'.join(lines))
-    recording, _ = imported(folder)
+    recording, told = imported(folder)
     assert recording.schedule.at(70.0)['in'].concentration == 0.5
+    assert not any('left out' in line for line in told)
+    (folder / 'injection_protocol.csv').write_text('\n'.join([*lines[:2], f'{lines[2]}1']))
+    (folder.parent / 'experiment').rename(folder.parent / 'third')
+    assert any('concentration is left out where' in line for line in imported(folder)[1])
     (folder / 'injection_protocol.csv').write_text('\n'.join(lines).replace(',0.5', ','))
     (folder.parent / 'experiment').rename(folder.parent / 'other')
     with pytest.raises(InputError, match=r"csv:2: concentration is ''; write a number"):

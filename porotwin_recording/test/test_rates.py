@@ -69,6 +69,7 @@ def test_any_rate_in_si_comes_back_within_its_round_off(
         ('time_s\twell\trate_ml_h\tconcentration\n', 'it uses tabs'),
         ('time_s,well,rate_ml_h,concentration\n0,in,5,5,1\n', ':2: .*decimal points, not commas'),
         ('time_s,well,rate_ml_h,concentration\n0,in,"5,5",1\n', ':2: .*with a decimal point'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,5.4D-06,1\n', 'write 5.4e-06'),
         ('time_s,well,rate_ml_h,concentration\n0,in,"1,200",1\n', 'write 1200 or 1.200'),
         ('time_s,well,rate_ml_h,concentration\n0:15,in,5,1\n', 'import reads clock times'),
         ('time_s,well,rate_ml_h,concentration\n2024-05-31,in,5,1\n', 'seconds from the start'),
@@ -120,3 +121,11 @@ def test_rates_that_are_measured_to_a_time_count_there_for_every_well() -> None:
     assert measured.rows[2:] == (ScheduleRow(60.0, 'in', on), ScheduleRow(60.0, 'out', off))
     assert measured_to(measured, 60.0) == measured
     assert later_commands(Schedule((ScheduleRow(60.0, 'out', on),)), measured) == []
+
+
+def test_a_well_is_known_in_both_codings_of_its_letters(tmp_path: Path) -> None:
+    path = tmp_path / 'rates.csv'
+    one, two = '\u00ednj', 'i\u0301nj'
+    for well, known in ((one, two), (two, one)):
+        path.write_text(f'time_s,well,rate_ml_h,concentration\n0,{well},1,0\n', encoding='utf-8')
+        assert [row.well for row in read_rates(path, [known, 'out']).rows] == [known]

@@ -1,6 +1,8 @@
 """Checks a rig or a recording: odd and impossible values, and the cost of a prediction."""
 
 import io
+import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,11 +28,12 @@ from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.effect_parameter import onset
 from porotwin_core.rates.announced_rates import uncontrolled_rates, with_plan
 from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.water_levels import WaterLevels
-from porotwin_core.rates.wells import Schedule, quoted, with_rises
+from porotwin_core.rates.wells import Schedule, WellRates, quoted, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_core.rig.control_zones import unwanted_tracer
@@ -53,7 +56,7 @@ from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_solver.coefficients.water_contact import entering
-from porotwin_solver.effects import EFFECTS, described_physics, observation_operator
+from porotwin_solver.effects import EFFECTS, acting, described_physics, observation_operator
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.water_table import TableFlow
@@ -153,7 +156,10 @@ def check(
     if not any(remark.refused for remark in remarks):
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
-        remarks += [*_uses(rig, cells), *_camera_effects(rig), *_stock_in_zone(rig)]
+        rates = _known_rates(rig, data).busiest
+        remarks += [*_uses(rig, cells, rates), *_camera_effects(rig), *_stock_in_zone(rig)]
+        if not any(remark.refused for remark in remarks):
+            remarks += [*_late_effects(rig, data), *_unbalanced_leaks(rig, cells, data)]
         remarks += _empty_bottle(rig, data)
         photograph, of_photographs = _photographs(rig, data)
         remarks += of_photographs
@@ -244,7 +250,7 @@ def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
             yield replace(remark, key='grid of plans and siblings', remedy=remedy)
 
 
-def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
+def _uses(rig: Rig, grid: Grid, rates: WellRates) -> Iterator[Remark]:
     """Yield the refusals of those who use the rig: controller, model, imaging."""
     uses: dict[str, Callable[[], object]] = {
         EFFECTS_KEY: lambda: (described_physics(rig, grid), observation_operator(rig.effects))
@@ -253,11 +259,47 @@ def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
         uses['control'] = lambda: (Limits.of(rig).safe(), make_objective(rig, grid))
     if rig.camera is not None:
         uses['camera'] = lambda: Geometry.of(rig)
+    if rig.water_table is not None:
+        uses['water'] = lambda: (heads_in_words(rig, grid), water_balance(rig, grid, rates))
     for key, use in uses.items():
         try:
             use()
         except InputError as error:
             yield _as_remark(key, error)
+
+
+def _end(rig: Rig, data: RecordedData | None) -> float:
+    """Return the end of the experiment [s]; infinite where nothing tells it."""
+    return last_time(rig, data) or math.inf
+
+
+def _acting(rig: Rig, data: RecordedData | None) -> Rig:
+    """Return `rig` with the effects that begin before the end of the experiment."""
+    return rig.model_copy(update={'effects': acting(rig.effects, _end(rig, data))})
+
+
+def _late_effects(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
+    """Yield a remark about every effect that begins after the end of the experiment."""
+    end, kept = _end(rig, data), _acting(rig, data).effects
+    for number, described in enumerate(rig.effects, start=1):
+        if described not in kept:
+            why = f'it begins at {onset(described):g} s, and the experiment ends at {end:g} s'
+            remedy = 'was the onset in another unit? write seconds, or remove the effect'
+            yield Remark(f'effects.{number}', described.name, why, remedy)
+
+
+def _unbalanced_leaks(rig: Rig, grid: Grid, data: RecordedData | None) -> Iterator[Remark]:
+    """Yield a refusal if no well balances the leaks of a rig whose sides are all closed."""
+    now = _acting(rig, data)
+    leaks = to_ml_h(math.fsum(leak.rate for leak in described_physics(now, grid).leaks))
+    if rig.closed and leaks and water_balance(now, grid, _known_rates(rig, data).busiest) is None:
+        why = f'{leaks:+g} ml/h leak into a rig whose sides are all closed'
+        remedy = 'remove the leak, balance it with the wells, or open a side in rig.yaml'
+        yield Remark('leaks', '', why, remedy, refused=True, code=NO_PREDICTION)
+
+
+def _known_rates(rig: Rig, data: RecordedData | None) -> Schedule:
+    return (data and data.known_rates) or uncontrolled_rates(rig)
 
 
 def _camera_effects(rig: Rig) -> Iterator[Remark]:
@@ -315,12 +357,15 @@ def in_words(checked: CheckedRig) -> list[str]:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
         lines.append(maps_in_words(checked.data.maps.times, checked.data.maps.grid))
+    if checked.data is not None and checked.data.readings:
+        kinds = Counter(str(one.kind) for one in checked.data.readings)
+        lines.append(f'readings: {", ".join(f"{count} {kind}" for kind, count in kinds.items())}')
     if checked.planned is not None:
         lines.append(f'demo and up: {plan_in_words(checked.planned)}')
     lines += control_words(checked.planned or checked.rig)
     if checked.runs and (checked.rig.is_driven or not resting_water(checked.rig)):
-        lines.append(heads_in_words(checked.rig, checked.grid))
-        lines += levels_in_words(checked.rig, checked.grid)
+        now = _acting(checked.rig, checked.data)
+        lines += [heads_in_words(now, checked.grid), *levels_in_words(now, checked.grid)]
     if (balance := balance_of(checked)) is not None:
         when = ' while the wells pump most' * bool(balance.wells)
         lines.append(f'water{when}, {balance}')
@@ -331,7 +376,7 @@ def in_words(checked: CheckedRig) -> list[str]:
 
 def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
     """Yield a remark if the plan takes more stock than there is."""
-    plan = (data and data.known_rates) or uncontrolled_rates(rig)
+    plan = _known_rates(rig, data)
     end = last_time(rig, data)
     bottle = bottle_at(rig, plan, end)
     if bottle is not None and bottle.empty_at < end:
@@ -352,7 +397,7 @@ def announced_rates(checked: CheckedRig) -> Schedule:
 def stock_words(checked: CheckedRig) -> str | None:
     """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
     rig, data = checked.rig, checked.data
-    plan = (data and data.known_rates) or uncontrolled_rates(rig)
+    plan = _known_rates(rig, data)
     end = last_time(rig, data)
     bottle = bottle_at(rig, plan, end)
     if bottle is None:
@@ -370,8 +415,7 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
     """Return the water balance while the wells pump most; None without moving water."""
     if not checked.runs:
         return None
-    rig, data = checked.rig, checked.data
-    rates = (data and data.known_rates) or uncontrolled_rates(rig)
+    rig, rates = _acting(checked.rig, checked.data), _known_rates(checked.rig, checked.data)
     if not (rates.busiest or not resting_water(rig)):
         return None
     return water_balance(rig, checked.grid, rates.busiest)
@@ -419,7 +463,7 @@ def heads_in_words(rig: Rig, grid: Grid) -> str:
 def levels_in_words(rig: Rig, grid: Grid) -> list[str]:
     """Return one line for each level that changes: its range, and the flow at its extremes.
 
-    The other levels are those of the same moment.
+    The other levels belong to the same moment.
     """
     levels, lines = WaterLevels.of(rig), []
     for name, course in levels.courses.items():
@@ -467,7 +511,7 @@ def barriers_in_words(rig: Rig) -> list[str]:
 
 
 def maps_in_words(times: NDArray[np.float64], grid: Grid) -> str:
-    """Return how many maps there are, of which times and cells, and what that means."""
+    """Return number, times and cells of the maps, and their use for a diagnosis."""
     words = f'maps: {len(times)}, from {times[0]:g} to {times[-1]:g} s, on {grid}'
     if len(times) < FEWEST_FRAMES:
         words += f'; a diagnosis needs {FEWEST_FRAMES} maps'

@@ -43,11 +43,12 @@ def command(
     from porotwin_cli.checking.rig_check import balance_of, check, in_words
     from porotwin_cli.pictures.check_picture import check_picture
 
+    named = output != Path(PICTURE) and not output.is_dir()
     if output.is_dir():
         output = output / PICTURE
     if output.suffix.lower() != '.png':
         raise InputError(f'{output}: the picture is a PNG; give a name that ends in .png')
-    check_output(output, path, command='check')  # replaces the picture of an earlier check
+    check_output(output, path, command='check', named=named)  # an earlier picture is replaced
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     words, balance = in_words(checked), balance_of(checked)
     check_picture(output, checked, words)

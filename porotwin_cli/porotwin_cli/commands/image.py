@@ -99,7 +99,7 @@ def command(
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment, calibration, command='image')
+        check_output(path, experiment, calibration, command='image', named=path == output)
     _check_learnt(learnt, calibration)
     if relative and calibration:
         raise InputError('--relative is for maps without a calibration; leave out one of both')

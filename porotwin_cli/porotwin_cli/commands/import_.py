@@ -1,6 +1,5 @@
 """./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
-import shlex
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from porotwin_cli.recorded.conversion import convert
-from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_cli.terminal import Json, as_argument, print_json, refuse_existing, refuse_inside, say
 from porotwin_core.basis.errors import InputError
 
 if TYPE_CHECKING:
@@ -124,7 +123,7 @@ def command(
     from porotwin_imaging.photograph.exposure_time import exif_words
     from porotwin_recording.experiment.bag_conversion import import_experiment
     from porotwin_recording.experiment.experiment_folder import RIG_FILE
-    from porotwin_recording.importers.map_import import MapAnswers, import_maps
+    from porotwin_recording.importers.map_import import MapAnswers, import_maps, maps_in
     from porotwin_recording.importers.packed import opened_archive
     from porotwin_recording.importers.protocol_answers import ProtocolAnswers, concentration_in
     from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
@@ -150,12 +149,9 @@ def command(
     }
     if not source.exists():
         raise InputError(f'{source}: no such file or folder')
-    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
-        raise InputError(
-            f'{target}: lies inside {source}, whose next import would find the photographs twice; '
-            'name a folder elsewhere'
-        )
-    with opened_archive(source) as data:
+    refuse_inside(source, target)
+    with opened_archive(source) as opened:
+        data = opened if opened.is_dir() and is_lab_folder(opened) else maps_in(opened)
         is_experiment = data.name == RIG_FILE or is_bag(data)
         has_maps = data.suffix == '.zarr' or (data.is_file() and not is_experiment)
         if has_maps:
@@ -174,7 +170,7 @@ def command(
         with one_writer(target), _absent_after_error(target):
             if has_maps:
                 maps = MapAnswers(time_unit, first_row, stock, decimal, no_value)
-                described = _rig((data.parent, source.parent), rig)
+                described = _rig((data.parent, opened, source.parent), rig)
                 told = import_maps(data, target, described, maps)
             else:
                 answers = ProtocolAnswers(
@@ -191,7 +187,7 @@ def command(
                 beside = (data,) if data == source else (data, source.parent)
                 described = _rig(beside, rig)
                 told = import_protocols(data, target, described, answers, exposure=exif_words)
-            told = [line.replace(str(data), str(source)) for line in told]
+            told = [line.replace(str(opened), str(source)) for line in told]
             for line in told:
                 say(line)
             _report(source, target, told, as_json=as_json)
@@ -258,6 +254,6 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     else:
         rows = f', {len(made.delivered.rows)} rates' if made.known_rates else ''
         print(f'{target}: {maps} maps, {photographs} photographs{rows}')
-        there, maps_file = (shlex.quote(str(path)) for path in (target, target / MAPS_FILE))
+        there, maps_file = (as_argument(path) for path in (target, target / MAPS_FILE))
         image = f'./porotwin image {there} --output {maps_file} makes its maps'
         say(f'next: ./porotwin check {there}' + (f'; {image}' if photographs and not maps else ''))

@@ -1,7 +1,6 @@
 """./porotwin rehearse: an experiment on the virtual rig, before it is made on the real one."""
 
 import math
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porotwin_cli.options.experiment_times import recorded_times
-from porotwin_cli.terminal import Json, print_json, progress, refuse_existing
+from porotwin_cli.terminal import Json, as_argument, print_json, progress, refuse_existing
 from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import ML
@@ -170,14 +169,14 @@ def _next_step(output: Path, maps: int, *, photographs: bool) -> str:
     from porotwin_diagnosis.data.sample import FEWEST_FRAMES
 
     if photographs:
-        folder = shlex.quote(str(output))
+        folder = as_argument(output)
         return (
             f'next: ./porotwin calibrate {folder}, if it is a known injection; else ./porotwin '
             f'image {folder} --output {folder}/concentration.nc --calibration CALIBRATION'
         )
     if maps < FEWEST_FRAMES:
         return f'{maps} maps are too few for a diagnosis, which needs {FEWEST_FRAMES}'
-    return f'next: ./porotwin diagnose {shlex.quote(str(output))} --output REPORT'
+    return f'next: ./porotwin diagnose {as_argument(output)} --output REPORT'
 
 
 def _refuse_rig_alone(experiment: Path) -> None:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.options.crew_options import Scheduler, Workers
-from porotwin_cli.options.output_files import one_call_for_each_output, write_rows
+from porotwin_cli.options.output_files import maker, one_call_for_each_output, write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
-from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 
@@ -89,7 +88,7 @@ def command(
 
     picture, table = picture_beside(output), output.with_suffix('.csv')
     for path in (output, picture, table):
-        check_output(path, experiment)
+        check_output(path, experiment, command='segment', named=path == output)
     boxes = {
         WATER: _boxes(water, '--water'),
         DISSOLVED: _boxes(dissolved, '--dissolved'),
@@ -213,7 +212,8 @@ def _segment(
 
     grid, work, words = study.baseline.grid, _Work(), study.colours.words()
     drawn = chosen_maps(len(states))
-    with PhaseMapWriter(output, grid, PHASES, REASONS, program=PROGRAM, colours=words) as writer:
+    program = maker('segment')
+    with PhaseMapWriter(output, grid, PHASES, REASONS, program=program, colours=words) as writer:
         with progress() as bar:
             task = bar.add_task('photographs', total=len(states))
             for number, (photo, found) in enumerate(each_photo(pool, _phases, states, study)):

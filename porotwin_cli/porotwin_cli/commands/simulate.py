@@ -1,7 +1,6 @@
 """./porotwin simulate: the physics-based model alone, from the rig and its rates."""
 
 import math
-import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,7 @@ import typer
 
 from porotwin_cli.options.experiment_times import MOST_TIMES, recorded_times, times_in
 from porotwin_cli.options.output_files import one_call_for_each_output
-from porotwin_cli.terminal import Json, print_json, progress, say
+from porotwin_cli.terminal import Json, as_argument, print_json, progress, say
 from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, LONGEST_EXPERIMENT_S
@@ -105,7 +104,7 @@ def command(
     free_run_preset(preset)
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment, command='simulate')
+        check_output(path, experiment, command='simulate', named=path == output)
     recording = open_recording(experiment)
     rig = recording.rig
     schedule = recording.delivered
@@ -168,7 +167,7 @@ def command(
     print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
     if errors is not None:
         print(errors)
-    measured = f'{shlex.quote(str(output))}{_rig_option(output, experiment)}'
+    measured = f'{as_argument(output)}{_rig_option(output, experiment)}'
     say(f'next: ./porotwin measure {measured} --output plume.csv{_diagnosis(recording)}')
 
 
@@ -179,14 +178,14 @@ def _rig_option(output: Path, experiment: Path) -> str:
     described = experiment / RIG_FILE
     if (output.parent / RIG_FILE).is_file() or not described.is_file():
         return ''
-    return f' --rig {shlex.quote(str(described))}'
+    return f' --rig {as_argument(described)}'
 
 
 def _diagnosis(recording: 'Recording') -> str:
     """Return the further advice for a recording with maps."""
     if recording.maps is None:
         return ''
-    source = shlex.quote(str(recording.source))
+    source = as_argument(recording.source)
     return f'; ./porotwin diagnose {source} --output REPORT finds the cause of an error'
 
 

@@ -85,7 +85,7 @@ def command(
     ahead = seconds_of(horizon) if horizon else None
     picture = output / 'what_if.png'
     if output.exists():
-        check_output(picture, recording, rig, command='what-if')
+        check_output(picture, recording, rig, command='what-if', named=False)
     else:
         check_writable(output)
     pool = crew(

@@ -11,6 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError, check_writable, writing
 from porotwin_core.basis.netcdf_file import open_netcdf
+from porotwin_core.rig.rig_file import names_file, rig_file
 
 _Arguments = ParamSpec('_Arguments')
 _Result = TypeVar('_Result')
@@ -59,34 +60,46 @@ def maps_are_kept(output: Path) -> Iterator[None]:
         raise OSError(f'{error.strerror or error}; the maps are complete in {output}') from None
 
 
-def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:
-    """Check that a command can write the file `output` without harm to its `inputs`.
+def check_output(output: Path, *inputs: Path | None, command: str = '', named: bool = True) -> None:
+    """Check that a command can write the file `output` without harm to other files.
 
     Args:
         output: the file to write.
         inputs: files and folders that the command reads; None: not given. No existing file inside
-            an input folder may be replaced, except one that the same command made.
+            an input folder may be replaced, except one that the same command made; no file that a
+            description among them names.
         command: the command, as given to `maker`; empty: its files do not name it.
+        named: whether the user named `output`. A file that nobody named replaces only one that the
+            same command made.
 
     Raises:
-        InputError: `output` is an input, would replace a file of one, is a folder, or lies in a
-            folder that does not exist or may not be written.
+        InputError: `output` is an input, would replace a file of one, or one of another program
+            that nobody named, is a folder, or lies in a folder that does not exist or may not be
+            written.
     """
     _refuse_folder(output)
     if not output.parent.is_dir():
         raise InputError(f'{output}: there is no folder {output.parent}; make it, or name another')
     check_writable(output)
     if not output.exists():
+        if output.is_symlink():
+            raise InputError(f'{output}: is a link to nothing; name another output or remove it')
         return
     for path in inputs:
         if path is None or not path.exists():
             continue
         if path.samefile(output):
             raise InputError(f'{output}: is an input of this command; name another output')
-        if path.is_dir() and _inside(output, path) and not _made(output, command):
+        inside = path.is_dir() and _inside(output, path) and not _made(output, command)
+        if inside or names_file(rig_file(path), output):
             raise InputError(
                 f'{output}: is a file of the input {path}; name another output or remove it'
             )
+    if not named and not _made(output, command):
+        raise InputError(
+            f'{output}: exists already, and {command} did not make it; give another --output, or '
+            'rename it'
+        )
 
 
 def _refuse_folder(output: Path) -> None:
@@ -105,6 +118,8 @@ def _made(file: Path, command: str) -> bool:
 
     if not command or {file.name, file.resolve().name} & {*FILES}:
         return False
+    if file.suffix == '.csv':  # it belongs to the maps beside it
+        return _made(file.with_suffix('.nc'), command)
     try:
         if file.suffix == '.nc':
             with open_netcdf(file) as dataset:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
+from porotwin_cli.options.output_files import maker
 from porotwin_cli.pictures.rig_drawing import DPI, INTERFACE, PANEL_WIDTH, UNSEEN
 from porotwin_core.basis.errors import writing
 from porotwin_core.clock.time_units import time_unit
@@ -64,7 +65,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
     figure.legend(handles=handles, loc='outside lower center', ncols=len(handles), frameon=False)
     figure.suptitle(title)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DPI, metadata={'Software': maker('segment')})
     plt.close(figure)
 
 

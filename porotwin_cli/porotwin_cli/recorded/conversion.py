@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from porotwin_cli.terminal import print_json, progress, refuse_existing, say
+from porotwin_cli.terminal import print_json, progress, refuse_existing, refuse_inside, say
 
 ConvertFn = Callable[..., object]
 """Converts (source, target); calls its argument `progress` with the steps done and their total."""
@@ -13,12 +13,13 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
     """Convert `source` into `target` and print the numbers of maps and photographs.
 
     Raises:
-        InputError: `target` exists, or `source` is no recording.
+        InputError: `target` exists or lies inside `source`, or `source` is no recording.
     """
     from porotwin_checks.all_checks import OF_MAPS
     from porotwin_recording.experiment.recording import odd_lines, open_recording
 
     refuse_existing(target)
+    refuse_inside(source, target)
     with progress() as bar:
         task = bar.add_task('converting', total=None)
         work(

@@ -17,6 +17,7 @@ from porotwin_checks.checks.injected_volume import injected
 from porotwin_cli.app import app
 from porotwin_cli.checking.rig_check import (
     CheckedRig,
+    balance_of,
     barriers_in_words,
     check,
     effects_in_words,
@@ -28,6 +29,7 @@ from porotwin_cli.checking.rig_check import (
 )
 from porotwin_cli.pictures.check_picture import check_picture, shading, well_roles
 from porotwin_cli.workspace import ROOT, small_rig
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, to_ml_h
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
@@ -303,6 +305,40 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert checked.remarks[0].code == 'unbalanced_rates'
     assert checked.remarks[0].facts['sum_ml_h'] == pytest.approx(300.0)
     assert pumped(tmp_path, '800 500').runs
+
+
+def test_a_leak_that_no_well_of_a_closed_rig_balances_is_impossible(tmp_path: Path) -> None:
+    leak = [{'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -50.0}}]
+    checked = pumped(tmp_path, '500 500', boundaries={'top': 'closed'}, effects=leak)
+    assert not checked.runs
+    assert checked.remarks[0].key == 'leaks'
+    assert pumped(tmp_path, '500 500', effects=leak).runs
+
+
+def test_an_effect_that_begins_after_the_end_is_odd_and_moves_no_water(tmp_path: Path) -> None:
+    values = {'well': 'injector', 'factor': 2.0, 'since': 1e7}
+    late = [{'name': 'rate', 'parameters': values}]
+    checked = pumped(tmp_path, '500 500', effects=late)
+    assert [remark.key for remark in checked.remarks] == ['effects.1']
+    assert '+500.0' in str(balance_of(checked))
+    values['since'] = 900.0
+    checked = pumped(tmp_path, '500 500', effects=late)
+    assert not checked.remarks
+    assert '+1000.0' in str(balance_of(checked))
+
+
+def test_water_without_a_steady_table_is_told_beside_dry_wells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise InputError('no steady table found; correct the heads')
+
+    monkeypatch.setattr('porotwin_cli.checking.rig_check.TableFlow', refuse)
+    keys = {'top': 'closed', 'left': 'open', 'right': 'open', 'heads_m': {'left': 0.0, 'right': 0}}
+    changed(tmp_path, boundaries=keys, water_table={'fringe_m': 0.0})
+    checked = check(tmp_path / 'rig.yaml')
+    assert not checked.runs
+    assert {'water', 'wells.injector'} <= {remark.key for remark in checked.remarks}
 
 
 def test_one_extreme_sand_does_not_make_the_others_alike() -> None:

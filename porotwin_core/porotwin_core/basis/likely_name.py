@@ -1,7 +1,8 @@
 """What a user probably meant by a name that is not known, for one line with a remedy."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from unicodedata import normalize
 
 USUALLY_ALIKE = 0.6
 """Likeness of two names from which one is probably meant by the other [-]: twice the number of
@@ -22,3 +23,9 @@ def did_you_mean(
     others = [one for one in known if one != str(name)]
     near = difflib.get_close_matches(str(name), others, n=1, cutoff=alike)
     return f"did you mean '{within}{near[0]}'?" if near else ''
+
+
+def as_known(name: str, known: Collection[str]) -> str:
+    """Return the one of `known` with the letters of `name`, which have two codings; else `name`."""
+    alike = (one for one in known if normalize('NFC', one) == normalize('NFC', name))
+    return name if name in known else next(alike, name)

@@ -1,5 +1,6 @@
 """Numbers with a unit in a text: rates, lengths, and keys such as `width_cm` for `width_m`."""
 
+import math
 import re
 from collections.abc import Container
 
@@ -27,14 +28,28 @@ _UNITS: tuple[tuple[str, str, str, str], ...] = (
 )
 """Endings of keys with other units, the known endings, and the worth of one of the unit."""
 
-_RATE = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE)
-"""A rate with its unit."""
+_RATE = re.compile(
+    r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*(?-i:(?!Ml))([uµμmc]?l)/(s|min|h|d)\s*', re.IGNORECASE
+)
+"""A rate with its unit; Ml is a megalitre."""
+
+RATE_WORDS = 'write ml/h, as a number alone or with a unit, such as 6 l/d or 2 ml/min'
+LENGTH_WORDS = 'write m, as a number alone or with a unit, such as 48 cm or 480 mm'
+"""Remedies for a text that is no rate or no length."""
 
 _LENGTH = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([mcd]?m)\s*')
 """A length with its unit."""
 
 PERCENT = 100.0
 """Largest share that was probably written in percent."""
+
+
+def plain_number(text: str) -> float:
+    """Return the number in `text`; NaN for others, also for 5_00 and digits of other scripts."""
+    try:
+        return float(text) if text.isascii() and '_' not in text else math.nan
+    except ValueError:
+        return math.nan
 
 
 def was_percent(value: float) -> str:

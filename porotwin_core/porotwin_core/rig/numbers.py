@@ -3,33 +3,36 @@
 A rate or a level may be a text with its unit.
 """
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from porotwin_core.basis.text_with_unit import length_in_m, rate_in_ml_h
+from porotwin_core.basis.text_with_unit import (
+    LENGTH_WORDS,
+    RATE_WORDS,
+    length_in_m,
+    plain_number,
+    rate_in_ml_h,
+)
 
 
 def _as_number(value: Any) -> Any:
-    """Return `value` as a number.
+    """Return `value` as a number; a text or a truth value raises ValueError."""
+    return _number(value, 'write the number alone; its unit is a part of the name of the key')
 
-    Raises:
-        ValueError: it is a text or a truth value.
-    """
+
+def _number(value: Any, remedy: str) -> Any:
+    """Return `value` as a number; a text raises ValueError with the `remedy`."""
     if isinstance(value, bool):
         raise ValueError('write a number; yes, no, true and false are none')  # noqa: TRY004
     if not isinstance(value, str):
         return value
-    try:
-        return float(value)
-    except ValueError:
-        pass
-    try:
-        float(value.replace(',', '.'))
-    except ValueError:
-        raise ValueError(
-            'write the number alone; its unit is a part of the name of the key'
-        ) from None
+    number = plain_number(value)
+    if not math.isnan(number):
+        return number
+    if math.isnan(plain_number(value.replace(',', '.'))):
+        raise ValueError(remedy)
     raise ValueError('write a decimal point instead of the comma')
 
 
@@ -39,13 +42,13 @@ def _as_rate(value: Any) -> Any:
     pydantic 2.5 runs one function before a field, this one, and drops `_as_number`.
     """
     rate = rate_in_ml_h(value) if isinstance(value, str) else None
-    return _as_number(value) if rate is None else rate
+    return _number(value, RATE_WORDS) if rate is None else rate
 
 
 def _as_length(value: Any) -> Any:
-    """Return the length [m] of a text with a unit, such as 48 cm; other values stay."""
+    """Return the length [m] of a text with a unit, such as 48 cm, or of a number."""
     length = length_in_m(value) if isinstance(value, str) else None
-    return value if length is None else length
+    return _number(value, LENGTH_WORDS) if length is None else length
 
 
 Number = Annotated[float, BeforeValidator(_as_number), Field(allow_inf_nan=False)]

@@ -1,6 +1,7 @@
 """Reading and writing `rig.yaml` and the maps, pictures and tables beside it."""
 
 import logging
+import os
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
@@ -78,6 +79,26 @@ def rig_file(path: Path | str) -> Path:
         return path / FILE_NAME if path.is_dir() else path
     except OSError:  # one may not look there; its reader tells so
         return path
+
+
+def names_file(description: Path, file: Path) -> bool:
+    """Return whether the YAML file `description`, right or wrong, names the existing `file`."""
+    if description.suffix not in ('.yaml', '.yml'):
+        return False
+    try:
+        words = _texts(_content(description))
+    except InputError:
+        return False
+    folder, real = description.parent.resolve(), (file.parent.resolve() / file.name, file.resolve())
+    return any(Path(os.path.normpath(folder / word)) in real for word in words)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _texts(part)
 
 
 def _content(path: Path) -> Any:

@@ -127,7 +127,7 @@ class WaterBody(Section):
     corners_m: Polygon | None = Field(
         None, description='instead of a side: corners (x, z) of open water in the picture [m]'
     )
-    head_m: Number | None = Field(
+    head_m: Level | None = Field(
         None, description='height of the level of the water above the lower edge of the sand [m]'
     )
     rate_ml_h: Rate | None = Field(
@@ -223,7 +223,7 @@ class Boundaries(Section):
     bottom: Side = Field('closed', description='condition on the lower side')
     left: Side = Field('closed', description='condition on the left side')
     right: Side = Field('closed', description='condition on the right side')
-    heads_m: dict[SideName, Number] | None = Field(
+    heads_m: dict[SideName, Level] | None = Field(
         None,
         description='height of the water beyond each open side [m], above any level; default: '
         'the same at all of them',

@@ -28,7 +28,7 @@ _FLOAT = re.compile(
     r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'
     r'|^[-+]?\.(?:inf|Inf|INF)$|^\.(?:nan|NaN|NAN)$'
 )
-_INTEGER = re.compile(r'^[-+]?[0-9]+$')
+_INTEGER = re.compile(r'^[-+]?[0-9]+$|^0o[0-7]+$|^0x[0-9a-fA-F]+$')
 _TRUTH = re.compile(r'^(?:true|True|TRUE|false|False|FALSE)$')
 _REPLACED = {'tag:yaml.org,2002:float', 'tag:yaml.org,2002:int', 'tag:yaml.org,2002:bool'}
 _MERGE = 'tag:yaml.org,2002:merge'
@@ -89,7 +89,8 @@ def _values(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    return int(loader.construct_scalar(node))
+    word = loader.construct_scalar(node)
+    return int(word, 0) if word.startswith(('0o', '0x')) else int(word)  # 010 is ten
 
 
 _Loader.yaml_implicit_resolvers = {
@@ -103,10 +104,11 @@ _Loader.add_constructor('tag:yaml.org,2002:int', _integer)
 
 
 class _Dumper(yaml.SafeDumper):
-    """A safe dumper that also quotes a text such as 2e1, a number of YAML 1.2 alone."""
+    """A safe dumper that also quotes texts such as 2e1 and 0o7, numbers of YAML 1.2 alone."""
 
 
 _Dumper.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))
+_Dumper.add_implicit_resolver('tag:yaml.org,2002:int', _INTEGER, ['0'])
 
 
 def yaml_text(data: Any) -> str:

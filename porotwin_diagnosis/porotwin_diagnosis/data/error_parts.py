@@ -72,7 +72,9 @@ def error_parts(
     )
     noise = min(noise_floor(random, spread, late.observed), _rest(whole, camera))
     finer = np.stack([conservative_resample(one, coarse.shape[1:]) for one in predicted])
-    scheme = min(relative_error(coarse, finer), _rest(whole, camera, noise))
+    # a model without tracer has no error of its scheme
+    change = relative_error(coarse, finer) if predicted.any() else 0.0
+    scheme = min(change, _rest(whole, camera, noise))
     return ErrorParts(camera, noise, scheme, _rest(whole, camera, noise, scheme))
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.json_text import plain_json
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file, write_whole
 from porotwin_core.model.effect_parameter import lasting
@@ -137,7 +138,7 @@ def write_diagnosis(
     for path in list(folder.iterdir()):
         if _is_of_fields(path.name):  # there may have been more recordings
             path.unlink()
-    write_whole(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + '\n')
+    write_whole(folder / SUMMARY, json.dumps(plain_json(summary), indent=2) + '\n')
     parts = zip(result.recordings, result.gap.each, result.held_out, strict=True)
     for number, (recording, strength, part) in enumerate(parts, 1):
         name = 'fields.nc' if number == 1 else f'fields_{number}.nc'

@@ -79,6 +79,16 @@ _BITS = 8
 """Usual bits of a level."""
 _PNG_DEPTH = 24
 """Byte of a PNG that tells its bits of a level."""
+_PALETTE = (
+    'has a palette of at most 256 colours, too few for concentrations; save it with 24 bits, '
+    'without a palette'
+)
+_UNREAD_MODES = {
+    'LAB': 'is a TIFF with Lab colours; save it with RGB colours',
+    **dict.fromkeys(('P', 'PA', '1'), _PALETTE),
+    **dict.fromkeys(('F', 'I'), 'is a TIFF with levels of 32 bits; save it with 8 or 16 bits'),
+}
+"""Pillow's modes of files that are not decoded, their kind, and the remedy."""
 MOST_PIXELS = 175_000_000
 """Larger photographs are refused before they are decoded: a damaged or malicious header may claim
 any size. The largest cameras have 150 megapixels."""
@@ -212,6 +222,8 @@ def is_complete(data: bytes) -> bool:
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
         size = _header_size(data)
+        if _unread(data):
+            return True
         return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
     return False
 
@@ -278,24 +290,25 @@ def decode(data: bytes, reduction: int = 1) -> DecodedPhoto:
             or the photograph is black or over-exposed.
     """
     width, height = photo_size(data)
+    if unread := _unread(data):
+        raise InputError(f'photograph {unread}')
     if not is_complete(data):
         fault = (
             data.startswith(JPEG_START) and jpeg_fault(data)
         ) or 'is truncated: its end is missing'
         raise InputError(f'photograph of {len(data)} bytes {fault}; send it again')
-    mode = _mode(data)
-    if mode == 'LAB':
-        raise InputError('photograph is a TIFF with Lab colours; save it with RGB colours')
-    if mode in ('P', 'PA', '1'):
-        raise InputError(
-            'photograph has a palette of at most 256 colours, too few for concentrations; save it '
-            'with 24 bits, without a palette'
-        )
     pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
     _refuse_without_picture(pixels, deep=_bits(data) > _BITS)
     return DecodedPhoto(pixels, width, height, reduction)
+
+
+def _unread(data: bytes) -> str:
+    """Return why a whole file of its kind is not decoded, and the remedy; empty if it is."""
+    mode = _mode(data)
+    deep_png = mode == 'I' and data.startswith(PNG_START)
+    return '' if deep_png else _UNREAD_MODES.get(mode, '')
 
 
 def _mode(data: bytes) -> str:

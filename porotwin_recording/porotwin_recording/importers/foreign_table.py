@@ -17,6 +17,7 @@ from typing import Literal
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
+from porotwin_core.basis.text_with_unit import plain_number
 from porotwin_recording.importers.foreign_units import is_unit
 from porotwin_recording.importers.open_question import QuestionError
 from porotwin_recording.importers.words_of_languages import (
@@ -25,6 +26,7 @@ from porotwin_recording.importers.words_of_languages import (
     quantities,
     with_plain_signs,
 )
+from porotwin_recording.tables.csv_table import FORTRAN
 
 Decimal = Literal['point', 'comma']
 
@@ -176,11 +178,7 @@ def number_in(word: str, decimal: Decimal) -> float:
         if not _WHOLE.fullmatch(whole):
             return math.nan
         whole = _SEPARATORS.sub('', whole)
-    text = f'{whole}.{rest}' if mark else whole
-    try:
-        return float(text) if text.isascii() and '_' not in text else math.nan
-    except ValueError:
-        return math.nan
+    return plain_number(FORTRAN.sub('e', f'{whole}.{rest}' if mark else whole))
 
 
 def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTable:

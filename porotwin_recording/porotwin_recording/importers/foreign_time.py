@@ -215,8 +215,10 @@ def _counted(
     return found, [f'numbers are dates of {numbers}']
 
 
-def names_zone(words: Sequence[str]) -> bool:
-    """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
+def names_zone(words: Sequence[str], numbers: DateNumbers | None = None) -> bool:
+    """Return whether the times in `words` tell their zone: by Z or +02:00, or as counts in UTC."""
+    if numbers in UNIX and words and all(math.isfinite(_number(word)) for word in words):
+        return True
     matches = map(_matched, words)
     return any(match is not None and match['zone'] is not None for match in matches)
 

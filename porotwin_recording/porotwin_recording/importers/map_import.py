@@ -24,7 +24,8 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.text_with_unit import PERCENT
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.rig import Rig
-from porotwin_recording.experiment.experiment_folder import write_folder
+from porotwin_core.rig.rig_file import names_file
+from porotwin_recording.experiment.experiment_folder import FILES, RIG_FILE, write_folder
 from porotwin_recording.importers.foreign_arrays import ARRAY_FILES, NamedArray, named_arrays
 from porotwin_recording.importers.foreign_table import Decimal, read_foreign_table
 from porotwin_recording.importers.foreign_time import moments
@@ -36,8 +37,10 @@ from porotwin_recording.importers.foreign_units import (
     unit_in,
 )
 from porotwin_recording.importers.open_question import QuestionError, settled
+from porotwin_recording.importers.protocol_photographs import visible
 from porotwin_recording.importers.words_of_languages import NAMES as ALL_NAMES
 from porotwin_recording.importers.words_of_languages import plain
+from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.cf_values import unpacked
 from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_recording.tables.no_value import LEAST_NOISE, Counts, in_words, without_codes
@@ -111,6 +114,30 @@ class _Arrays:
     calendar: str = 'standard'
     downward: bool = False
     gaps: Mapping[str, int] = field(default_factory=dict)
+
+
+def maps_in(folder: Path) -> Path:
+    """Return the only file of maps in and below `folder`, which holds no experiment.
+
+    The folder itself if it holds no maps, or other data beside them; a file as it is.
+
+    Raises:
+        InputError: it holds several.
+    """
+    experiment = any((folder / name).exists() for name in FILES if name != RIG_FILE)
+    if not folder.is_dir() or folder.suffix.lower() in SUFFIXES or experiment or is_bag(folder):
+        return folder
+    found = sorted(
+        one
+        for one in visible(folder)
+        if one.suffix.lower() in SUFFIXES and not names_file(folder / RIG_FILE, one)
+    )
+    if len(found) > 1:
+        raise InputError(
+            f'{folder}: holds {len(found)} files of maps, such as {found[0].relative_to(folder)} '
+            f'and {found[1].relative_to(folder)}; name one of them, or keep it alone'
+        )
+    return found[0] if found else folder
 
 
 def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
@@ -706,7 +733,9 @@ def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
     _refuse_repeated(path, axes, places)
     values[places] = np.where(seen, columns['concentration'], np.nan)
     units = {name: unit_in(title) for name, title in titles.items()}
-    return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
+    counts = {'no line': values.size - table.length, 'no number': seen.count(False)}
+    gaps = {why: count for why, count in counts.items() if count}
+    return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units, gaps=gaps)
 
 
 def _shown(time: Any) -> str:

@@ -6,6 +6,7 @@ The first bytes tell its kind: people rename files.
 import bz2
 import gzip
 import lzma
+import re
 import shutil
 import tarfile
 import tempfile
@@ -69,7 +70,8 @@ def opened_archive(path: Path) -> Iterator[Path]:
         try:
             yield _content(path, Path(place))
         except InputError as error:
-            raise InputError(str(error).replace(place, str(path))) from None
+            unpacked = rf'{re.escape(place)}(/outer|/inner)?'
+            raise InputError(re.sub(unpacked, lambda _: str(path), str(error))) from None
 
 
 def _is_packed(path: Path) -> bool:

@@ -23,14 +23,13 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
     write_folder,
 )
-from porotwin_recording.importers.date_numbers import UNIX
 from porotwin_recording.importers.dated_photographs import (
     ReadExposure,
     camera_files,
     dated_photographs,
 )
 from porotwin_recording.importers.foreign_arrays import ARRAY_FILES
-from porotwin_recording.importers.foreign_table import read_foreign_table
+from porotwin_recording.importers.foreign_table import bare_title, read_foreign_table
 from porotwin_recording.importers.foreign_time import moments, names_zone
 from porotwin_recording.importers.open_question import settled
 from porotwin_recording.importers.protocol_answers import (
@@ -39,6 +38,7 @@ from porotwin_recording.importers.protocol_answers import (
     LEVEL_PROTOCOL,
     MEASURED_PROTOCOL,
     ProtocolAnswers,
+    dated_words,
 )
 from porotwin_recording.importers.protocol_levels import with_logged_levels
 from porotwin_recording.importers.protocol_photographs import (
@@ -48,11 +48,13 @@ from porotwin_recording.importers.protocol_photographs import (
     with_roles,
 )
 from porotwin_recording.importers.protocol_rates import (
+    START,
     check_measured,
     pumped_rates,
     schedule_of,
     since,
 )
+from porotwin_recording.importers.words_of_languages import NAMES
 from porotwin_recording.tables.photos import IMAGING_FILE, Photo
 from porotwin_recording.tables.rates import read_rates
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -300,8 +302,11 @@ def _zones(paths: list[Path], answers: ProtocolAnswers) -> dict[str, bool]:
     """Return whether the times of each protocol name their zone."""
     tables = [read_foreign_table(path, answers.decimal) for path in paths]
     return {
-        str(table.path): answers.date_numbers in UNIX
-        or any(names_zone(words) for words in table.columns.values())
+        str(table.path): any(
+            names_zone(dated_words(table, title), answers.date_numbers)
+            for title in table.columns
+            if any(bare_title(title) in NAMES[quantity] for quantity in (*START, 'end'))
+        )
         for table in tables
     }
 

@@ -74,12 +74,20 @@ def visible_files(folder: Path) -> Iterator[Path]:
     Raises:
         InputError: one is a link that leads out of the folder.
     """
+    return filter(Path.is_file, visible(folder))
+
+
+def visible(folder: Path) -> Iterator[Path]:
+    """Yield the files as `visible_files`, and also the folders.
+
+    Raises:
+        InputError: one is a link that leads out of the folder.
+    """
     for path in folder.rglob('*'):
         parts = path.relative_to(folder).parts
-        if path.is_file() and not any(
-            part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts
-        ):
-            refuse_link_outside(path, folder, folder)
+        if not any(part.startswith('.') or part in _SYSTEM_FOLDERS for part in parts):
+            if path.is_file():
+                refuse_link_outside(path, folder, folder)
             yield path
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from porotwin_checks.checks.measured_rates import wells_with_turned_sign
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, quoted
 from porotwin_core.rig import Rig
@@ -180,7 +181,9 @@ def _ends(
     title = table.find('end')
     if title is not None:
         start = table.needed(*START)
-        zoned = [names_zone(dated_words(table, each)) for each in (start, title)]
+        zoned = [
+            names_zone(dated_words(table, each), answers.date_numbers) for each in (start, title)
+        ]
         if zoned[0] != zoned[1] and not answers.time_zone:
             raise InputError(
                 f'{table.path}: only one of {table.spelt(start)} and {table.spelt(title)} names a '
@@ -230,13 +233,14 @@ def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
     """Return the well of every injection, by its name or by its place."""
     named = table.find('well')
     if named is not None and not any('(' in word for word in table.columns[named]):
-        for line, word in zip(table.lines, table.columns[named], strict=True):
+        wells = [as_known(word, rig.wells) for word in table.columns[named]]
+        for line, word in zip(table.lines, wells, strict=True):
             if word not in rig.wells:
                 raise InputError(
                     f"{table.path}:{line}: unknown well '{word}'; the rig has "
                     f'{", ".join(rig.wells)}'
                 )
-        return table.columns[named]
+        return wells
     if named is not None:
         words = [re.findall(r'[-+\d.,eE]*\d', word) for word in table.columns[named]]
         if any(len(pair) != 2 for pair in words):
@@ -335,6 +339,12 @@ def _concentrations(
                     f'{table.path}:{row}: {title} is {share / factor:g}; write a share of the '
                     'tracer stock from 0 (water) to 1, or percent with % in the title'
                 )
+        idle = sum(share > 0 and rate < 0 for share, rate in zip(found, rates, strict=True))
+        if idle:
+            told.append(
+                f'{table.path}: {title} is left out where water is taken out ({idle} rows); was '
+                'the sign of these rates wrong?'
+            )
         return found
     inject = {well for well, rate in zip(wells, rates, strict=True) if rate > 0}
     if answers.concentration is None and len(inject) > 1:

@@ -8,13 +8,16 @@ from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_text
-from porotwin_core.basis.text_with_unit import in_other_unit
+from porotwin_core.basis.text_with_unit import in_other_unit, plain_number
 
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
 
 THOUSANDS = re.compile(r'-?\d{1,3}(,\d{3})+')
 """A number with commas between its thousands, or with a decimal comma."""
+
+FORTRAN = re.compile(r'(?<=[\d.])[dD](?=[-+]?\d+$)')
+"""The letter of Fortran before the power of ten, as in 5.4D-06."""
 
 CLOCK = re.compile(r'\d:\d|\d{4}-\d\d|\d\d?[./]\d\d?[./]\d{4}')
 """A part of a clock time or of a date."""
@@ -97,11 +100,7 @@ def parse_number(text: str, label: str) -> float:
     Raises:
         InputError: `text` is no finite number; `label` opens the message.
     """
-    try:
-        # Python reads 5_00 and the digits of other scripts as well
-        value = float(text) if text.isascii() and '_' not in text else math.nan
-    except ValueError:
-        value = math.nan
+    value = plain_number(text)
     if not math.isfinite(value):
         raise InputError(f"{label} is '{text}'; {_number_remedy(text)}")
     return value
@@ -112,6 +111,8 @@ def _number_remedy(text: str) -> str:
     if THOUSANDS.fullmatch(text.strip()):
         plain, point = text.replace(',', ''), text.replace(',', '.')
         return f'write {plain}' + (f' or {point}' if text.count(',') == 1 else '')
+    if FORTRAN.search(text):
+        return f'write {FORTRAN.sub("e", text)}'
     if CLOCK.search(text):
         return 'write seconds from the start of the experiment; ./porotwin import reads clock times'
     return 'write a finite number' + (' with a decimal point' if ',' in text else '')

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.text_with_unit import was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
@@ -60,12 +61,13 @@ def _reading(words: list[str], where: str, rig: Rig) -> GaugeReading:
             )
         return GaugeReading(time, kind, value, deviation, port=port, against=against)
     known = (*rig.wells, *SIDES, *rig.water)
-    if words[2] not in known:
+    place = as_known(words[2], known)
+    if place not in known:
         raise InputError(f"{where}: unknown place '{words[2]}'; the rig has {', '.join(known)}")
     if words[3]:
         raise InputError(f"{where}: against '{words[3]}' belongs to a pressure; leave it empty")
     unit = kind.per_si
-    return GaugeReading(time, kind, value / unit, deviation / unit, words[2])
+    return GaugeReading(time, kind, value / unit, deviation / unit, place)
 
 
 def _port(text: str, where: str, rig: Rig) -> Port:

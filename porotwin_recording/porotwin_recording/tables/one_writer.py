@@ -29,6 +29,7 @@ def only_writer(target: Path) -> Iterator[None]:
         try:
             lock.acquire(blocking=False)
         except Timeout:
+            path.touch()  # the lock tells a place without files, such as /proc, so too
             raise InputError(
                 f'{target}: is being written by another call; wait for its end, or name another'
             ) from None

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.text_with_unit import rate_in_ml_h, was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
@@ -57,7 +58,7 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
         raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
     if time > LONGEST_EXPERIMENT_S:
         raise InputError(f'{where}: time_s {time:g} is more than a year; write seconds')
-    well = words[1]
+    well = as_known(words[1], wells)
     if well not in wells:
         raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")
     rate_ml_h = rate_in_ml_h(words[2])

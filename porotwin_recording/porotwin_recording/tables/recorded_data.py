@@ -100,4 +100,5 @@ class RecordedData:
             scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
             photos=self.photos,
             names=names,
+            readings=self.readings,
         )

@@ -46,6 +46,10 @@ def _water(rig: Rig) -> Iterator[Remark]:
         for name, body in rig.water_bodies.items():
             yield from _missed_level(rig, name, body)
             yield from _level_at_side(rig, name, body)
+    if rig.water_table and rig.water_table.fringe_m > rig.height_m:
+        why = f'the whole rig is {rig.height_m:g} m high, so that no sand is dry'
+        shown = f'{rig.water_table.fringe_m:g} m'
+        yield Remark('water_table.fringe_m', shown, why, 'is it in cm or mm? write m')
     if rig.water_table and heads:
         yield from _dry_wells(rig, max(heads.values()) + rig.water_table.fringe_m)
 
