@@ -256,8 +256,8 @@ def untried_lines(findings: Findings) -> list[str]:
     if not findings.untried:
         return []
     return [
-        f'the search was ended before it tried {findings.untried}; call ./porotwin diagnose '
-        'again (without --quick) to try all'
+        f'the search was ended before it tried {findings.untried}; ./porotwin diagnose that is '
+        'neither quick nor interrupted tries all'
     ]
 
 

@@ -16,6 +16,7 @@ from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.report.answer import answer, sentence
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.tables.concentration import MapOrigin
+from porotwin_solver.effects import EFFECTS
 
 
 def said(result, verdict=None):
@@ -32,6 +33,7 @@ def rows(result):
 def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
     text = said(denser)
     assert text.startswith('**Porosity**: the porosity is 12 % lower than nominal')
+    assert EFFECTS['porosity'].also in text  # no effect of the library scales all pumps
     assert 'confidence 90 %' in text
     assert 'of the gap is closed' in text
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,13 @@ def context(rig) -> SearchContext:
     return SearchContext(
         rig, grid, 3600.0, ('injector', 'producer'), 1.4e-7, 'injector', ('injector',)
     )
+
+
+def test_a_bottle_is_weak_from_the_start_beside_another_one(context) -> None:
+    bottle = EFFECTS['stock_strength']
+    assert bottle.candidates(context) == []  # it looks like a pale camera
+    beside = replace(context, tracer_wells=('injector', 'producer'))
+    assert bottle.candidates(beside) == bottle.begins(context)
 
 
 def test_a_complete_definition_is_taken() -> None:

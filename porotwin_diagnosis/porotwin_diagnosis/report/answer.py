@@ -124,6 +124,8 @@ def _named(result: Diagnosis, summary: Summary) -> str:
         names += f', which {these(result)} cannot separate'
     if not verdict.alternatives:
         means = ', or '.join([means, *meanings(verdict.not_separable, summary)])
+    for name in (*verdict.members, *verdict.not_separable):
+        means += f' ({also} makes the same maps)' if (also := EFFECTS[name].also) else ''
     return f'{names[:2]}{names[2:3].upper()}{names[3:]}: {means}'
 
 

@@ -63,8 +63,9 @@ EFFECT = Effect(
     on_physics=scale,
     candidates=candidates,
     phrase=phrase,
-    laboratory_check='weigh the water that fills the rig, and measure the gap between the plates: '
-    'a wrong depth of the whole rig makes the same maps',
+    laboratory_check='weigh the water that fills the rig, measure the gap between the plates, and '
+    'weigh what all pumps deliver',
+    also='a wrong depth of the whole rig, or one factor on the rates of all pumps',
     blind_draw=draw,
     changes=Process.STORAGE,
     appearance=Appearance.DELAY,

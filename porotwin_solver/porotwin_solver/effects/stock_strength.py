@@ -17,10 +17,15 @@ def exchange(physics: Physics, values: Values) -> Physics:
     return replace(physics, stock_factors=factors)
 
 
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit it from the start beside another well with tracer; alone it looks like a pale camera."""
+    return begins(context) if len(context.tracer_wells) > 1 else []
+
+
 def begins(context: SearchContext) -> Sequence[Candidate]:
     """Fit the strength of a bottle in steps of 3 %, where a well injects tracer.
 
-    It begins later: from the start it looks like a pale camera. Stock is the strongest tracer, 1.
+    Stock is the strongest tracer, 1.
     """
     if context.well not in context.tracer_wells:
         return []
@@ -44,6 +49,7 @@ EFFECT = Effect(
         'since': ONSET,
     },
     on_physics=exchange,
+    candidates=candidates,
     begins=begins,
     phrase=phrase,
     plainly='a bottle of tracer is weaker',
