@@ -22,6 +22,6 @@ OF_MAPS = {name: check for name, check in CHECKS.items() if name not in OF_TABLE
 def remarks_about(known: Known, checks: Mapping[str, Check[Known]] = CHECKS) -> tuple[Remark, ...]:
     """Return the remarks of `checks` about the `known` data, the impossible things first.
 
-    What the tables show, which is told before maps are read, explains remarks about maps.
+    The tables are read first. What they show explains remarks about maps.
     """
     return asked(checks, known, OF_TABLES)

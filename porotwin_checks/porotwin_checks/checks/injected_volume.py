@@ -35,7 +35,7 @@ class Injected(NamedTuple):
 
 
 def injected(known: Known) -> Injected:
-    """Return what all wells inject until the `end`, by the delivered rates."""
+    """Return the volume of all wells until the `end`, by the delivered rates."""
     schedule, end = known.rates or Schedule(), known.end
     volume = math.fsum(
         (high - low) * max(well.rate, 0.0)

@@ -64,7 +64,7 @@ EFFECT = Effect(
     candidates=candidates,
     phrase=phrase,
     laboratory_check='weigh the water that fills the rig, measure the gap between the plates, and '
-    'weigh what all pumps deliver',
+    'check the rates of all pumps',
     also='a wrong depth of the whole rig, or one factor on the rates of all pumps',
     blind_draw=draw,
     changes=Process.STORAGE,

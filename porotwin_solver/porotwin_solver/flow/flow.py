@@ -203,7 +203,7 @@ class Flow:
     ) -> FaceField:
         """Return `flux` and the pressure-driven flux that gives it the divergence `source`.
 
-        Each of the `solutions` removes what round-off left of the divergence before it.
+        Each of the `solutions` removes the divergence that round-off left.
         """
         for _ in range(solutions):
             imbalance = self._imbalance(source, flux)

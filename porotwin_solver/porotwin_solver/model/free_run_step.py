@@ -73,7 +73,7 @@ def _pumped(physics: Physics, rates: WellRates) -> float:
 
 
 def _sunk(physics: Physics) -> float:
-    """Return the rate [m^3/s] at which the density of stock moves water."""
+    """Return the flow [m^3/s] that the density of stock drives."""
     return _seeped(physics, abs(physics.density_difference) * GRAVITY)
 
 

@@ -76,7 +76,7 @@ def free_run_preset(name: str) -> Preset:
     """Return the preset `name` of a free run.
 
     Raises:
-        InputError: as `preset_named`, or it is that of single intervals.
+        InputError: as `preset_named`, or it has single intervals only.
     """
     if name == IMPLICIT:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Effects that act in the running model beyond those of rig.yaml: checked, and in words."""
+"""Effects of the running model beyond rig.yaml: checked, and in words."""
 
 from collections.abc import Iterable, Sequence
 

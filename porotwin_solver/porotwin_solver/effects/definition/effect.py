@@ -112,7 +112,7 @@ class Effect:
         pales_core: whether it makes the core of a plume paler or darker. A calibration on the same
             rig takes this core for stock, and so hides a part of the effect.
         equal_to: returns the names of the effects that no map can tell from this one.
-        also: what else makes the same maps, where it is no effect of the library.
+        also: another cause of the same maps, outside the library.
         order: position in lists, in searches and in the draws of the blind check.
         present: returns the values that the physics has already, for an effect that replaces its
             own description in `rig.yaml`; None for one that adds to it.
