@@ -31,10 +31,7 @@ def told_in_one_line() -> Iterator[None]:
         noted.append(number)
         raise KeyboardInterrupt
 
-    before = {
-        number: signal.getsignal(number)
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    }
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     for number, handler in before.items():
         if handler in (signal.default_int_handler, signal.SIG_DFL):  # others are ignored, or set
             signal.signal(number, note)

@@ -6,7 +6,7 @@ from effect_examples import described
 
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate
-from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well
+from porotwin_core.rig import Boundaries, EffectDescription, Well
 from porotwin_solver.model.engine import LONGEST_STEP, State
 from porotwin_solver.model.free_run_step import longest_free_step
 from porotwin_solver.model.model import Model
@@ -87,16 +87,12 @@ def test_exchange_within_a_second_equals_pores_without_immobile_water(make_rig):
     assert np.linalg.norm(maps[1] - maps[0]) < 0.03 * np.linalg.norm(maps[0])
 
 
-def test_a_plume_that_sinks_alone_sees_the_maps_of_short_steps() -> None:
-    rig = Rig(
-        name='sinking',
+def test_a_plume_that_sinks_alone_sees_the_maps_of_short_steps(make_rig) -> None:
+    rig = make_rig(
         width_m=0.4,
         height_m=0.2,
-        depth_m=0.01,
         porosity=0.4,
         permeability_m2=1e-9,
-        viscosity_pa_s=1e-3,
-        density_kg_m3=998.0,
         boundaries=Boundaries(top='closed'),
         wells={'injector': Well(x_m=0.2, z_m=0.15), 'producer': Well(x_m=0.2, z_m=0.05)},
     )

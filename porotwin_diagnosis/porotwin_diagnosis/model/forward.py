@@ -117,11 +117,21 @@ class Forward:
             InputError: the model cannot run with these effects.
         """
         sample, physics = self.sample, _simulated_part(effects)
-        run = partial(
-            simulated_readings,
+        run = self._run(simulated_readings, sample.readings, physics)
+        shown = self.memory.maps(f'readings {physics!r}', len(sample.readings), self._made(run))
+        read, deviation = np.array([(one.value, one.deviation) for one in sample.readings]).T
+        return np.nan_to_num((read - shown) / deviation)
+
+    def _run(
+        self, simulated: Callable[..., FloatArray], seen: Any, physics: Effects
+    ) -> Callable[[], FloatArray]:
+        """Return the call of `simulated` that runs the model to what is `seen`: times, readings."""
+        sample = self.sample
+        return partial(
+            simulated,
             sample.rig,
             sample.schedule,
-            sample.readings,
+            seen,
             grid=sample.grid,
             preset=self.preset,
             effects=physics,
@@ -129,9 +139,6 @@ class Forward:
             start=sample.model_start,
             refinement=self.refinement,
         )
-        shown = self.memory.maps(f'readings {physics!r}', len(sample.readings), self._made(run))
-        read, deviation = np.array([(one.value, one.deviation) for one in sample.readings]).T
-        return np.nan_to_num((read - shown) / deviation)
 
     def _made(self, run: Callable[[], FloatArray]) -> Callable[[], FloatArray]:
         """Return a call of `run` by the crew, if there is one."""
@@ -176,18 +183,7 @@ class Forward:
     ) -> FloatArray:
         sample = self.sample
         wanted = sample.fitted_frames if fitted_only else len(sample.times)
-        simulation = partial(
-            _simulation,
-            sample.rig,
-            sample.schedule,
-            sample.times[:wanted],
-            grid=sample.grid,
-            preset=self.preset,
-            effects=physics,
-            initial=sample.initial_on(sample.grid),
-            start=sample.model_start,
-            refinement=self.refinement,
-        )
+        simulation = self._run(_simulation, sample.times[:wanted], physics)
         return self.memory.maps(repr(physics), wanted, self._made(simulation))
 
 
