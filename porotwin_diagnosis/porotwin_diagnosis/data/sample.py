@@ -39,7 +39,6 @@ from porotwin_diagnosis.data.shared_errors import (
     LOCAL_SHARE,
     ErrorSizes,
     SharedErrors,
-    best_level,
     error_modes,
     measured_errors,
     nearest_level,
@@ -348,16 +347,6 @@ class Sample:
         part = slice(None, self.fitted_frames or len(self.times))
         below = np.where(self.observed < FULL_STOCK * self.least_scale, self.observed, np.nan)
         return predicted * max(nearest_level(predicted[part], below[part]), self.least_scale)
-
-    def at_level(self, predicted: FloatArray) -> FloatArray:
-        """Return `predicted` (nt, nz, nx) at the level of the stock that the held-out maps have.
-
-        Only a calibration on the same rig leaves this level open.
-        """
-        if self.shared_errors is None and self.least_scale is None:
-            return predicted
-        late = slice(self.fitted_frames, None)
-        return predicted * best_level(predicted[late], self.observed[late])
 
 
 def at_compared_cells(maps: FloatArray, width: float) -> FloatArray:
