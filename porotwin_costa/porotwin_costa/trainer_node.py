@@ -47,9 +47,6 @@ PAIRS_PER_FILE = 10
 PENDING_PAIRS = 1000
 """Pairs kept while the solver is absent: eight hours of photographs every 30 s."""
 
-LARGEST_SEED = 2**31 - 1
-"""Seeds are whole numbers up to this."""
-
 MOST_TRIES = 3
 """Attempts at a pair that the solver fails at. Another client may have cancelled all requests."""
 
@@ -93,9 +90,7 @@ class TrainerNode(TwinNode):
             choices=('', *ARCHITECTURES),
         )
         self._output = declare(self, 'output', '', 'file for the weights; empty: none')
-        self._seed = declare(
-            self, 'seed', 1, 'seed of the training', at_least=0, at_most=LARGEST_SEED
-        )
+        self._seed = declare(self, 'seed', 1, 'seed of the training', at_least=0)
         self._model_timeout = declare(
             self,
             'model_timeout_s',

@@ -9,15 +9,10 @@ from urllib.parse import quote
 import psutil
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.ros_environment import LARGEST_PORT
 
 DEFAULT_HOST = '127.0.0.1'
 """Host of an address without one: this machine only."""
-
-MAX_PORT = 65535
-"""Largest TCP port."""
-
-LARGEST_USER_PORT_REFUSED = 1023
-"""Ports up to this one need the rights of an administrator on Linux."""
 
 EXAMPLE = '127.0.0.1:8765 (this machine only) or 0.0.0.0:8765 (also for phones)'
 
@@ -39,9 +34,9 @@ def parse(address: str) -> tuple[str, int]:
     host, _, port = text.rpartition(':')
     bracketed = host.startswith('[') and host.endswith(']')
     host = host[1:-1] if bracketed else host or DEFAULT_HOST
-    if not (port.isascii() and port.isdecimal()) or int(port) > MAX_PORT:
+    if not (port.isascii() and port.isdecimal()) or int(port) > LARGEST_PORT:
         raise InputError(
-            f"page address '{address}': its port must be a number from 0 to {MAX_PORT}; "
+            f"page address '{address}': its port must be a number from 0 to {LARGEST_PORT}; "
             f'write HOST:PORT, like {EXAMPLE}'
         )
     if not (_is_ipv6(host) if bracketed else _NAME.fullmatch(host)):
@@ -98,10 +93,10 @@ def _refusal(address: str, port: int, error: OSError) -> str:
             f'page address {address} is in use, perhaps by another page; choose another with '
             f'{remedy}'
         )
-    if error.errno == errno.EACCES and port <= LARGEST_USER_PORT_REFUSED:
+    if error.errno == errno.EACCES and port < socket.IPPORT_RESERVED:
         return (
             f'page address {address}: only an administrator may use port {port}; choose one above '
-            f'{LARGEST_USER_PORT_REFUSED} with {remedy}'
+            f'{socket.IPPORT_RESERVED - 1} with {remedy}'
         )
     return (
         f"page address {address}: {error.strerror or error}; choose one of this machine's, like "

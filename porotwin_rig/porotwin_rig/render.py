@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.ExifTags import IFD, Base
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
@@ -45,10 +46,6 @@ _REDUCED_WIDTH_PX = 1600
 
 _LAMP_PERIODS_S = (4200.0, 1500.0, 3300.0, 900.0, 5100.0)
 """Periods of the drifts of the lamps [s]: tens of minutes, without a common multiple."""
-
-_EXIF_MODEL, _EXIF_DETAILS = 0x0110, 0x8769
-_EXIF_TIME, _EXIF_ZONE, _EXIF_MILLISECONDS = 0x9003, 0x9011, 0x9291
-"""Tags of the EXIF standard (CIPA DC-008)."""
 
 
 @dataclass(frozen=True)
@@ -275,10 +272,10 @@ def _sensor_curve() -> NDArray[np.float32]:
 def _with_exposure_time(jpeg: bytes, taken: datetime) -> bytes:
     """Return the JPEG file with the time of exposure, to the millisecond, in its EXIF."""
     exif = Image.Exif()
-    exif[_EXIF_MODEL] = 'PoroTwin virtual camera'
-    details = exif.get_ifd(_EXIF_DETAILS)
-    details[_EXIF_TIME] = taken.strftime('%Y:%m:%d %H:%M:%S')
-    details[_EXIF_ZONE] = '+00:00'
-    details[_EXIF_MILLISECONDS] = f'{taken.microsecond // 1000:03d}'
+    exif[Base.Model] = 'PoroTwin virtual camera'
+    details = exif.get_ifd(IFD.Exif)
+    details[Base.DateTimeOriginal] = taken.strftime('%Y:%m:%d %H:%M:%S')
+    details[Base.OffsetTimeOriginal] = '+00:00'
+    details[Base.SubsecTimeOriginal] = f'{taken.microsecond // 1000:03d}'
     payload = exif.tobytes()
     return jpeg[:2] + b'\xff\xe1' + (len(payload) + 2).to_bytes(2, 'big') + payload + jpeg[2:]

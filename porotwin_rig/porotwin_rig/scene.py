@@ -14,7 +14,7 @@ from porotwin_rig.chart import chart_colours
 
 FloatArray = NDArray[np.floating]
 
-FULL_SCALE = 65535.0
+FULL_SCALE = float(np.iinfo(np.uint16).max)
 """Linear light 1.0 in the 16 bits of a scene."""
 
 MOST_SANDS = 6

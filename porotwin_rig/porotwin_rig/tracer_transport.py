@@ -33,12 +33,8 @@ class InnerFaces(NamedTuple):
 RIM_POINTS = 24
 """Points on the rim of a producing well where the concentration of the water is read."""
 
-GAUSS_POINTS = (
-    (0.069432, 0.173927),
-    (0.330009, 0.326073),
-    (0.669991, 0.326073),
-    (0.930568, 0.173927),
-)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+GAUSS_POINTS = tuple(zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True))
 """Nodes and weights of the four-point Gauss rule on [0, 1]: the tracer that leaves in a step is an
 integral over time."""
 

@@ -7,7 +7,7 @@ from typing import Any
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.regular_file import read_regular
-from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS, Parameter
+from porotwin_core.model.effect_parameter import HALF_INTERVAL, Parameter
 from porotwin_solver.effects import effect
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_solver.effects.definition.effect import Scope
@@ -76,5 +76,5 @@ def _with_doubt(
     least = parameter.low
     if parameter.above > -math.inf:
         least = max(least, parameter.above + LEAST_SHARE * (value - parameter.above))
-    step = width / INTERVAL_DEVIATIONS
+    step = width / (2.0 * HALF_INTERVAL)
     return FitParameter(name, parameter.unit, value, step, least, parameter.high, log=is_log)

@@ -10,6 +10,7 @@ Candes, NeurIPS 2021).
 import math
 
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.effect_parameter import HALF_INTERVAL
 
 CHECK_S = 300.0
 """Age of the forecasts that a photograph is compared with [s]."""
@@ -29,9 +30,6 @@ MEMORY = 0.93
 
 LEAST_AREA, LEAST_TRACER = 1e-4, 1e-7
 """Area [m^2] and volume of tracer [m^3] below which there is no front yet."""
-
-BAND_DEVIATIONS = 1.645
-"""Standard deviations from the middle to an end of a 90 % band."""
 
 
 class ForecastCheck:
@@ -81,7 +79,7 @@ class ForecastCheck:
         growth = (times / CHECK_S).clip(1.0)
         usual = min(self.error, self._usual) ** 2
         variance = usual * growth + (self.error**2 - usual) * growth**2
-        added = BAND_DEVIATIONS**2 * variance * median
+        added = HALF_INTERVAL**2 * variance * median
         result = band.copy()
         result[0] = (median - ((median - low) ** 2 + added) ** 0.5).clip(0.0)
         result[2] = median + ((high - median) ** 2 + added) ** 0.5

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation, grey_erosion
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_siblings.forecast_check import BAND_DEVIATIONS, CHECK_S
+from porotwin_core.model.effect_parameter import HALF_INTERVAL
+from porotwin_siblings.forecast_check import CHECK_S
 
 USUAL_MISS_M = 1e-3
 """Miss of a front that the other widening covers [m]."""
@@ -78,7 +79,7 @@ class FrontCheck:
         It grows with the root of the time ahead [s]: an unknown cause goes on, but not always in
         one direction.
         """
-        return BAND_DEVIATIONS * self.excess * np.sqrt((times / CHECK_S).clip(1.0))
+        return HALF_INTERVAL * self.excess * np.sqrt((times / CHECK_S).clip(1.0))
 
 
 def widened(

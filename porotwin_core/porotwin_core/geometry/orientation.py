@@ -4,8 +4,8 @@ import io
 import warnings
 
 from PIL import Image
+from PIL.ExifTags import Base
 
-ORIENTATION_TAG = 0x0112
 UPRIGHT = 1
 
 
@@ -16,7 +16,7 @@ def orientation(data: bytes) -> int:
             warnings.simplefilter('ignore')
             image = Image.open(io.BytesIO(data))
         with image:
-            written = image.getexif().get(ORIENTATION_TAG, UPRIGHT)
+            written = image.getexif().get(Base.Orientation, UPRIGHT)
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return UPRIGHT
     return written if written in range(1, 9) else UPRIGHT

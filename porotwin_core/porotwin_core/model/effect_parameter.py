@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from porotwin_core.basis.errors import InputError
@@ -126,8 +127,9 @@ def lasting(effect: EffectDescription) -> EffectDescription:
     return EffectDescription(name=effect.name, parameters=kept)
 
 
-INTERVAL_DEVIATIONS = 3.29
-"""Width of an interval of 90 % of a normal distribution, in standard deviations."""
+HALF_INTERVAL = NormalDist().inv_cdf(0.95)
+"""Half the width of a 90 % interval of a normal distribution, in standard deviations."""
+
 FAR = 5.0
 """Place over size of the rig above which a place is probably in another unit."""
 

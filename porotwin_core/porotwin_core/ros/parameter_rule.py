@@ -1,6 +1,7 @@
 """The rule of one parameter of a node: default, meaning and allowed values."""
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
@@ -11,7 +12,7 @@ TYPES = {bool: 'true or false', int: 'a whole number', float: 'a number', str: '
 """Types of parameters, in words."""
 
 
-LARGEST_WHOLE = 2**63 - 1
+LARGEST_WHOLE = sys.maxsize
 """Largest whole number of a parameter: 64 bits with sign."""
 
 

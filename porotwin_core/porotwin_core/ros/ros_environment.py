@@ -41,6 +41,9 @@ CONSOLE_FORMAT = 'RCUTILS_CONSOLE_OUTPUT_FORMAT'
 READABLE_LINES = '[{severity}] {date_time_with_ms} {name}: {message}'
 """The lines of a node: a date instead of seconds since 1970 (docs.ros.org, about logging)."""
 
+LARGEST_PORT = 65535
+"""Largest port of TCP and UDP."""
+
 DOMAIN_PORTS = 250
 """Ports of one domain (RTPS 2.2, section 9.6.1)."""
 

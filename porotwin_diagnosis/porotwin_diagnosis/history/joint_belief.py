@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.history.past_findings import (
-    INTERVAL_DEVIATIONS,
+    HALF_INTERVAL,
     FoundCause,
     PastFinding,
     Value,
@@ -76,7 +76,7 @@ def weighted(values: Sequence[Value]) -> Value:
     mean = sum(w * one.value for w, one in zip(weights, values, strict=True)) / sum(weights)
     scatter = sum(w * (one.value - mean) ** 2 for w, one in zip(weights, values, strict=True))
     birge = math.sqrt(max(1.0, scatter / max(1, len(values) - 1)))
-    half = 0.5 * INTERVAL_DEVIATIONS * birge / math.sqrt(sum(weights))
+    half = HALF_INTERVAL * birge / math.sqrt(sum(weights))
     return Value(value=mean, low=mean - half, high=mean + half)
 
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from porotwin_core.basis.errors import InputError, check_writable, refuse_file, writing
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import write_whole
-from porotwin_core.model.effect_parameter import INTERVAL_DEVIATIONS, SINCE
+from porotwin_core.model.effect_parameter import HALF_INTERVAL, SINCE
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
@@ -55,7 +55,7 @@ class Value(_Record):
     @property
     def deviation(self) -> float:
         """Standard deviation, in the unit of the value."""
-        return (self.high - self.low) / INTERVAL_DEVIATIONS
+        return (self.high - self.low) / (2.0 * HALF_INTERVAL)
 
 
 class FoundCause(_Record):

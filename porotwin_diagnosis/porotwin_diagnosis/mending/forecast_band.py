@@ -7,6 +7,8 @@ bad photograph cannot reach the limit, because its score is bounded; a lasting c
 import math
 import statistics
 
+from scipy.stats import median_abs_deviation
+
 LEARNING = 8
 """Photographs that give the usual error if no expected error is known."""
 
@@ -23,9 +25,6 @@ MOST_SCORE = 3.0
 LEAST_DEVIATION = 0.15
 """Least standard deviation of the logarithm of an error: errors of forecasts of neighbouring
 photographs differ by 15 % when nothing has changed."""
-
-DEVIATION_OF_MEDIAN = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 class ForecastBand:
@@ -69,5 +68,5 @@ class ForecastBand:
             self._learnt.append(log_error)
             return None
         usual = statistics.median(self._learnt)
-        spread = statistics.median(abs(value - usual) for value in self._learnt)
-        return (log_error - usual) / max(DEVIATION_OF_MEDIAN * spread, LEAST_DEVIATION)
+        spread = float(median_abs_deviation(self._learnt, scale='normal'))
+        return (log_error - usual) / max(spread, LEAST_DEVIATION)

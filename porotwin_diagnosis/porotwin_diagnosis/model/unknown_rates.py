@@ -16,13 +16,13 @@ The level of relative maps needs no fit: it is the factor that the prediction le
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import TypeVar
 
 import numpy as np
 
 from porotwin_core.basis.units import percent, to_ml_h
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.effect_parameter import HALF_INTERVAL
 from porotwin_core.model.levenberg_marquardt import minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import front_cells
@@ -43,10 +43,6 @@ from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps, MapSeries
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.rate import rate_factors, unknown_rates
-
-NORMAL_DEVIATIONS = NormalDist().inv_cdf(0.95)
-"""Half width of a 90 % interval of a normal distribution in standard deviations."""
-
 
 Series = TypeVar('Series', bound=MapSeries)
 
@@ -168,7 +164,7 @@ class UnknownRates:
         if not self.unknown:
             return ()
         is_open = any(sample.least_scale is not None for sample in self.fitter.samples)
-        starts = [mean, mean - NORMAL_DEVIATIONS * deviation][: 1 + is_open]
+        starts = [mean, mean - HALF_INTERVAL * deviation][: 1 + is_open]
         coarse = [self.fitted((), start, COARSE_SMOOTHING_WIDTH) for start in starts]
         fits = [self.fitted((), start, SMOOTHING_WIDTH) for start in coarse]
         return effects_at(self.unknown, min(fits, key=self._cost))
@@ -218,7 +214,7 @@ class UnknownRates:
         )
         slopes = self.fitter.slopes(members, scaled, residuals)
         moved = self._minimised(self._finer, members, scaled, SMOOTHING_WIDTH, lambda *_at: slopes)
-        widening = (INTERVAL_DEVIATIONS / NORMAL_DEVIATIONS) ** 2
+        widening = (INTERVAL_DEVIATIONS / HALF_INTERVAL) ** 2
         variance = (moved - scaled) ** 2
         if any(sample.least_scale is not None for sample in self.fitter.samples):  # of the core
             steps = [one.parameters[0].step for one in self.unknown]
@@ -257,7 +253,7 @@ class UnknownRates:
             deviations[-count:],
             strict=True,
         ):
-            half = NORMAL_DEVIATIONS * deviation
+            half = HALF_INTERVAL * deviation
             low, rate, high = (
                 float(present * one.parameters[0].value(u))
                 for u in (middle - half, middle, middle + half)

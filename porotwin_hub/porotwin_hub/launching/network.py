@@ -19,14 +19,19 @@ from typing import Any
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
-from porotwin_core.ros.ros_environment import DOMAIN, PEERS, RANGE, domain_of, namespace_of
+from porotwin_core.ros.ros_environment import (
+    DOMAIN,
+    LARGEST_PORT,
+    PEERS,
+    RANGE,
+    domain_of,
+    namespace_of,
+)
 from porotwin_hub.launching.parameter_file import NETWORK, read_parameter_file
 
 SERVER = 'ROS_DISCOVERY_SERVER'
 WHOLE_GRAPH = 'ROS_SUPER_CLIENT'
 """A node that must see the whole graph; the checks of senders need it."""
-
-LARGEST_PORT = 65535
 
 
 @dataclass(frozen=True)

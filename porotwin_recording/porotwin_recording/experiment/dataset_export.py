@@ -25,7 +25,6 @@ from porotwin_recording.experiment.dataset_variables import (
 from porotwin_recording.experiment.photo_source import content_mark
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import MAPS_AT_ONCE
-from porotwin_recording.tables.map_writer import COMPRESSION_LEVEL
 from porotwin_recording.tables.one_writer import one_writer
 
 Format = Literal['zarr', 'netcdf']
@@ -228,7 +227,6 @@ def _define_netcdf(path: Path, variables: dict[str, Variable], about: dict[str, 
                     chunksizes=(1, sizes['z'], sizes['x']),
                     fill_value=np.float32(np.nan),
                     zlib=True,
-                    complevel=COMPRESSION_LEVEL,
                 )
             variable.setncatts(each.attributes)
 

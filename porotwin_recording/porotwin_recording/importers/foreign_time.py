@@ -23,7 +23,6 @@ from porotwin_recording.importers.open_question import QuestionError
 from porotwin_recording.importers.words_of_languages import ZONES, month_of, with_plain_signs
 
 DateOrder = Literal['day-first', 'month-first']
-MONTHS = 12
 HALF_DAY_H = 12
 CENTURY = 2000
 """Years of two digits belong to this century."""
@@ -262,8 +261,8 @@ def _is_day_first(
     dates: Sequence[tuple[str, str, str]], where: str, order: DateOrder | None, told: list[str]
 ) -> bool:
     """Return whether the day comes first; add the reason to `told`."""
-    first = any(int(one) > MONTHS for one, _, _ in dates)
-    second = any(int(two) > MONTHS for _, two, _ in dates)
+    first = any(int(one) > datetime.max.month for one, _, _ in dates)
+    second = any(int(two) > datetime.max.month for _, two, _ in dates)
     if first and second:
         raise InputError(
             f'{where}: some dates have the day first and some the month; write 2024-05-31'

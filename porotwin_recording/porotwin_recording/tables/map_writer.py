@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Self
 
 import netCDF4
 import numpy as np
@@ -14,9 +14,6 @@ from porotwin_core.geometry.grid import Grid
 
 _TIMES_PER_CHUNK = 4096
 """A NetCDF chunk of one time would cost a kilobyte of memory per map."""
-
-COMPRESSION_LEVEL: Final = 4
-"""Level of zlib, from 1 (fastest) to 9 (smallest)."""
 
 
 class MapWriter:
@@ -75,7 +72,6 @@ class MapWriter:
                 kind,
                 ('time', 'z', 'x'),
                 zlib=True,
-                complevel=COMPRESSION_LEVEL,
                 shuffle=shuffle,
                 chunksizes=(1, self.grid.nz, self.grid.nx),
                 fill_value=fill,
