@@ -17,9 +17,10 @@ from lab.loop.bench_loop_draw import draw_scenario
 from lab.loop.bench_loop_eyes import BenchSettings, make_eyes
 from lab.loop.bench_loop_run import RUNS, TWINS, run_free, run_optimum
 from lab.study import FiguresJob, Study, StudyJob, study_folder
-from porotwin_cli.running.loop_run import RUN_BYTES, LoopFigures, run_closed
+from porotwin_cli.running.loop_run import LoopFigures, run_closed
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import TASK_BYTES
 from porotwin_core.basis.whole_file import write_whole
 
 SETTINGS = 'settings.json'
@@ -109,7 +110,7 @@ def run(
     """
     settings = settings or (BenchSettings() if photographs else BenchSettings.quick())
     folder = _folder(output, {'seed': seed, **asdict(settings)})
-    study = Study(folder, RUN_BYTES, workers, scheduler)
+    study = Study(folder, TASK_BYTES, workers, scheduler)
     draws = [
         DrawJob(number, seed, folder / f'drawn_{number + 1:02d}.json')
         for number in range(0 if drawn else scenarios)

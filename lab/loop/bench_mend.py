@@ -19,11 +19,12 @@ from lab.study import FiguresJob, Study, study_folder
 from porotwin_cli.recorded.run_account import TrueTracer
 from porotwin_cli.running.hidden_effect import MENDABLE, as_text, draw_context, surprise
 from porotwin_cli.running.loop_rig import LoopRig, LoopSettings, map_eyes
-from porotwin_cli.running.loop_run import PLAN_PRESET, RUN_BYTES, planning_twin, with_plan
+from porotwin_cli.running.loop_run import PLAN_PRESET, planning_twin, with_plan
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_cli.running.mended_loop import Mending, forecast_errors, run_beside, scenario_of
 from porotwin_cli.terminal import print_table
 from porotwin_cli.workspace import small_rig
+from porotwin_core.basis.parallel import TASK_BYTES
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
@@ -272,7 +273,7 @@ def run(
     """
     folder = study_folder(output, 'bench-mend', lambda path: any(path.glob('case_*.json')))
     jobs = jobs_of(folder, scenarios=scenarios, seed=seed)
-    Study(folder, RUN_BYTES, workers, scheduler).do(jobs, seconds_per_job=SECONDS_PER_RUN)
+    Study(folder, TASK_BYTES, workers, scheduler).do(jobs, seconds_per_job=SECONDS_PER_RUN)
     return [_row(jobs[first : first + len(RUNS)]) for first in range(0, len(jobs), len(RUNS))]
 
 

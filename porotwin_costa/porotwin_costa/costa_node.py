@@ -483,7 +483,7 @@ def _known_map(message: TracerField) -> FloatArray | None:
 
 def main() -> None:
     """Run the node, unless another one is there; one thread trains while others answer."""
-    run(only_one(CostaNode, 'costa'), threads=4)
+    run(only_one(CostaNode, 'costa'))
 
 
 if __name__ == '__main__':

@@ -16,6 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos, senders
@@ -55,9 +56,6 @@ RETRY_S = 2.0
 
 TRAIN = 'costa/train'
 """Action of the node costa."""
-
-TIMER_S = 0.5
-"""Time between two looks for work [s]."""
 
 
 class TrainerNode(TwinNode):
@@ -159,7 +157,7 @@ class TrainerNode(TwinNode):
         follow_effects(self, self._on_effects)
         follow(self, WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         # not the node's clock: simulated time may stand still while the solver is silent
-        self.create_timer(TIMER_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(POLL_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_state(self, message: NewState) -> None:
         try:

@@ -46,9 +46,6 @@ from porotwin_solver.model.presets import PRESETS
 DIAGNOSE = 'diagnosis/diagnose'
 """Action of this node."""
 
-THREADS = 3
-"""One thread diagnoses, one listens to topics, one refuses a second goal."""
-
 
 class CanceledError(Exception):
     """The goal was canceled while the diagnosis ran."""
@@ -277,7 +274,7 @@ class _Feedback:
 def main() -> None:
     """Run the node at a low priority."""
     os.nice(YIELDING)  # before any thread starts, because each inherits the value
-    run(only_one(DiagnosisNode, 'diagnosis'), threads=THREADS)
+    run(only_one(DiagnosisNode, 'diagnosis'))
 
 
 if __name__ == '__main__':

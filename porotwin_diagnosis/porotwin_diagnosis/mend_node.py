@@ -23,6 +23,7 @@ from std_msgs.msg import Header
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
@@ -61,14 +62,8 @@ from porotwin_solver.service.effects_in_force import checked_effects
 NICENESS = 5
 """Increase of the process's nice value: a shadow forecast may be late, a setpoint may not."""
 
-THREADS = 4
-"""Threads for messages, for answers of the operator, for those of other nodes, and a spare one."""
-
 DIAGNOSE = 'diagnosis/diagnose'
 """Action of the diagnosis node."""
-
-LOOK_S = 0.2
-"""Time between two looks whether a diagnosis is wanted, done or overdue [s]."""
 
 SOLVER_S = 30.0
 """Longest wait for the solver to change its model [s]; the factorisation of a large grid takes
@@ -190,7 +185,7 @@ class MendNode(TwinNode):
         asking = MutuallyExclusiveCallbackGroup()
         self._diagnosis = ActionClient(self, Diagnose, DIAGNOSE, callback_group=asking)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(LOOK_S, self._look, callback_group=asking, clock=steady)
+        self.create_timer(POLL_S, self._look, callback_group=asking, clock=steady)
 
     # --- messages in --------------------------------------------------------------------------
 
@@ -432,7 +427,7 @@ class MendNode(TwinNode):
 def main() -> None:
     """Run the node at a lower priority."""
     os.nice(NICENESS)  # before any thread starts, because each inherits the value
-    run(only_one(MendNode, 'mend'), threads=THREADS)
+    run(only_one(MendNode, 'mend'))
 
 
 if __name__ == '__main__':

@@ -8,22 +8,14 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
+from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
+from porotwin_core.clock.stamps import SAME_STAMP_S
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRates, net_rate_words
 from porotwin_core.rig import Rig
 from porotwin_guard.camera_lag import CameraLag
-
-VALIDITY_INTERVALS = 3
-"""Photo intervals that a setpoint may be valid (docs/formats.md)."""
-
-ROUND_OFF_ML_H = 1e-3
-"""Rates that differ by less are equal [ml/h]: no pump is that exact."""
-
-ROUND_OFF_CONCENTRATION = 1e-6
-"""Concentrations that differ by less are equal [-]."""
-
-ROUND_OFF_S = 1e-6
-"""Times that differ by less are equal [s]: stamps are rounded to nanoseconds."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +93,7 @@ class Guard:
                     f"well '{name}': {rate_ml_h:g} ml/h; rig.yaml allows {low:g} to {high:g} ml/h"
                 )
             fluid = self._fluids.get(name, 0.0)
-            if well.rate > 0.0 and not abs(well.concentration - fluid) <= ROUND_OFF_CONCENTRATION:
+            if well.rate > 0.0 and not abs(well.concentration - fluid) <= WRITTEN_ROUND_OFF:
                 raise InputError(
                     f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
                 )
@@ -142,7 +134,7 @@ class Guard:
     def _check_times(self, request: SetpointRequest, now: float) -> None:
         validity = request.valid_until - request.stamp
         longest = VALIDITY_INTERVALS * self._interval
-        if not 0.0 < validity <= longest + ROUND_OFF_S:
+        if not 0.0 < validity <= longest + SAME_STAMP_S:
             raise InputError(
                 f'it is valid for {validity:g} s; the guard allows up to {longest:g} s'
             )

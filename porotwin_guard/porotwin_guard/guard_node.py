@@ -9,6 +9,7 @@ from rclpy.clock_type import ClockType
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import HEARTBEAT_S
 from porotwin_core.ros import conversions, qos, senders
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.node import (
@@ -28,9 +29,6 @@ from porotwin_msgs.srv import Control
 
 BLOCKED = 'no setpoint can pass: '
 """Begin of the line about a foreign sender."""
-
-WATCH_PERIOD_S = 1.0
-"""Time between two looks at the graph and at the expiry [s]."""
 
 
 class GuardNode(TwinNode):
@@ -66,7 +64,7 @@ class GuardNode(TwinNode):
         if self.simulated:
             follow(self, ClockMessage, '/clock', self._on_clock, qos.CLOCK)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
+        self.create_timer(HEARTBEAT_S, self._watch, clock=steady)
 
     def _on_clock(self, message: ClockMessage) -> None:
         self._simulated_time = conversions.time_from_msg(message.clock)
@@ -169,7 +167,7 @@ class GuardNode(TwinNode):
 
 def main() -> None:
     """Run the node, unless another guard runs."""
-    run(only_one(GuardNode, senders.GUARD), threads=4)
+    run(only_one(GuardNode, senders.GUARD))
 
 
 if __name__ == '__main__':

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import HEARTBEAT_S
 from porotwin_core.clock.stamps import believed_age
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
@@ -35,9 +36,6 @@ from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
 HUB, MEND = 'hub', 'mend'
 """The nodes whose words the operator reads and hears."""
-
-EXPIRY_PERIOD_S = 1.0
-"""Time between checks of the newest setpoint's expiry [s]: an operator needs no finer time."""
 
 
 class OperatorNode(TwinNode):
@@ -85,7 +83,7 @@ class OperatorNode(TwinNode):
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(EXPIRY_PERIOD_S, self._on_timer, clock=steady)
+        self.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
 
     def _let_speak(self, speak: bool) -> None:
         self._voice = Voice(on_problem=self.get_logger().warning) if speak else None

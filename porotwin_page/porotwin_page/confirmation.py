@@ -14,7 +14,7 @@ from porotwin_core.basis.json_text import json_value
 from porotwin_core.basis.remark import QUOTED
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.plausible_rates import greatest_rate_ml_h
-from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H, SAME_RATE
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
@@ -26,7 +26,7 @@ LEAST_BOUND_ML_H = 1000.0
 """Bound of plausible rates where the wells are all off and the rig is not known [ml/h]."""
 
 
-BALANCE_ML_H = 0.0501
+BALANCE_ML_H = to_ml_h(SAME_RATE) + ROUND_OFF_ML_H
 """Round-off of one rate at a pump's display of 0.1 ml/h; allowed once per well [ml/h]."""
 
 

@@ -7,11 +7,9 @@ import numpy as np
 
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import WellRates
 from porotwin_page.json_values import Json, finite, rates_ml_h
-
-PLUME_LEVEL = 0.05
-"""Concentration [-] at the outline of a plume, as in the quantities of the solver."""
 
 OUTLINE_DIGITS = 3
 """Digits of places in metres: a millimetre is finer than a pixel."""
@@ -57,7 +55,7 @@ def plume_outlines(concentration: FloatArray, grid: Grid) -> tuple[Outline, ...]
     values = np.pad(np.nan_to_num(np.asarray(concentration, dtype=float)), 1)
     x = np.concatenate([[0.0], grid.x, [grid.width]])
     z = np.concatenate([[0.0], grid.z, [grid.height]])
-    lines = contourpy.contour_generator(x, z, values).lines(PLUME_LEVEL)
+    lines = contourpy.contour_generator(x, z, values).lines(PLUME_THRESHOLD)
     return tuple(
         [(round(float(a), OUTLINE_DIGITS), round(float(b), OUTLINE_DIGITS)) for a, b in line]
         for line in lines

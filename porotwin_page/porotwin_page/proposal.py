@@ -3,13 +3,11 @@
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import from_ml_h
+from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.rates.rate_periods import SAME_RATE
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Control
 from porotwin_page.graph_snapshot import GraphSnapshot
-
-ROUND_OFF_ML_H = 0.05
-"""Half a step of a pump's display [ml/h]: a sum of sliders may exceed a limit by so much."""
 
 
 def parse_proposal(data: Any, snapshot: GraphSnapshot) -> dict[str, WellRate]:
@@ -45,8 +43,8 @@ def _rate(well: str, value: object, control: Control) -> WellRate:
 
 
 def _check_sum(rates: WellRates, control: Control) -> None:
-    together = sum(rate.rate for rate in rates.values()) / from_ml_h(1.0)
-    if together > control.most_total_ml_h + ROUND_OFF_ML_H:
+    together = to_ml_h(sum(rate.rate for rate in rates.values()))
+    if together > control.most_total_ml_h + to_ml_h(SAME_RATE):
         raise InputError(
             f'control wells inject {together:.1f} ml/h together; rig.yaml allows '
             f'{control.most_total_words}'

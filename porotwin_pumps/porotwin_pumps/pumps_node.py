@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import HEARTBEAT_S
 from porotwin_core.clock.stamps import believed_age, steady_time
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
@@ -21,9 +22,6 @@ from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge
 from porotwin_pumps.protocols.pump_protocol import PumpError
 from porotwin_pumps.pump_file import load_pumps, pump_openers
-
-TICK_PERIOD_S = 1.0
-"""Time between two looks at the pumps [s]."""
 
 
 class PumpsNode(TwinNode):
@@ -60,7 +58,7 @@ class PumpsNode(TwinNode):
         self._guard = OnlyCaller(self, 'asset/control')
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
-        self.create_timer(TICK_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(HEARTBEAT_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._report(f'{len(entries)} pumps at the safe rates')
 
     def _set_period(self, seconds: float) -> None:

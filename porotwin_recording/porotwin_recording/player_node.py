@@ -12,7 +12,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import HOUR_S
+from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.node import ENDED, Diagnostics, TwinNode, declare, run
 from porotwin_recording.live.player import CLOCK, latched_before
 from porotwin_recording.live.replay_audience import ReplayAudience
@@ -27,9 +28,6 @@ from porotwin_recording.mcap.serialization import SECOND, stamp_of
 
 CLOCK_PERIOD = 0.05
 """Period of /clock between two messages, in wall time [s]."""
-
-DISCOVERY_PERIOD = 0.05
-"""Period of the search for subscribers and publishers [s]."""
 
 PATIENCE = 60.0
 """Longest wait for the graph [s]: the start of all nodes on a loaded machine takes half of it."""
@@ -54,9 +52,6 @@ FASTEST = 1000.0
 
 SHORTEST_WAIT = 0.1
 """Shortest limit of a wait for an answer [s]: less than any cycle takes."""
-
-DECADE = 3.2e8
-"""Longer than any recording [s]."""
 
 PHOTOGRAPH_TIME = 'photograph_time'
 """Value in the diagnostics of imaging: the stamp of the photograph that it refuses [s]."""
@@ -105,7 +100,12 @@ class PlayerNode(TwinNode):
             at_most=FASTEST,
         )
         start_s = declare(
-            self, 'start_s', 0.0, 'where in the bag to start [s]', at_least=0.0, at_most=DECADE
+            self,
+            'start_s',
+            0.0,
+            'where in the bag to start [s]',
+            at_least=0.0,
+            at_most=LONGEST_EXPERIMENT_S,
         )
         self._loop = declare(self, 'loop', False, 'start again at the end')
         self._patience = declare(
@@ -208,7 +208,7 @@ class PlayerNode(TwinNode):
                 self.get_logger().info(
                     f'waiting for {"; ".join(waits)} ({now - begin:.0f} of {self._patience:g} s)'
                 )
-            if self._stopping.wait(DISCOVERY_PERIOD):
+            if self._stopping.wait(POLL_S):
                 return
         self._begin_without(missing(self._audience.seen(list(self._topics.publishers.values()))))
 

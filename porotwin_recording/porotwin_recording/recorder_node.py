@@ -21,6 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.following import Writers, follow
 from porotwin_core.ros.foreign_words import FewWords
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
@@ -32,9 +33,6 @@ from porotwin_recording.mcap.interfaces import message_class
 from porotwin_recording.mcap.serialization import SECOND
 from porotwin_recording.mcap.topic_names import DOUBTFUL, TYPES
 
-DISCOVERY_PERIOD = 0.2
-"""Period of the search for new topics [s]."""
-
 SEARCHES_PER_LOOK = 5
 """At every fifth search the qualities of all publishers are read, in case one took the place of
 another. Between, they are read of topics whose number of publishers has changed."""
@@ -44,9 +42,6 @@ DIAGNOSTICS_PERIOD = 10.0
 
 MOST_BEFORE_CLOCK = 2000
 """Messages that wait for the first simulated time: the start of a graph takes seconds."""
-
-MEGABYTE = 1e6
-"""Bytes."""
 
 QUEUE_DEPTH = 5000
 """Number of messages of one topic in the queue of this process, the largest of Fast DDS."""
@@ -130,7 +125,7 @@ class RecorderNode(TwinNode):
             follow(self, ClockMessage, '/clock', self._on_clock, qos_profile_sensor_data)
         self._diagnostics = Diagnostics(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
+        self.create_timer(POLL_S, self._discover, clock=steady)
         self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
         self._discover()
         self.get_logger().info(f'recording into {self._recorder.path}')
@@ -144,7 +139,7 @@ class RecorderNode(TwinNode):
             "what may come on topics that are not the twin's, in 10 s on average [MB/s]; 0: any",
             at_least=0.0,
         )
-        return rate * MEGABYTE * DIAGNOSTICS_PERIOD if rate and not self._selected else math.inf
+        return rate * 1e6 * DIAGNOSTICS_PERIOD if rate and not self._selected else math.inf
 
     def _split_rule(self) -> SplitRule:
         """Return when the bag goes on in another file.
@@ -159,7 +154,7 @@ class RecorderNode(TwinNode):
                 raise InputError(
                     f"parameter '{name}' of recorder is {value:g}; give a number, 0 or more"
                 )
-        return SplitRule(round(size * MEGABYTE), duration)
+        return SplitRule(round(size * 1e6), duration)
 
     def _discover(self) -> None:
         self._searches += 1
@@ -315,7 +310,7 @@ class RecorderNode(TwinNode):
             self._floods.add(largest)
             if largest in self._plain:
                 self.destroy_subscription(self._plain.pop(largest))
-            rate = self._most_others / DIAGNOSTICS_PERIOD / MEGABYTE
+            rate = self._most_others / DIAGNOSTICS_PERIOD / 1e6
             self._refused[largest] = (
                 f"topics that are not the twin's carry more than {rate:g} MB/s, this one the most; "
                 'record it into a bag of its own, or raise others_mb_s'

@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_rig.mesh import Mesh
 
 FloatArray = NDArray[np.floating]
@@ -30,9 +31,6 @@ TOLERANCE = 1e-8
 
 RELATIVE = 'rtol' if 'rtol' in inspect.signature(cg).parameters else 'tol'
 """Name of the tolerance: SciPy renamed it in 1.12."""
-
-LEAST_DISTANCE_M = 1e-9
-"""Distance from a well at which its logarithm is cut off [m]."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +241,7 @@ class BoxFlow:
 
     def _radial_potential(self, x: float, z: float, here: float) -> FloatArray:
         distance = np.hypot(self.mesh.x[None, :] - x, self.mesh.z[:, None] - z)
-        return -np.log(np.maximum(distance, LEAST_DISTANCE_M)) / (2.0 * math.pi * here)
+        return -np.log(np.maximum(distance, SMALLEST_DIVISOR)) / (2.0 * math.pi * here)
 
     def well(self, x: float, z: float) -> Fluxes:
         """Return the fluxes of a well at (x, z) [m] that injects 1 m^3/s."""

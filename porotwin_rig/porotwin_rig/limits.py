@@ -6,8 +6,9 @@ The twin checks these limits too. The virtual rig checks them independently.
 import math
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE, ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Control, Rig
 
@@ -69,7 +70,7 @@ def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
                 'see rig.yaml'
             )
         fluid = control.fixed[name].concentration if name in control.fixed else 0.0
-        if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
+        if well.rate > 0.0 and abs(well.concentration - fluid) > WRITTEN_ROUND_OFF:
             raise InputError(
                 f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
             )

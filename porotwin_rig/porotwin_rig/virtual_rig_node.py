@@ -21,6 +21,7 @@ from std_msgs.msg import Header
 
 from porotwin_core import __version__
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
@@ -46,9 +47,6 @@ from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
 from porotwin_rig.session import AssetSession, parse_speed
 from porotwin_rig.virtual_rig import VirtualRig
-
-CLOCK_PERIOD_S = 0.2
-"""Wall time between repetitions of /clock [s], for nodes that start late."""
 
 
 class VirtualRigNode(TwinNode):
@@ -157,7 +155,7 @@ class VirtualRigNode(TwinNode):
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CLOCK_PERIOD_S, self._publish_clock, clock=steady)
+        self.create_timer(POLL_S, self._publish_clock, clock=steady)
 
     # --- services -----------------------------------------------------------------------------
 

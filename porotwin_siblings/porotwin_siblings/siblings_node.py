@@ -76,9 +76,6 @@ MAPS = 2
 SETPOINT_WAIT_S = 3.0
 """Wait for the setpoint that follows a photograph [s]; the hub takes a second or two."""
 
-THREADS = 4
-"""One thread listens, two answer questions, one is spare for the parameters."""
-
 
 class _Arrived(NamedTuple):
     """A photograph, and the number of its state."""
@@ -458,7 +455,7 @@ def _be_patient() -> None:
 
 def main() -> None:
     """Run the node, unless other siblings are there."""
-    run(only_one(SiblingsNode, 'siblings'), threads=THREADS)
+    run(only_one(SiblingsNode, 'siblings'))
 
 
 if __name__ == '__main__':

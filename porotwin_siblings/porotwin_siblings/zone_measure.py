@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_zones import unwanted_tracer
-from porotwin_solver.coefficients.quantities import PLUME_THRESHOLD
 from porotwin_solver.coefficients.refinement import coarsen, refine
 
 SAMPLES = 4

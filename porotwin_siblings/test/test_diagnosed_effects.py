@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.model.effect_parameter import HALF_INTERVAL
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 
 BUOYANCY = {
@@ -32,7 +33,7 @@ def test_kept_effects_are_read_with_their_intervals(tmp_path: Path) -> None:
     assert found.effect == 'buoyancy'
     (number,) = found.parameters
     assert (number.name, number.value(0.0)) == ('density_difference', 4.0)
-    assert number.step == pytest.approx(1.0 / 3.29)
+    assert number.step == pytest.approx(0.5 / HALF_INTERVAL)
 
 
 def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
@@ -65,7 +66,7 @@ def test_a_number_that_is_known_to_a_factor_is_drawn_by_its_logarithm(tmp_path: 
     (number,) = found.parameters
     assert number.value(0.0) == pytest.approx(7e-6)
     drawn = found.described([1.0]).parameters
-    assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (1 / 3.29))
+    assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (0.5 / HALF_INTERVAL))
 
 
 def test_effects_of_camera_and_scheme_are_none_of_the_rig(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from porotwin_core.model.effect_parameter import HALF_INTERVAL
 from porotwin_siblings.forecast_check import LEAST_AREA, USUAL_AREA, ForecastCheck
 
 BAND = np.array([[40e-4], [50e-4], [61e-4]])
@@ -41,7 +42,7 @@ def test_what_was_learnt_of_a_small_plume_holds_for_a_large_one() -> None:
         check.compare(4e-4, 5e-4)
     added = check.widened(np.full((3, 1), 400e-4), SOON)
     assert check.error == pytest.approx(1e-4 / np.sqrt(5e-4), rel=0.15)
-    assert added[2, 0] - 400e-4 == pytest.approx(1.645 * np.sqrt(400e-4) * check.error)
+    assert added[2, 0] - 400e-4 == pytest.approx(HALF_INTERVAL * np.sqrt(400e-4) * check.error)
 
 
 def test_an_empty_zone_and_no_zone_tell_nothing() -> None:

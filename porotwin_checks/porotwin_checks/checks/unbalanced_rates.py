@@ -10,9 +10,9 @@ from operator import attrgetter
 
 from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rate_periods import BALANCE_TOLERANCE
 
 UNBALANCED = (
     'the rates add up to {sum_ml_h:.6g} ml/h, but all sides are closed; balance injection and '
@@ -27,7 +27,7 @@ def _find(known: Known) -> Iterator[Remark]:
     for time, changes in itertools.groupby(known.commanded.rows, attrgetter('time')):
         running |= {row.well: row.rate.rate for row in changes}
         net, total = math.fsum(running.values()), math.fsum(map(abs, running.values()))
-        if known.rig.closed and abs(net) > BALANCE_TOLERANCE * total:
+        if known.rig.closed and abs(net) > ROUND_OFF * total:
             key, facts = f'rates.csv at {time:g} s', {'time_s': time, 'sum_ml_h': to_ml_h(net)}
             yield Remark.of(key, 'unbalanced_rates', UNBALANCED, **facts)
             return

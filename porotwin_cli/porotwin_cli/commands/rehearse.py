@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.options.experiment_times import recorded_times
+from porotwin_cli.options.experiment_times import MOST_GIVEN_TIMES, recorded_times
 from porotwin_cli.terminal import Json, as_argument, print_json, progress, refuse_existing
 from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import ML
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S, ML
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 if TYPE_CHECKING:
@@ -20,14 +20,8 @@ if TYPE_CHECKING:
 
 DURATION_OPTION = '--duration-min, such as 60'
 
-LONGEST_MIN = 60.0 * 24.0 * 31.0
-"""Longest experiment [min]: a month."""
-
 NARROWEST_PX, WIDEST_PX = 300, 8000
 """Widths of photographs [px]: narrower ones show no grains, 8000 x 5000 px are 40 megapixels."""
-
-MOST_MAPS = 20_000
-"""Most maps: a week of photographs, one every 30 s."""
 
 
 def command(
@@ -51,7 +45,7 @@ def command(
         typer.Option(
             help='Length of the experiment [min]. Default: until the last row of rates.csv.',
             min=0.1,
-            max=LONGEST_MIN,
+            max=LONGEST_EXPERIMENT_S / MINUTE_S,
         ),
     ] = None,
     photo_interval_s: Annotated[
@@ -114,10 +108,10 @@ def command(
             f'--photo-interval-s {photo_interval_s:g}: is longer than the experiment of '
             f'{duration:g} s; take a shorter one'
         )
-    if duration / photo_interval_s > MOST_MAPS:
+    if duration / photo_interval_s > MOST_GIVEN_TIMES:
         raise InputError(
-            f'{duration / photo_interval_s:.0f} maps are more than {MOST_MAPS}; give a larger '
-            '--photo-interval-s'
+            f'{duration / photo_interval_s:.0f} maps are more than {MOST_GIVEN_TIMES}; give a '
+            'larger --photo-interval-s'
         )
     photographs = photo_width_px is not None
     if grid and photographs:

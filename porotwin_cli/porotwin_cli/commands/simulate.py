@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.options.experiment_times import MOST_TIMES, recorded_times, times_in
+from porotwin_cli.options.experiment_times import (
+    MOST_GIVEN_TIMES,
+    MOST_TIMES,
+    recorded_times,
+    times_in,
+)
 from porotwin_cli.options.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, as_argument, print_json, progress, say
 from porotwin_core.basis.discovery import extension_names
@@ -27,9 +32,6 @@ MOST_CELLS = 10_000_000
 """Most cells of a simulation; it takes 0.4 kB for each, so 4 GB."""
 
 TIMES_OPTION = '--times START:END:STEP [s], such as 0:1800:60'
-
-MOST_GIVEN_TIMES = 100_000
-"""Most maps at given times: four weeks of photographs, one every 25 s."""
 
 LARGEST_BLUR = 20.0
 """Largest blur [cells]; no camera blurs so much."""

@@ -10,6 +10,7 @@ import typer
 
 from porotwin_cli.terminal import WorkFailed, say
 from porotwin_cli.workspace import ROOT
+from porotwin_core.basis.parallel import YIELDING
 
 CONTEXT_SETTINGS = {'ignore_unknown_options': True}
 
@@ -43,8 +44,8 @@ OF_NODES = (
 )
 """Whole graphs have fewer workers than nodes: beside two others, photographs would be late."""
 
-YIELDING, LAST = 10, 19
-"""Niceness of the tests without nodes, which compute, and of mypy: nodes come first."""
+LAST = 19
+"""Niceness of mypy; the tests without nodes, which compute, yield to nodes only."""
 
 
 def command(

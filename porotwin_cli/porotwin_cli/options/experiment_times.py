@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from porotwin_recording.experiment.recording import Recording
 
 
+MOST_GIVEN_TIMES = 100_000
+"""Most maps at given times: four weeks of photographs, one every 25 s."""
+
 MOST_TIMES = 200
 """Most maps where only the rates are known; a longer experiment gets longer steps."""
 

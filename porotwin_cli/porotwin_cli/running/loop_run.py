@@ -34,9 +34,6 @@ OPEN_HORIZON_S = 1800.0
 PLAN_PRESET = 'fast'
 """Numerical scheme of plans on their coarser grid, as the solver's node has it."""
 
-RUN_BYTES = 8e8
-"""Memory of one run [B]."""
-
 
 @dataclass(frozen=True)
 class LoopFigures:

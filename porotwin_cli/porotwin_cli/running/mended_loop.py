@@ -19,7 +19,7 @@ from porotwin_cli.recorded.run_account import TrueTracer, read_account
 from porotwin_cli.running.hidden_effect import as_text
 from porotwin_cli.running.loop_operator import Operator
 from porotwin_cli.running.loop_rig import LoopSettings, map_eyes
-from porotwin_cli.running.loop_run import RUN_BYTES, LoopFigures, planning_twin, run_closed
+from porotwin_cli.running.loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.running.loop_scenario import PRODUCER_DELIVERY, LoopScenario, PumpFault
 from porotwin_cli.running.rehearsal import producer_of
 from porotwin_cli.terminal import say
@@ -177,7 +177,7 @@ def runs_beside(
     known = {'never told': scenario.rig}
     if hidden.name in EFFECTS:
         known['knew'] = scenario.rig.with_effects([hidden])
-    with crew(task_bytes=RUN_BYTES) as pool:
+    with crew() as pool:
         jobs = {
             name: pool.submit(run_beside, scenario, settings, described)
             for name, described in known.items()

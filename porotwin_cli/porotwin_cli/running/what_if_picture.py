@@ -15,9 +15,9 @@ from porotwin_cli.pictures.rig_drawing import DPI, draw_map
 from porotwin_cli.running.what_if_study import REACHED, WhatIfStudy
 from porotwin_core.basis.errors import writing
 from porotwin_core.basis.units import ML
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.zone_measure import ZoneMeasure
-from porotwin_solver.coefficients.quantities import PLUME_THRESHOLD
 
 PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.rates.wells import (
     RateStep,
@@ -20,14 +21,8 @@ ROUND_OFF_ML_H = 1e-3
 """Rates that differ by less are equal [ml/h]: messages and displays are rounded, and no pump is
 that exact."""
 
-CONCENTRATION_TOLERANCE = 1e-6
-"""Round-off allowed in injected concentrations [-]."""
-
 SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
 """Rates that differ by at most this are the same setting of a pump [m^3/s]."""
-
-BALANCE_TOLERANCE = 1e-9
-"""Net rate, relative to the sum of all, that counts as balanced in a rig with closed sides."""
 
 PUMP_ACCURACY = 0.02
 """Share of its rate by which a pump may be wrong without a remark; the paper's producer delivers
@@ -138,7 +133,7 @@ def _same(first: WellRate, second: WellRate, accuracy: float) -> bool:
     if abs(first.rate - second.rate) > max(SAME_RATE, accuracy * abs(second.rate)):
         return False
     injects = min(first.rate, second.rate) > 0.0
-    return not injects or abs(first.concentration - second.concentration) <= CONCENTRATION_TOLERANCE
+    return not injects or abs(first.concentration - second.concentration) <= WRITTEN_ROUND_OFF
 
 
 def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:

@@ -8,6 +8,7 @@ import pydantic
 from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.spans import is_within
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import (
@@ -29,9 +30,6 @@ PUMP_STEP_ML_H = 0.1
 CHANGE_COST_ML_MIN = 0.3
 """Worth of one order less, unless `change_cost_ml_min` says otherwise: 0.3 ml of tracer where it
 must not be, for a minute. On the small rig a wrong setting costs more within a minute."""
-
-STEP_ROUND_OFF = 1e-6
-"""Part of a pump step that is round-off."""
 
 LONGEST_EXPERIMENT_MIN = LONGEST_EXPERIMENT_S / MINUTE_S
 """Longest experiment [min]."""
@@ -256,20 +254,22 @@ class Control(Section):
             raise ValueError(
                 f'min_rate_ml_h {self.min_rate_ml_h:g} is above max_rate_ml_h {greatest:g}'
             )
-        least = step * max(1, math.ceil(self.min_rate_ml_h / step - STEP_ROUND_OFF))
+        least = step * max(1, math.ceil(self.min_rate_ml_h / step - WRITTEN_ROUND_OFF))
         if self.model_fields_set & {'rate_step_ml_h', 'min_rate_ml_h'}:
-            if least > greatest * (1.0 + STEP_ROUND_OFF):
+            if least > greatest * (1.0 + WRITTEN_ROUND_OFF):
                 raise ValueError(
                     f'min_rate_ml_h {self.min_rate_ml_h:g}: no multiple of rate_step_ml_h {step:g} '
                     f'lies between it and max_rate_ml_h {greatest:g}; change one of the three'
                 )
-            if least > self.max_total_rate_ml_h * (1.0 + STEP_ROUND_OFF):
+            if least > self.max_total_rate_ml_h * (1.0 + WRITTEN_ROUND_OFF):
                 raise ValueError(
                     f'max_total_rate_ml_h {self.max_total_rate_ml_h:g} is below {least:g} ml/h, '
                     'the smallest rate that the pumps can be set to; raise it, or lower '
                     'min_rate_ml_h or rate_step_ml_h'
                 )
-        if self.max_change_ml_h is not None and self.max_change_ml_h < least * (1 - STEP_ROUND_OFF):
+        if self.max_change_ml_h is not None and self.max_change_ml_h < least * (
+            1 - WRITTEN_ROUND_OFF
+        ):
             raise ValueError(
                 f'max_change_ml_h {self.max_change_ml_h:g} is below {least:g} ml/h, the smallest '
                 'rate that the pumps can be set to: no well could ever start; raise it'
@@ -336,7 +336,7 @@ class Control(Section):
         starts = {start for well in self.fixed.values() for start, _ in well.pauses_min}
         for minute in sorted({0.0, *starts}):
             net = math.fsum(w.rate_ml_h for w in self.fixed.values() if not w.is_paused(minute))
-            if net < -PUMP_STEP_ML_H * STEP_ROUND_OFF:
+            if net < -PUMP_STEP_ML_H * WRITTEN_ROUND_OFF:
                 raise ValueError(
                     f'fixed wells take out {-net:g} ml/h more than they inject'
                     + (f' in the pause at {minute:g} min' if minute > 0.0 else '')

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.regular_file import open_text
 from porotwin_core.geometry.grid import FloatArray, Grid
 
@@ -16,9 +17,6 @@ MOST_DEPTH_SQUARES = 50_000
 """Most squares of an interpolated depth: a wrong unit must not fill the memory."""
 
 HEADER = ('x_m', 'z_m', 'depth_m')
-
-FLAT = 1e-9
-"""Width of a set of points, over its length, below which the points lie on one line."""
 
 
 def depth_map(points: FloatArray, width: float, height: float) -> FloatArray:
@@ -44,7 +42,7 @@ def interpolated(points: FloatArray, places: FloatArray) -> FloatArray:
     where, depth = points[:, :2], points[:, 2]
     centred = where - where.mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred, full_matrices=True)
-    if len(points) < 3 or sizes[1] <= FLAT * sizes[0]:  # no triangle
+    if len(points) < 3 or sizes[1] <= ROUND_OFF * sizes[0]:  # no triangle
         along = centred @ directions[0]
         order = np.argsort(along)
         offsets = (places - where.mean(axis=0)) @ directions[0]

@@ -6,6 +6,7 @@ import numpy as np
 from PIL import Image
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.zone_shapes import PictureZone
@@ -15,9 +16,6 @@ from porotwin_core.rig.sand_drawing import sand_raster
 
 KEY = 'control.zone'
 """The key of rig.yaml, for messages."""
-
-ROUND_OFF = 1e-6
-"""Share beyond 0 and 1 that is round-off."""
 
 
 def read_zone(file: Path, variable: str, width: float, height: float) -> PictureZone:
@@ -79,9 +77,9 @@ def _from_map(file: Path, variable: str, width: float, height: float) -> FloatAr
         InputError: no map of shares over the rig.
     """
     shares = read_map(file, variable, KEY, (width, height))
-    if not (np.isfinite(shares).all() and shares.min() >= -ROUND_OFF):
+    if not (np.isfinite(shares).all() and shares.min() >= -WRITTEN_ROUND_OFF):
         raise InputError(f'{file}: {variable} must be a share from 0 to 1 in every cell')
-    if shares.max() > 1.0 + ROUND_OFF:
+    if shares.max() > 1.0 + WRITTEN_ROUND_OFF:
         raise InputError(
             f'{file}: {variable} reaches {shares.max():g}; it must be a share from 0 to 1'
         )

@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_core.ros.senders import check_senders, may_send
-from porotwin_core.ros.service_answer import LOOK_EACH_S
 
 MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
 """The event that a writer was found, or has left."""
@@ -105,7 +105,7 @@ class Writers:
             # the event that a writer has left may come before the graph knows; no other may follow
             if self._timer is None:
                 self._timer = self._node.create_timer(
-                    LOOK_EACH_S,
+                    POLL_S,
                     self._renew,
                     callback_group=self._group,
                     clock=Clock(clock_type=ClockType.STEADY_TIME),

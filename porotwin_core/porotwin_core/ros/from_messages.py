@@ -22,6 +22,7 @@ from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import SIDES, EffectDescription, ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.ros.foreign_words import in_short
 from porotwin_core.ros.nested_parameters import VALUE_FIELDS, json_object, nested
 
 RIG_FRAME = 'rig'
@@ -29,9 +30,6 @@ RIG_FRAME = 'rig'
 
 ZONE_FILE = {'file': 'zone.nc'}
 """Reference to a zone that came with a message; `write_rig` writes the file."""
-
-LONGEST_QUOTE = 200
-"""Most characters of a path that a refusal repeats."""
 
 LOWEST_CONCENTRATION, HIGHEST_CONCENTRATION = -2.0, 3.0
 """Range of the values of a map [-]. Noise and an uncalibrated scale lead to -0.5 and 1.5 (settings
@@ -60,8 +58,9 @@ def path_from_msg(text: str) -> Path:
             Path(text).lstat()
     except (OSError, ValueError) as error:  # the latter: a zero in it
         reason = getattr(error, 'strerror', None) or error
-        shown = text if len(text) < LONGEST_QUOTE else f'{text[:LONGEST_QUOTE]}...'
-        raise InputError(f'{shown!r}: no path ({reason}); name another file or folder') from None
+        raise InputError(
+            f'{in_short(text)!r}: no path ({reason}); name another file or folder'
+        ) from None
     return Path(text)
 
 

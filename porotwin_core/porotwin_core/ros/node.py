@@ -45,6 +45,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.heap import share_heap
 from porotwin_core.basis.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.basis.plain_text import show_all_characters
+from porotwin_core.clock.periods import HEARTBEAT_S
 from porotwin_core.clock.photo_interval import (
     LONGEST_PHOTO_INTERVAL_S,
     SHORTEST_PHOTO_INTERVAL_S,
@@ -82,8 +83,6 @@ takes milliseconds; a thread that is still in the middleware when the process en
 
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
-HEARTBEAT_S = 1.0
-"""Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Signals that ask a node to stop."""
@@ -420,7 +419,7 @@ def _refuse(error: InputError) -> NoReturn:
     sys.exit(WRONG_PARAMETERS)
 
 
-def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
+def run(make_node: Callable[[], Node], *, threads: int = 4) -> None:
     """Spin a node until its process is asked to stop: the `main` of every node.
 
     Args:

@@ -10,13 +10,11 @@ from collections.abc import Callable
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros import senders
 
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
-
-LOOK_EACH_S = 0.5
-"""Time between two looks whether the answer can still come [s]."""
 
 
 def answer_within(
@@ -36,7 +34,7 @@ def answer_within(
     deadline = time.monotonic() + longest_s
     try:
         while (left := deadline - time.monotonic()) > 0.0:
-            if answered.wait(min(left, LOOK_EACH_S)):
+            if answered.wait(min(left, POLL_S)):
                 return future.result()
             look()
         return None

@@ -18,6 +18,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.senders import LEASE_S, publishers
 
 RELEASE_S = 5.0
@@ -28,9 +29,6 @@ DISCOVERY_S = 1.0
 
 GHOST_S = LEASE_S + RELEASE_S
 """Longest time that discovery remembers a killed process [s]."""
-
-PERIOD_S = 0.1
-"""Time between two looks [s]."""
 
 PARTICIPANT_DIGITS = 24
 """Hexadecimal digits of a DDS identity that name the participant: one process has one."""
@@ -135,7 +133,7 @@ def _locked(full_name: str, domain: int) -> int:
             if time.monotonic() > deadline:
                 os.close(lock)
                 raise InputError(_refusal(full_name)) from None
-            time.sleep(PERIOD_S)
+            time.sleep(POLL_S)
         else:
             return lock
 
@@ -163,7 +161,7 @@ def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None
                 return
         elif waited >= GHOST_S:
             raise InputError(_refusal(full_name))
-        time.sleep(PERIOD_S)
+        time.sleep(POLL_S)
 
 
 def _identities(node: Node, full_name: str) -> set[str]:

@@ -16,6 +16,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
+from porotwin_core.ros.foreign_words import in_short
 from porotwin_costa.correction.gate import TrainingRange
 from porotwin_costa.data.flow_shape import FlowShape
 from porotwin_costa.data.physics_id import PhysicsId
@@ -35,9 +36,6 @@ _DAMAGED = (
     safetensors.SafetensorError,
 )
 """Errors that the libraries raise for a description or for weights that no training wrote."""
-
-REASON_CHARACTERS = 200
-"""Longest excerpt of a library's message; torch lists every weight that does not fit."""
 
 
 def check_replaceable(path: Path) -> None:
@@ -170,7 +168,7 @@ class CorrectiveModel:
         except InputError as error:
             raise InputError(f'{path}: {error}') from None
         except _DAMAGED as error:
-            reason = ' '.join(str(error).split())[:REASON_CHARACTERS]
+            reason = in_short(str(error))
             raise InputError(f'{path}: damaged model ({reason}); train it again') from None
         return model
 

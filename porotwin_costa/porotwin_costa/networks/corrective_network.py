@@ -11,6 +11,9 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_costa.data.flow_shape import FlowShape
 from porotwin_costa.networks.training_settings import TrainingSettings
 
+TRACER_PRESENT = 0.02
+"""Smallest concentration of a cell with tracer [-]; above the camera's noise."""
+
 RATES_PER_WELL = 2
 """A well is described by its water rate and its tracer rate (water rate times concentration)."""
 

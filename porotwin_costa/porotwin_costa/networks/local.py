@@ -11,6 +11,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_costa.networks.corrective_network import (
     RATES_PER_WELL,
+    TRACER_PRESENT,
     Architecture,
     CorrectiveNetwork,
     RigFields,
@@ -19,9 +20,6 @@ from porotwin_costa.networks.corrective_network import (
 from porotwin_costa.networks.training_settings import TrainingSettings
 
 pad = nn.functional.pad
-
-PRESENCE = 0.02
-"""Mean concentration of two cells [-]; the flux between cells with less tracer is reduced."""
 
 TYPICAL_FLOW = 0.02
 """Share of a well's rate that crosses a face ten cells away [-]: 1 / (2 pi 10), rounded up."""
@@ -160,7 +158,7 @@ class LocalFluxNetwork(CorrectiveNetwork):
 
 def _flux(factor: Tensor, flow: Tensor, tracer: Tensor) -> Tensor:
     """Return F = (|q| + q0) m N on faces; `tracer` is the sum over the two cells of a face."""
-    presence = torch.clamp(tracer / (2 * PRESENCE), 0.0, 1.0)
+    presence = torch.clamp(tracer / (2 * TRACER_PRESENT), 0.0, 1.0)
     return (flow.abs() + BASE_FLOW) * presence * factor
 
 

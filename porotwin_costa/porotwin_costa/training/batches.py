@@ -12,9 +12,7 @@ from torch import Tensor, nn
 from porotwin_costa.data.dataset import Dataset
 from porotwin_costa.data.scaling import Scaling
 from porotwin_costa.networks import CorrectiveNetwork, Window
-
-TRACER_PRESENT = 0.02
-"""Smallest concentration of a cell at the centre of a window [-]; above the camera's noise."""
+from porotwin_costa.networks.corrective_network import TRACER_PRESENT
 
 
 @dataclass(frozen=True)

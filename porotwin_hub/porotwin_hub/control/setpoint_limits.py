@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate, net_rate_words
 from porotwin_core.rig import PUMP_STEP_ML_H, Rig
-from porotwin_core.rig.control_section import STEP_ROUND_OFF
 
 RATE_TOLERANCE = from_ml_h(1e-6)
 """Round-off allowed in sums of rates [m^3/s]."""
@@ -106,22 +105,22 @@ class Limits:
             return np.zeros(len(self.wells)), greatest
         before = np.clip(self.control_rates(previous), 0.0, greatest)
         lowest = np.maximum(before - self.max_change, 0.0)
-        low = np.ceil(lowest / self.step - STEP_ROUND_OFF) * self.step
+        low = np.ceil(lowest / self.step - WRITTEN_ROUND_OFF) * self.step
         low = np.where(low > 0.0, np.maximum(low, self._least), 0.0)
         return low, np.minimum(greatest, self._rounded_down(before + self.max_change))
 
     @property
     def _least(self) -> float:
         """The smallest rate of a well that pumps, whole steps [m^3/s]."""
-        return math.ceil(self.min_rate / self.step - STEP_ROUND_OFF) * self.step
+        return math.ceil(self.min_rate / self.step - WRITTEN_ROUND_OFF) * self.step
 
     def _rounded_down(self, rates: FloatArray) -> FloatArray:
-        return np.asarray(np.floor(rates / self.step + STEP_ROUND_OFF) * self.step)
+        return np.asarray(np.floor(rates / self.step + WRITTEN_ROUND_OFF) * self.step)
 
     def _not_below_the_least(self, rates: FloatArray, high: FloatArray) -> FloatArray:
         """Return `rates` (wells,) [m^3/s] without any between zero and the smallest one."""
         least = self._least
-        exact = 1.0 - STEP_ROUND_OFF
+        exact = 1.0 - WRITTEN_ROUND_OFF
         small = (rates > 0.0) & (rates < least * exact)
         chosen = np.where(small, 0.0, rates)
         for well in np.flatnonzero(small & (rates >= 0.5 * least) & (high >= least * exact)):
@@ -216,7 +215,7 @@ class Limits:
                     f'{to_ml_h(self.max_producer_rate):g} ml/h'
                 )
             fluid = self.fixed.get(name, WellRate()).concentration
-            if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
+            if well.rate > 0.0 and abs(well.concentration - fluid) > WRITTEN_ROUND_OFF:
                 lines.append(
                     f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
                 )

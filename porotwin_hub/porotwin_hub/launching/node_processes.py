@@ -10,9 +10,7 @@ from dataclasses import dataclass
 import psutil
 
 from porotwin_core.basis.parent import PARENT
-
-POLL_S = 0.2
-"""Time between two looks at processes or nodes [s]; short, so that Ctrl-C works."""
+from porotwin_core.clock.periods import POLL_S
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 import math
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rates.plausible_rates import refuse_too_great
-from porotwin_core.rates.rate_periods import CONCENTRATION_TOLERANCE
 from porotwin_core.rates.wells import WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Rig
 
@@ -34,7 +34,7 @@ def refuse_implausible(rates: WellRates, rig: Rig) -> None:
         if (
             rate_ml_h > 0.0
             and fluid is not None
-            and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE
+            and abs(well.concentration - fluid) > WRITTEN_ROUND_OFF
         ):
             raise InputError(
                 f"well '{name}' injects concentration {fluid:g} by rig.yaml, "

@@ -5,7 +5,7 @@ import { element, find, hasChanged, setText } from '../web/dom.js';
 import { duration, isNumber, number, signed } from '../web/formatting.js';
 
 const SHORT_VALIDITY = 0.34;  // below this part the bar changes its colour
-const BALANCED_ML_H = 0.0501;  // round-off of one rate on a pump's display
+const BALANCED_ML_H = 0.051;  // round-off of one rate on a pump's display
 
 const BODY = `
   <p id="no-setpoint">No setpoint yet.</p>

@@ -9,16 +9,12 @@ from collections.abc import Mapping
 from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
+from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite
 from porotwin_page.panel import Moment, Region, ScriptPanel
-
-HAND_STEP_ML_H = 0.1
-"""Smallest change that a hand can set: the resolution of a pump's display [ml/h]."""
-
-ROUND_OFF_ML_H = 1e-6
-"""Round-off of a difference of two rates [ml/h]."""
 
 
 def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
@@ -108,7 +104,7 @@ def _well_view(
         'rate_ml_h': finite(commanded),
         'before_ml_h': finite(was),
         'measured_ml_h': finite(to_ml_h(delivered.rate)) if delivered is not None else None,
-        'changed': was is None or abs(was - commanded) >= HAND_STEP_ML_H - ROUND_OFF_ML_H,
+        'changed': was is None or abs(was - commanded) >= PUMP_STEP_ML_H - ROUND_OFF_ML_H,
     }
 
 

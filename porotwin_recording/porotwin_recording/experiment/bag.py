@@ -11,7 +11,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.remark import NAMED
-from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.grid import SIZE_TOLERANCE, Grid
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.ros.from_messages import rates_from_msg, rig_from_msg
@@ -52,9 +52,6 @@ _LARGE = (topic_names.NEW_STATE, *_PHOTOS)
 """Topics whose messages are read later, one by one."""
 
 LOG = logging.getLogger('porotwin')
-
-_SIZE_TOLERANCE = 1e-6
-"""Relative difference of sizes that only round-off explains."""
 
 
 def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) -> RecordedData:
@@ -394,7 +391,7 @@ def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> Concentrati
         return None
     state, origin, grid = first
     sizes, expected = (grid.width, grid.height), (rig.width_m, rig.height_m)
-    if not np.allclose(sizes, expected, rtol=_SIZE_TOLERANCE):
+    if not np.allclose(sizes, expected, rtol=SIZE_TOLERANCE):
         raise InputError(
             f'{bag.path}: its maps cover {grid.width:g} x {grid.height:g} m, '
             f'the rig {rig.width_m:g} x {rig.height_m:g} m; name the rig.yaml it was recorded with'

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_recording.experiment.experiment_folder import (
     FILES,
     RIG_FILE,
@@ -34,9 +35,6 @@ from porotwin_recording.mcap.mcap_summary import McapSummary, summary_of
 from porotwin_recording.mcap.serialization import SECOND
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_recording.tables.recording_date import date_of_files
-
-FIRST_REAL_TIME = 1_262_304_000 * SECOND
-"""The year 2010 [ns]. Earlier log times count from the start of an experiment or are invented."""
 
 BEING_WRITTEN_S = 30.0
 """A file without an end that changed within this time is being recorded [s]."""
@@ -299,7 +297,7 @@ def _counts(parts: Sequence[McapSummary]) -> dict[str, Any]:
 
 def _moment(stamp: int) -> datetime | None:
     """Return the time of a stamp [ns]; None if it is no time of day."""
-    return datetime.fromtimestamp(stamp / SECOND, UTC) if stamp >= FIRST_REAL_TIME else None
+    return datetime.fromtimestamp(stamp / SECOND, UTC) if stamp >= SINCE_1970 * SECOND else None
 
 
 def _message(

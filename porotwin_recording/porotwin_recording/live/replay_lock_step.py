@@ -3,6 +3,7 @@
 import threading
 import time
 
+from porotwin_core.clock.periods import POLL_S
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_recording.mcap.serialization import SECOND
 
@@ -12,9 +13,6 @@ SAME_STAMP = round(SAME_STAMP_S * SECOND)
 
 _NEVER = -(1 << 63)
 """Before all stamps [ns]."""
-
-LOOK_PERIOD = 0.1
-"""Period of the look whether a wait has ended [s]."""
 
 
 class LockStep:
@@ -84,7 +82,7 @@ class LockStep:
                 reason = self._refused.get(_milliseconds(stamp))
                 if reason is not None:
                     return reason
-                if not self._changed.wait(LOOK_PERIOD) and time.monotonic() > deadline:
+                if not self._changed.wait(POLL_S) and time.monotonic() > deadline:
                     raise TimeoutError
         return ''
 

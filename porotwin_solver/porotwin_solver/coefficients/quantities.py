@@ -9,10 +9,8 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_solver.coefficients.physics import Physics
-
-PLUME_THRESHOLD = 0.05
-"""Concentration [-] above which a cell belongs to the plume: above the usual noise of a map."""
 
 
 def tracer_volume(physics: Physics, concentration: FloatArray) -> float:

@@ -13,7 +13,6 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.rate_periods import BALANCE_TOLERANCE
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 from porotwin_solver.coefficients.cell_threads import THREADED_CELLS
 from porotwin_solver.coefficients.face_field import FaceField, weighted_sum
@@ -215,7 +214,7 @@ class Engine:
         active = self.sources_and_sinks.active(rates)
         net = math.fsum(source.rate for source in active)
         total = math.fsum(abs(source.rate) for source in active)
-        if self.flow.closed and abs(net) > BALANCE_TOLERANCE * total:
+        if self.flow.closed and abs(net) > ROUND_OFF * total:
             leaks = math.fsum(leak.rate for leak in self.physics.leaks)
             told = f', {to_ml_h(leaks):.6g} ml/h of them from leaks,' if leaks else ''
             raise InputError(

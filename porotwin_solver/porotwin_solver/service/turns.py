@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-LOOK_PERIOD_S = 1.0
-"""Time between two looks whether anybody still waits for the answer [s]."""
+from porotwin_core.clock.periods import HEARTBEAT_S
 
 
 class CancelledError(Exception):
@@ -66,7 +65,7 @@ class Turns:
         try:
             with self._work:
                 self._working = request
-                self._next_look = time.monotonic() + LOOK_PERIOD_S
+                self._next_look = time.monotonic() + HEARTBEAT_S
                 self.check()
                 yield
         finally:
@@ -90,6 +89,6 @@ class Turns:
         if self._working.cancelled:
             raise CancelledError('cancelled')
         if time.monotonic() >= self._next_look:
-            self._next_look = time.monotonic() + LOOK_PERIOD_S
+            self._next_look = time.monotonic() + HEARTBEAT_S
             if self._working.abandoned():
                 raise CancelledError('cancelled: nobody waits for the answer')

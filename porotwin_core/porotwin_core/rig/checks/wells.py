@@ -8,15 +8,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.plausibility import WELL_RADIUS
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rig.description import Rig
 
 LARGE_WELL = 0.1
 """Radius of a well over the smaller side of the rig above which it is odd."""
-
-SAME_PLACE_M = 1e-6
-"""Distance of two wells below which they are one place [m]."""
 
 
 def _wells(rig: Rig) -> Iterator[Remark]:
@@ -45,7 +43,7 @@ def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
         yield Remark(f'wells.{other}', '', f'{why}, as in {one}', 'rename one of them')
     distance = math.hypot(first.x_m - second.x_m, first.z_m - second.z_m)
     if distance < first.radius_m + second.radius_m:
-        same = distance < SAME_PLACE_M
+        same = distance < WRITTEN_ROUND_OFF
         yield Remark(
             f'wells.{other}',
             f'({second.x_m:g}, {second.z_m:g}) m',
