@@ -47,7 +47,7 @@ class Noise:
     grain: float
     frame: float
     background: float
-    correlation: float = 1.0
+    correlation: float
     point_spread_width: float = 0.0
     random: tuple[float, ...] = ()
     systematic: tuple[float, ...] = ()
