@@ -12,6 +12,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.held_out import HELD_OUT_SHARE
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -30,9 +31,6 @@ PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
 
 ORIGIN = MapOrigin(program=f'{PROGRAM}, {VIRTUAL}')
 """What the file of the maps says of them: they do not come from its photographs."""
-
-HELD_OUT_START = 0.7
-"""Start of the part that diagnoses are judged on, relative to the duration."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +173,7 @@ def make_experiment(
             if photographer is not None and number > 0:
                 jpeg = photographer.photograph(visible, time=time)
                 photos.append(_stored(folder, 'state', time, jpeg))
-            if time >= HELD_OUT_START * duration:
+            if time >= (1.0 - HELD_OUT_SHARE) * duration:
                 floor.add(seen, signal)
     if photos:
         write_photos(folder, photos)

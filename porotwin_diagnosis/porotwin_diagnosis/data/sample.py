@@ -29,6 +29,7 @@ from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.gauge_reading import GaugeReading
+from porotwin_core.model.held_out import HELD_OUT_SHARE
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
@@ -56,9 +57,6 @@ COARSE_SMOOTHING_WIDTH = 4.0
 
 STRIDE = 2
 """Every second cell of a smoothed residual is kept each way; the others repeat their neighbours."""
-
-HELD_OUT_SHARE = 0.3
-"""Share of the recording, at its end, that no fit uses; fixed by the diagnosis contract."""
 
 FRONT_TOLERANCE = 0.12
 """Standard deviation [cells] of the position of a front that any numerical scheme leaves."""

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_DARCY_FLUX
+from porotwin_core.model.effect_limits import MOST_VELOCITY
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -18,12 +18,8 @@ EFFECT = AssetEffect(
     name='background_flow',
     order=130,
     parameters={
-        'x_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0
-        ),
-        'z_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0
-        ),
+        'x_velocity': Parameter(unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0),
+        'z_velocity': Parameter(unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0),
     },
     on_rig=change,
     is_repeatable=True,

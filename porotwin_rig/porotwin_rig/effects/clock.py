@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -17,7 +17,7 @@ EFFECT = AssetEffect(
     name='clock',
     order=170,
     parameters={
-        'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET),
+        'offset': Parameter(unit='s', low=-LONGEST_EXPERIMENT_S, high=LONGEST_EXPERIMENT_S),
     },
     on_rig=change,
     needs_recording=True,

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from porotwin_core.basis.units import MOLECULAR_DIFFUSION
-from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -23,8 +23,8 @@ EFFECT = AssetEffect(
     name='dispersion',
     order=10,
     parameters={
-        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
-        'transverse_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
+        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISTANCE),
+        'transverse_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISTANCE),
         'diffusion': Parameter(
             unit='m2/s',
             low=0.0,

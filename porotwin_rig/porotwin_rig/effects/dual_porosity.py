@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_REACTION_RATE
+from porotwin_core.model.effect_limits import MOST_CHANGE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.tracer import Tracer
@@ -36,7 +36,7 @@ EFFECT = AssetEffect(
     order=60,
     parameters={
         'immobile_fraction': Parameter(unit='-', low=0.0, high=0.95),
-        'exchange_rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE),
+        'exchange_rate': Parameter(unit='1/s', low=0.0, high=MOST_CHANGE),
     },
     shape=('exchange_rate',),
     on_rig=divide,

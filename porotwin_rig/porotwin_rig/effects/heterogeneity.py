@@ -4,12 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.model.effect_limits import (
-    LEAST_PERMEABILITY_FACTOR,
-    LEAST_RADIUS,
-    MOST_DISTANCE,
-    MOST_PERMEABILITY_FACTOR,
-)
+from porotwin_core.model.effect_limits import LEAST_RADIUS, MOST_DISTANCE, MOST_PERMEABILITY_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -37,7 +32,7 @@ EFFECT = AssetEffect(
         'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE),
         'permeability_factor': Parameter(
             unit='-',
-            low=LEAST_PERMEABILITY_FACTOR,
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
             neutral=1.0,
         ),

@@ -1,7 +1,7 @@
 """The light changes: signal = c (1 + level + drift t + gradient (x - W/2)) since a time."""
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_limits import MOST_FACTOR, MOST_LIGHT_DRIFT, MOST_LIGHT_GRADIENT
+from porotwin_core.model.effect_limits import MOST_CHANGE, MOST_FACTOR, MOST_LIGHT_GRADIENT
 from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
@@ -19,7 +19,7 @@ EFFECT = AssetEffect(
     order=150,
     parameters={
         'level': Parameter(unit='-', low=-1.0, high=MOST_FACTOR, default=0.0),
-        'drift': Parameter(unit='1/s', low=-MOST_LIGHT_DRIFT, high=MOST_LIGHT_DRIFT, default=0.0),
+        'drift': Parameter(unit='1/s', low=-MOST_CHANGE, high=MOST_CHANGE, default=0.0),
         'gradient': Parameter(
             unit='1/m', low=-MOST_LIGHT_GRADIENT, high=MOST_LIGHT_GRADIENT, default=0.0
         ),

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -19,7 +19,7 @@ EFFECT = AssetEffect(
     parameters={
         'factor': Parameter(
             unit='-',
-            low=LEAST_PERMEABILITY_FACTOR,
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
             neutral=1.0,
             is_logarithmic=True,

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -17,7 +17,7 @@ EFFECT = AssetEffect(
     name='porosity',
     order=80,
     parameters={
-        'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0),
+        'factor': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0),
     },
     on_rig=change,
     is_repeatable=True,

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR, MOST_ROTATION
 from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
@@ -43,7 +43,9 @@ EFFECT = AssetEffect(
         'dx': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
         'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
         'rotation': Parameter(unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0),
-        'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
+        'scale': Parameter(
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        ),
         'since': ONSET,
     },
     shape=('since',),

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
+from porotwin_core.model.effect_limits import MOST_VISCOSITY_RATIO
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -18,7 +18,7 @@ EFFECT = AssetEffect(
     order=30,
     parameters={
         'viscosity_ratio': Parameter(
-            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
+            unit='-', low=1.0 / MOST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
         ),
     },
     on_rig=change,

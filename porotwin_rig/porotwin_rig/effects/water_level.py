@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.model.effect_limits import MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import SIDES, SideName
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
@@ -24,7 +24,7 @@ EFFECT = AssetEffect(
     name='water_level',
     order=135,
     parameters={
-        side: Parameter(unit='m', low=-MOST_WATER_LEVEL, high=MOST_WATER_LEVEL, default=0.0)
+        side: Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0)
         for side in SIDES
     },
     on_rig=raise_water,

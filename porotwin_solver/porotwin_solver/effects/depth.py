@@ -9,7 +9,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -49,7 +49,7 @@ EFFECT = Effect(
     order=90,
     scope=Scope.RIG,
     parameters={
-        'factor_centre': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+        'factor_centre': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0)
     },
     on_physics=bulge,
     candidates=candidates,

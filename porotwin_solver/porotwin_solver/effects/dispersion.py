@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from porotwin_core.basis.units import MOLECULAR_DIFFUSION
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
@@ -127,10 +127,10 @@ EFFECT = Effect(
     scope=Scope.RIG,
     parameters={
         'longitudinal_dispersivity': Parameter(
-            unit='m', low=0.0, high=MOST_DISPERSIVITY, may_be_fixed=True
+            unit='m', low=0.0, high=MOST_DISTANCE, may_be_fixed=True
         ),
         'transverse_dispersivity': Parameter(
-            unit='m', low=0.0, high=MOST_DISPERSIVITY, may_be_fixed=True
+            unit='m', low=0.0, high=MOST_DISTANCE, may_be_fixed=True
         ),
         'diffusion': Parameter(
             unit='m2/s',

@@ -9,7 +9,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_REACTION_RATE
+from porotwin_core.model.effect_limits import MOST_CHANGE
 from porotwin_core.model.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -49,7 +49,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         1.0 / duration,
         0.5,
         LEAST_EXCHANGE / duration,
-        min(MOST_EXCHANGE / duration, MOST_REACTION_RATE),
+        min(MOST_EXCHANGE / duration, MOST_CHANGE),
         log=True,
     )
     return [Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0)))]
@@ -80,7 +80,7 @@ EFFECT = Effect(
             unit='-', low=0.0, high=MOST_IMMOBILE, reading=Reading(100.0, '%')
         ),
         'exchange_rate': Parameter(
-            unit='1/s', low=0.0, high=MOST_REACTION_RATE, reading=Reading(3600.0, 'per hour')
+            unit='1/s', low=0.0, high=MOST_CHANGE, reading=Reading(3600.0, 'per hour')
         ),
     },
     on_physics=divide,

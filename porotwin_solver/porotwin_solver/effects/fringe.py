@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.model.effect_limits import MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -42,7 +42,7 @@ EFFECT = Effect(
     name='fringe',
     order=137,
     scope=Scope.RIG,
-    parameters={'rise': Parameter(unit='m', low=-MOST_WATER_LEVEL, high=MOST_WATER_LEVEL)},
+    parameters={'rise': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE)},
     on_physics=raise_fringe,
     candidates=candidates,
     phrase=phrase,

@@ -17,12 +17,7 @@ from porotwin_core.model.blind_draw import (
     log_uniform,
     place_near_injector,
 )
-from porotwin_core.model.effect_limits import (
-    LEAST_PERMEABILITY_FACTOR,
-    LEAST_RADIUS,
-    MOST_DISTANCE,
-    MOST_PERMEABILITY_FACTOR,
-)
+from porotwin_core.model.effect_limits import LEAST_RADIUS, MOST_DISTANCE, MOST_PERMEABILITY_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import (
@@ -126,7 +121,7 @@ EFFECT = Effect(
         'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE, is_scored=False),
         'permeability_factor': Parameter(
             unit='-',
-            low=LEAST_PERMEABILITY_FACTOR,
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
             neutral=1.0,
             is_logarithmic=True,

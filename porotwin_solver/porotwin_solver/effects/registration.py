@@ -10,7 +10,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement
-from porotwin_core.model.effect_limits import LEAST_SCALE, MOST_DISTANCE, MOST_ROTATION, MOST_SCALE
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR, MOST_ROTATION
 from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -89,7 +89,9 @@ EFFECT = Effect(
         'rotation': Parameter(
             unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0, is_scored=False
         ),
-        'scale': Parameter(unit='-', low=LEAST_SCALE, high=MOST_SCALE, default=1.0, neutral=1.0),
+        'scale': Parameter(
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        ),
         'since': ONSET,
     },
     on_observation=move,

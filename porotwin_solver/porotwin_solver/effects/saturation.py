@@ -6,7 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
+from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -42,7 +42,7 @@ EFFECT = Effect(
     scope=Scope.CAMERA,
     parameters={
         'exponent': Parameter(
-            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0, reading=Reading(1.0, '')
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0, reading=Reading(1.0, '')
         ),
     },
     on_observation=bend,

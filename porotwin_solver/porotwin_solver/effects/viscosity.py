@@ -6,7 +6,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_limits import LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO
+from porotwin_core.model.effect_limits import MOST_VISCOSITY_RATIO
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -49,7 +49,7 @@ EFFECT = Effect(
     scope=Scope.RIG,
     parameters={
         'viscosity_ratio': Parameter(
-            unit='-', low=LEAST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
+            unit='-', low=1.0 / MOST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
         )
     },
     on_physics=thicken,

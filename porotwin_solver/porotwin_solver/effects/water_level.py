@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from porotwin_core.basis.units import conductivity_of
-from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.model.effect_limits import MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import SIDES, Rig, SideName
 from porotwin_solver.coefficients.physics import Physics
@@ -58,7 +58,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     rig = context.rig
     others = any(body.head_m is not None for body in rig.water.values())
     fitted = rig.boundaries.open_sides[: None if others else -1]
-    limit = min(context.rig.height_m, MOST_WATER_LEVEL)
+    limit = min(context.rig.height_m, MOST_DISTANCE)
     rises = (
         FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted
     )
@@ -95,8 +95,8 @@ EFFECT = Effect(
     parameters={
         side: Parameter(
             unit='m',
-            low=-MOST_WATER_LEVEL,
-            high=MOST_WATER_LEVEL,
+            low=-MOST_DISTANCE,
+            high=MOST_DISTANCE,
             default=0.0,
             vector='rise',
         )
