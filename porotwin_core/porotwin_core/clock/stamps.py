@@ -16,8 +16,8 @@ SAME_PHOTOGRAPH_S = 0.5
 SAME_MOMENT_S = 1.0
 """Maps, photographs and times that a person gives belong together within this [s]."""
 
-SAME_STAMP_S = 1e-6
-"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
+SAME_STAMP_S = 1e-3
+"""Stamps that differ by less are the same [s]: photographs carry milliseconds."""
 
 
 def time_in_words(stamp: float) -> str:
