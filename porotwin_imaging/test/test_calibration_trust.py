@@ -34,7 +34,6 @@ GOOD = CalibrationEvidence(
     bend=0.03,
     bend_deviation=0.01,
     colour_bend={},
-    core_flatness=0.01,
     mass_factor=1.0,
     mass_factor_deviation=0.01,
     mass_offset=0.0,
@@ -254,7 +253,6 @@ def test_a_dilution_is_no_calibration_up_to_stock() -> None:
     [
         ({'bend': -0.24}, 'strong_bend', 0.26),
         ({'mass_misfit': 0.15}, 'scattered_masses', 0.15),
-        ({'core_flatness': 0.3}, 'uneven_core', 0.3),
         ({'dilution_misfit': 0.3}, 'misread_dilution', 0.3),
     ],
 )
@@ -300,6 +298,5 @@ def test_random_good_evidence_is_never_refused() -> None:
             mass_factor=generator.uniform(0.88, 1.12),
             mass_offset=generator.uniform(-0.04, 0.04),
             mass_misfit=generator.uniform(0, 0.03),
-            core_flatness=generator.uniform(0, 0.06),
         )
         assert not objections(evidence, replace(PLUME, hollow=generator.uniform(0.85, 1.1)))

@@ -36,7 +36,6 @@ from porotwin_imaging.calibrating.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibrating.calibration_findings import (
-    core_flatness,
     core_levels,
     dilution_misfit,
     photograph_evidence,
@@ -450,7 +449,6 @@ def _evidence(
         bend=response.bend,
         bend_deviation=response.deviation,
         colour_bend=plumes.choice.colour_bend,
-        core_flatness=core_flatness(plumes.stock, plumes.factors.reference),
         mass_factor=line.factor if line else float('nan'),
         mass_factor_deviation=float(np.hypot(line.deviation, systematic * line.factor))
         if line

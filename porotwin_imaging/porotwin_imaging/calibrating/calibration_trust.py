@@ -310,14 +310,6 @@ def _level(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Rema
         )
     elif evidence.bend_conflict > TRUST.most_bend_conflict:
         yield _fronts(evidence)
-    if evidence.core_flatness > TRUST.most_core_slope:
-        yield _remark(
-            'uneven_core',
-            'the core of the plume is not even: {slope:.0%} from its inner to its outer half; '
-            'likely: an injection too short to fill the pores, a reflection, or a dye that fades; '
-            'inject stock until the plume is some 10 cm wide, and photograph it with even light',
-            slope=evidence.core_flatness,
-        )
     if evidence.dilution_misfit > TRUST.most_dilution_misfit:
         yield _dilution(
             evidence,

@@ -54,8 +54,6 @@ class TrustSettings:
     most_bend_conflict: float = 0.08
     """Largest difference between the bend by fronts and that by all evidence [-]: three standard
     deviations. Where they agree it is below 0.025."""
-    most_core_slope: float = 0.15
-    """Largest relative difference of signal between the inner and the outer half of the core."""
     most_dilution_misfit: float = 0.1
     """Largest difference between known and imaged dilutions [-]. Mixing and light cause 0.03."""
     told_dilution_misfit: float = 0.04
