@@ -30,7 +30,6 @@ GOOD = CalibrationEvidence(
     anchor='core',
     photographs=PHOTOGRAPHS,
     sands=(SAND, replace(SAND, factor=1.4)),
-    family='absorbance',
     bend=0.03,
     bend_deviation=0.01,
     colour_bend={},
@@ -105,7 +104,7 @@ def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_te
 def test_the_other_contrast_is_a_remedy_only_if_it_keeps_the_colours(difference, named) -> None:
     fronts = FrontFit(-0.15, 0.02, 1.3, 0.0, 0.01)
     colours = {'absorbance': 0.12, 'difference': difference}
-    found = objections(replace(GOOD, fronts=fronts, colour_bend=colours, family='exponential'))
+    found = objections(replace(GOOD, fronts=fronts, colour_bend=colours))
     assert found['conflicting_fronts']['other_contrast'] == named
 
 

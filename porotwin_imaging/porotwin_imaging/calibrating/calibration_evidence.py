@@ -93,7 +93,6 @@ class CalibrationEvidence:
         anchor: where the level of tracer stock comes from.
         photographs: one entry per photograph that was used, in the order of time.
         sands: one entry per sand.
-        family: name of the response family.
         bend: deviation of the response from a straight line at half stock [-], concentration.
         bend_deviation: standard deviation of `bend` [-].
         colour_bend: by contrast, how far the ratio of the channels changes from pale to stock,
@@ -114,7 +113,6 @@ class CalibrationEvidence:
     anchor: Anchor
     photographs: tuple[PhotographEvidence, ...]
     sands: tuple[SandEvidence, ...]
-    family: str
     bend: float
     bend_deviation: float
     colour_bend: dict[str, float]
@@ -188,7 +186,7 @@ def _stock_line(evidence: CalibrationEvidence) -> str:
 
 def _response_line(evidence: CalibrationEvidence) -> str:
     line = (
-        f'response: {evidence.family}, {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
+        f'response: {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
         'the straight line at half stock'
     )
     fronts = evidence.fronts

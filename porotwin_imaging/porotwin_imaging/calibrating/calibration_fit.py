@@ -445,7 +445,6 @@ def _evidence(
             injection.seen.times, injection.injected, imaged, cores, line
         ),
         sands=sand_evidence(plumes.stock, plumes.factors, names),
-        family=response.family,
         bend=response.bend,
         bend_deviation=response.deviation,
         colour_bend=plumes.choice.colour_bend,
@@ -554,7 +553,6 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
         'disagreeing': [one.time for one in evidence.disagreeing],
         'anchor': evidence.anchor,
         'response': {
-            'family': evidence.family,
             'bend': round(evidence.bend, 4),
             'deviation': round(evidence.bend_deviation, 4),
         },
