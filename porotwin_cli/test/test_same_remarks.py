@@ -87,7 +87,7 @@ def ask_calibrate(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def ask_image(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(image, '_tell_cost', enough)
+    monkeypatch.setattr(image, '_memory', enough)
     image.command(folder, folder.parent / 'new.nc')
 
 

@@ -30,11 +30,9 @@ GOOD = CalibrationEvidence(
     anchor='core',
     photographs=PHOTOGRAPHS,
     sands=(SAND, replace(SAND, factor=1.4)),
-    family='absorbance',
     bend=0.03,
     bend_deviation=0.01,
     colour_bend={},
-    core_flatness=0.01,
     mass_factor=1.0,
     mass_factor_deviation=0.01,
     mass_offset=0.0,
@@ -67,8 +65,8 @@ def test_a_covered_baseline_is_the_first_reason_but_none_of_its_own() -> None:
 
 
 def test_a_refusal_is_one_line_with_the_first_remedy_and_all_findings() -> None:
-    line = refusal(judged(replace(GOOD, mass_factor=3.0, mass_misfit=0.2), PLUME))
-    first, second = judged(replace(GOOD, mass_factor=3.0, mass_misfit=0.2), PLUME)[:2]
+    line = refusal(judged(replace(GOOD, mass_factor=3.0, bend=-0.24), PLUME))
+    first, second = judged(replace(GOOD, mass_factor=3.0, bend=-0.24), PLUME)[:2]
     assert line == f'calibration refused: {first.why}; {first.remedy} (also: {second.why})'
     assert '\n' not in line
 
@@ -106,7 +104,7 @@ def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_te
 def test_the_other_contrast_is_a_remedy_only_if_it_keeps_the_colours(difference, named) -> None:
     fronts = FrontFit(-0.15, 0.02, 1.3, 0.0, 0.01)
     colours = {'absorbance': 0.12, 'difference': difference}
-    found = objections(replace(GOOD, fronts=fronts, colour_bend=colours, family='exponential'))
+    found = objections(replace(GOOD, fronts=fronts, colour_bend=colours))
     assert found['conflicting_fronts']['other_contrast'] == named
 
 
@@ -207,30 +205,10 @@ def with_cores(*levels: float) -> CalibrationEvidence:
     return replace(GOOD, photographs=tuple(some), rates_file='rates_measured.csv')
 
 
-@pytest.mark.parametrize(
-    ('levels', 'code'),
-    [
-        ((0.47, 0.71, 0.86, 0.95, 1.0, 1.05, 1.07), 'darker_cores'),
-        ((1.3, 1.2, 1.1, 1.0, 0.9, 0.8, 0.7), 'paler_cores'),
-    ],
-)
-def test_cores_that_change_steadily_are_no_hands(levels, code) -> None:
-    found = objections(with_cores(*levels))
-    assert [*found] == [code]
-    facts = found[code]
-    assert (facts['first'], facts['first_s']) == (levels[0], 300.0)
-    assert (facts['last'], facts['last_s']) == (levels[-1], 2100.0)
-
-
 def test_changing_cores_come_before_the_masses_that_follow_from_them() -> None:
     stained = with_cores(0.47, 0.71, 0.86, 0.95, 1.0, 1.05, 1.07)
     found = [*objections(replace(stained, mass_factor=1.4, mass_offset=-0.2))]
-    assert found[0] == 'darker_cores' and len(found) > 1
-
-
-def test_cores_that_change_to_and_fro_are_hands_and_shadows() -> None:
-    facts = objections(with_cores(0.8, 1.3, 0.7, 1.0, 1.2, 0.9, 1.0))['disagreeing_photographs']
-    assert facts['agreeing'] == 2
+    assert found[0] == 'disagreeing_photographs' and len(found) > 1
 
 
 def test_a_small_trend_refuses_no_calibration() -> None:
@@ -253,8 +231,6 @@ def test_a_dilution_is_no_calibration_up_to_stock() -> None:
     ('change', 'code', 'fact'),
     [
         ({'bend': -0.24}, 'strong_bend', 0.26),
-        ({'mass_misfit': 0.15}, 'scattered_masses', 0.15),
-        ({'core_flatness': 0.3}, 'uneven_core', 0.3),
         ({'dilution_misfit': 0.3}, 'misread_dilution', 0.3),
     ],
 )
@@ -300,6 +276,5 @@ def test_random_good_evidence_is_never_refused() -> None:
             mass_factor=generator.uniform(0.88, 1.12),
             mass_offset=generator.uniform(-0.04, 0.04),
             mass_misfit=generator.uniform(0, 0.03),
-            core_flatness=generator.uniform(0, 0.06),
         )
         assert not objections(evidence, replace(PLUME, hollow=generator.uniform(0.85, 1.1)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import erfc
 
 from porotwin_imaging.calibrating.front_response import FrontPhotographs, fit_fronts
-from porotwin_imaging.tracer.response_family import concentration_of
+from porotwin_imaging.tracer.response_curve import concentration_of
 from porotwin_imaging.tracer.tracer_signal import Contrast
 
 Array = NDArray[Any]

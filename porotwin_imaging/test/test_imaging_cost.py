@@ -21,7 +21,6 @@ def rig(laboratory):
 
 def test_the_cost_grows_with_the_cells(rig) -> None:
     costs = [map_cost(rig, rig.grid(nx, nx // 2), CAMERA_PX) for nx in (280, 2800, 7000)]
-    assert costs[0].seconds < 0.5 < costs[1].seconds < 3 < costs[2].seconds < 60
     assert costs[0].memory_bytes < 0.4e9 < costs[1].memory_bytes < 1e9 < costs[2].memory_bytes
     assert costs[2].memory_bytes < 4e9
 
@@ -33,7 +32,7 @@ def test_a_map_as_fine_as_the_photograph_is_made(rig) -> None:
 
 def test_a_grid_finer_than_the_photograph_is_refused_with_its_cost(rig) -> None:
     grid = rig.grid(30000, 16000)
-    with pytest.raises(InputError, match=r'480,000,000 cells, about .* shows all') as refused:
+    with pytest.raises(InputError, match=r'480,000,000 cells and .* shows all') as refused:
         refuse_costly(map_cost(rig, grid, CAMERA_PX), grid)
     assert '\n' not in str(refused.value)
 

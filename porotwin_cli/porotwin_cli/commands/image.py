@@ -30,9 +30,6 @@ ON_A_RELATIVE_SCALE = (
     'outlines and times of arrival hold, amounts of tracer do not'
 )
 
-LONG_S = 5.0
-"""Processor time for one photograph above which the command tells the cost before it begins [s]."""
-
 
 @one_call_for_each_output
 def command(
@@ -107,7 +104,7 @@ def command(
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
     photos = ExperimentPhotos.of(recording, experiment)
-    memory = _tell_cost(photos, rig, map_grid)
+    memory = _memory(photos, rig, map_grid)
     origin = MapOrigin(
         calibration is not None,
         sha256_of_file(calibration),
@@ -226,8 +223,8 @@ def _learnt_words(folder: Path, corrected: int) -> str:
     return f'{folder}: calibration with {what}; use it with --calibration {folder}/calibration.yaml'
 
 
-def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
-    """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long.
+def _memory(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
+    """Return the memory of one map [B].
 
     Raises:
         InputError: the first baseline is no photograph; its file is named.
@@ -239,8 +236,6 @@ def _tell_cost(photos: 'ExperimentPhotos', rig: 'Rig', grid: 'Grid') -> float:
 
     with named(photos.baseline_files[0]):
         cost = map_cost(rig, grid, photo_size(read_photo(photos.baselines[0])))
-    if cost.seconds > LONG_S:
-        say(f'grid {grid}: {cost}; a coarser --grid is faster')
     return cost.memory_bytes
 
 

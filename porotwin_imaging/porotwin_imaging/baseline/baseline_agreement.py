@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
+from porotwin_imaging.geometry.frame import LARGE_SHARE, VALIDITY
 from porotwin_imaging.light.light_check import SMALLEST_WINDOW, window_mean
 
 Array = NDArray[Any]
@@ -19,11 +20,6 @@ _MOST_CHANGE = 0.12
 """Sand that is brighter or darker by more in a channel is not the same [log ratio]. A tenth of
 stock darkens as much. Light, shake, noise and strong compression stay below 0.1 on real and
 rendered photographs."""
-_MOST_SHARE = 0.003
-"""Share of the sand that may be different [-]. The smallest plumes of the first photographs of real
-and rendered injections cover 0.008."""
-_WINDOWS_ACROSS = 60
-"""Windows of the averages across the rig: a fine grid has noisy cells."""
 
 
 def common_light(log_ratio: Array, visible: Mask) -> Array:
@@ -47,10 +43,10 @@ def refuse_other_sand(residual: Array, visible: Mask, first: str) -> None:
     Raises:
         InputError: the sand differs on more than a small share.
     """
-    size = max(SMALLEST_WINDOW, round(visible.shape[1] / _WINDOWS_ACROSS)) | 1
+    size = max(SMALLEST_WINDOW, round(visible.shape[1] / VALIDITY.windows_across)) | 1
     changed = np.abs(window_mean(residual, visible, size)).max(axis=2) > _MOST_CHANGE
     share = float((changed & visible).sum() / max(1, visible.sum()))
-    if share > _MOST_SHARE:
+    if share > LARGE_SHARE:
         raise InputError(
             f'differs from {first} on {100 * share:.1f} % of the sand: one of the two shows a '
             'hand, an object, a shadow or tracer; remove that one from the baselines (a running '

@@ -93,13 +93,10 @@ class CalibrationEvidence:
         anchor: where the level of tracer stock comes from.
         photographs: one entry per photograph that was used, in the order of time.
         sands: one entry per sand.
-        family: name of the response family.
         bend: deviation of the response from a straight line at half stock [-], concentration.
         bend_deviation: standard deviation of `bend` [-].
         colour_bend: by contrast, how far the ratio of the channels changes from pale to stock,
             relative; the contrast that describes the dye keeps the ratio.
-        core_flatness: relative difference of the signal between the inner and the outer half of
-            the core; 0 for a core that is stock. NaN without a core.
         mass_factor: imaged over injected volume, fitted with an offset; 1 if log and anchor agree.
             NaN without a pump log.
         mass_factor_deviation: standard deviation of `mass_factor`, by the photographs and by the
@@ -116,11 +113,9 @@ class CalibrationEvidence:
     anchor: Anchor
     photographs: tuple[PhotographEvidence, ...]
     sands: tuple[SandEvidence, ...]
-    family: str
     bend: float
     bend_deviation: float
     colour_bend: dict[str, float]
-    core_flatness: float
     mass_factor: float
     mass_factor_deviation: float
     mass_offset: float
@@ -183,10 +178,7 @@ def _stock_line(evidence: CalibrationEvidence) -> str:
     line = f'tracer stock: from {_ANCHORS[evidence.anchor]}'
     cored = [one for one in evidence.photographs if one.core_cells]
     if evidence.anchor == 'core':
-        line += (
-            f'; {len(cored)} of {len(evidence.photographs)} photographs have one, '
-            f'its signal rises by {100 * evidence.core_flatness:.1f} % inwards'
-        )
+        line += f'; {len(cored)} of {len(evidence.photographs)} photographs have one'
     if np.isfinite(evidence.dilution_misfit):
         line += f'; known dilutions are met to {evidence.dilution_misfit:.3f}'
     return line
@@ -194,7 +186,7 @@ def _stock_line(evidence: CalibrationEvidence) -> str:
 
 def _response_line(evidence: CalibrationEvidence) -> str:
     line = (
-        f'response: {evidence.family}, {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
+        f'response: {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
         'the straight line at half stock'
     )
     fronts = evidence.fronts

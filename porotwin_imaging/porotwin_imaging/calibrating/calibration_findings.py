@@ -54,12 +54,6 @@ def core_levels(
     return found
 
 
-def core_flatness(stock: StockLevels, reference: int) -> float:
-    """Return the median flatness of the reference cores; NaN without one."""
-    values = [cores[reference].flatness for cores in stock.cores if reference in cores]
-    return float(np.median(values)) if values else float('nan')
-
-
 def sand_evidence(
     stock: StockLevels, factors: SandFactors, names: Sequence[str]
 ) -> tuple[SandEvidence, ...]:

@@ -36,7 +36,6 @@ from porotwin_imaging.calibrating.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibrating.calibration_findings import (
-    core_flatness,
     core_levels,
     dilution_misfit,
     photograph_evidence,
@@ -446,11 +445,9 @@ def _evidence(
             injection.seen.times, injection.injected, imaged, cores, line
         ),
         sands=sand_evidence(plumes.stock, plumes.factors, names),
-        family=response.family,
         bend=response.bend,
         bend_deviation=response.deviation,
         colour_bend=plumes.choice.colour_bend,
-        core_flatness=core_flatness(plumes.stock, plumes.factors.reference),
         mass_factor=line.factor if line else float('nan'),
         mass_factor_deviation=float(np.hypot(line.deviation, systematic * line.factor))
         if line
@@ -556,7 +553,6 @@ def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, A
         'disagreeing': [one.time for one in evidence.disagreeing],
         'anchor': evidence.anchor,
         'response': {
-            'family': evidence.family,
             'bend': round(evidence.bend, 4),
             'deviation': round(evidence.bend_deviation, 4),
         },

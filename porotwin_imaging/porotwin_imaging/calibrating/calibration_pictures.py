@@ -250,7 +250,7 @@ def _response(axes: Any, fit: CalibrationFit) -> None:
     signal, values = np.array(response.signal) / level, np.array(response.concentration)
     spread = np.array(response.deviation)
     axes.fill_between(signal, values - spread, values + spread, alpha=0.3, label='its deviation')
-    axes.plot(signal, values, label=f'response ({fit.evidence.family})')
+    axes.plot(signal, values, label='response')
     axes.plot([0, 1], [0, 1], 'k--', linewidth=0.8, label='straight line')
     for number, one in enumerate(fit.dilutions):
         label = 'known dilutions' if number == 0 else None

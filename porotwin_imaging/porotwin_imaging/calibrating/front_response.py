@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.numerics.cell_sums import tile_of
 from porotwin_imaging.tracer.calibration import CLEAN
-from porotwin_imaging.tracer.response_family import concentration_of
+from porotwin_imaging.tracer.response_curve import concentration_of
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO, Contrast
 
 
@@ -67,7 +67,6 @@ PlumeModel = Callable[[float, float], Sequence[Array]]
 """Model of an injection: from a factor on the injected volume [-] and the dispersivity along the
 flow [m] to the true concentration at the times of all photographs, each (rows, columns)."""
 
-_FAMILY = 'exponential'
 _LEVELS = np.linspace(0.14, 0.86, 10)
 """Levels of the relative signal [-]. Beyond them noise about water and stock counts."""
 _HALF_RAMP = 0.07
@@ -94,7 +93,7 @@ class FrontFit:
     """The evidence of fronts.
 
     Attributes:
-        bend: bend of the response (`response_family`) [-].
+        bend: bend of the response (`response_curve`) [-].
         deviation: its standard deviation [-].
         blur_px: standard deviation of the blur of the camera [px of the file].
         dispersivity_m: dispersivity of the sand, and of the scheme of the model, along the flow.
@@ -243,7 +242,7 @@ def _around_plume(
 def _response(concentration: Array, bend: float) -> Array:
     """Return the relative signal of a map of concentration."""
     signals = np.linspace(0.0, 1.0, 401)
-    found = np.interp(concentration, concentration_of(_FAMILY, signals, bend), signals)
+    found = np.interp(concentration, concentration_of(signals, bend), signals)
     return np.asarray(found, np.float32)
 
 

@@ -24,7 +24,7 @@ from scipy.interpolate import PchipInterpolator
 from porotwin_imaging.calibrating.front_response import FrontFit
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.tracer.calibration import STOCK, Response
-from porotwin_imaging.tracer.response_family import FAMILIES, MOST_BEND, concentration_of
+from porotwin_imaging.tracer.response_curve import MOST_BEND, concentration_of
 
 Array = NDArray[Any]
 
@@ -34,14 +34,10 @@ _FACTORS = 601
 """Mass factors that are tried; they are evenly spaced in the logarithm, 0.5 % apart."""
 _SIGNAL_EDGES = np.linspace(-0.5, 2.0, 501)
 """Edges of the bins of the relative signal, for the histogram of pore volume [-]."""
-_CLEAR_ODDS = 3.0
-"""Another family than the first is taken if it is more probable by this factor."""
 _POINTS = np.linspace(0.0, 1.2, 25)
 """Points of the response curve [relative signal]."""
 _BEND_STEP = 0.005
 """Change of the bend [-] for the derivative of the curve."""
-_FEWEST_POINTS = 2
-"""Dilutions between water and stock that can correct the curve of a family."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +58,12 @@ class ResponseFit:
     """The response that the evidence prefers.
 
     Attributes:
-        family: name of the family.
         bend: its bend [-].
-        deviation: standard deviation of the bend over all families [-].
+        deviation: its standard deviation [-].
         points: relative signals of known dilutions, increasing, with 0 and 1; empty without.
-        corrections: additions to the concentration of the family at `points` [-].
+        corrections: additions to the concentration at `points` [-].
     """
 
-    family: str
     bend: float
     deviation: float
     points: tuple[float, ...] = ()
@@ -77,7 +71,7 @@ class ResponseFit:
 
     def concentration_of(self, signal: Array) -> Array:
         """Return the concentration [-] of relative signals, of the same shape."""
-        values = concentration_of(self.family, signal, self.bend)
+        values = concentration_of(signal, self.bend)
         if not self.points:
             return values
         corrections = PchipInterpolator(self.points, self.corrections)
@@ -85,10 +79,7 @@ class ResponseFit:
 
     def curve(self, level: float) -> Response:
         """Return the response for signals whose stock has the signal `level`."""
-        shifted = [
-            concentration_of(self.family, _POINTS, self.bend + sign * _BEND_STEP)
-            for sign in (-1.0, 1.0)
-        ]
+        shifted = [concentration_of(_POINTS, self.bend + sign * _BEND_STEP) for sign in (-1.0, 1.0)]
         sensitivity = np.abs(shifted[1] - shifted[0]) / (2 * _BEND_STEP)
         values = np.maximum.accumulate(self.concentration_of(_POINTS))
         return Response(
@@ -114,39 +105,28 @@ def fit_response(
         dilutions: photographs of known dilutions.
         fronts: the bend that the fronts show; None if they were not compared.
     """
-    evidence: dict[str, Array] = {}
-    first = next(iter(FAMILIES))
-    # masses alone do not tell families apart, and noise about water bends a power law
-    for family in FAMILIES if dilutions else (first,):
-        logs = -0.5 * ((_BENDS - MASS_BALANCE.expected_bend) / MASS_BALANCE.bend_deviation) ** 2
-        logs = logs + _dilution_evidence(family, dilutions)
-        if fronts is not None:
-            logs = logs - 0.5 * ((_BENDS - fronts.bend) / fronts.deviation) ** 2
-        if len(injected):
-            counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]
-            logs = logs + _mass_evidence(family, np.array(counts), np.asarray(injected))
-        evidence[family] = logs
-    highest = max(float(logs.max()) for logs in evidence.values())
-    likely = {family: np.exp(logs - highest) for family, logs in evidence.items()}
-    best = max(likely, key=lambda name: likely[name].sum())
-    if likely[best].sum() < _CLEAR_ODDS * likely[first].sum():
-        best = first
-    bend = float(np.average(_BENDS, weights=likely[best]))
-    weights = sum(likely.values())
-    deviation = float(np.sqrt(np.average((_BENDS - bend) ** 2, weights=weights)))
-    points, corrections = _corrections(best, bend, dilutions)
-    return ResponseFit(best, bend, deviation, points, corrections)
+    logs = -0.5 * ((_BENDS - MASS_BALANCE.expected_bend) / MASS_BALANCE.bend_deviation) ** 2
+    logs = logs + _dilution_evidence(dilutions)
+    if fronts is not None:
+        logs = logs - 0.5 * ((_BENDS - fronts.bend) / fronts.deviation) ** 2
+    if len(injected):
+        counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]
+        logs = logs + _mass_evidence(np.array(counts), np.asarray(injected))
+    likely = np.exp(logs - logs.max())
+    bend = float(np.average(_BENDS, weights=likely))
+    deviation = float(np.sqrt(np.average((_BENDS - bend) ** 2, weights=likely)))
+    return ResponseFit(bend, deviation, *_corrections(bend, dilutions))
 
 
 def _corrections(
-    family: str, bend: float, dilutions: Sequence[Dilution]
+    bend: float, dilutions: Sequence[Dilution]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return points and corrections that lead the curve through several known dilutions.
+    """Return points and corrections that lead the curve through the known dilutions.
 
     Photographs of the same dilution are averaged.
     """
     known = sorted({one.concentration for one in dilutions if 0 < one.concentration < STOCK})
-    if len(known) < _FEWEST_POINTS:
+    if not known:
         return (), ()
     signals = [
         float(np.mean([one.signal for one in dilutions if one.concentration == value]))
@@ -154,7 +134,7 @@ def _corrections(
     ]
     if any(high <= low for low, high in pairwise([0.0, *signals, 1.0])):
         return (), ()
-    missing = np.array(known) - concentration_of(family, np.array(signals), bend)
+    missing = np.array(known) - concentration_of(np.array(signals), bend)
     return (0.0, *signals, 1.0), (0.0, *map(float, missing), 0.0)
 
 
@@ -164,7 +144,7 @@ def _pore_volume_by_signal(signal: Array, pore_volume: Array) -> Array:
     return np.histogram(inside, _SIGNAL_EDGES, weights=pore_volume * (signal != 0))[0]
 
 
-def _dilution_evidence(family: str, dilutions: Sequence[Dilution]) -> Array:
+def _dilution_evidence(dilutions: Sequence[Dilution]) -> Array:
     """Return the log likelihood of each bend by the dilutions."""
     logs = np.zeros(len(_BENDS))
     if not dilutions:
@@ -172,20 +152,18 @@ def _dilution_evidence(family: str, dilutions: Sequence[Dilution]) -> Array:
     signal = np.array([one.signal for one in dilutions])
     known = np.array([one.concentration for one in dilutions])
     for index, bend in enumerate(_BENDS):
-        misfit = (
-            concentration_of(family, signal, float(bend)) - known
-        ) / MASS_BALANCE.dilution_error
+        misfit = (concentration_of(signal, float(bend)) - known) / MASS_BALANCE.dilution_error
         logs[index] = -0.5 * float(misfit @ misfit)
     return logs
 
 
-def _mass_evidence(family: str, counts: Array, injected: Array) -> Array:
+def _mass_evidence(counts: Array, injected: Array) -> Array:
     """Return the log likelihood of each bend by the masses, over all mass factors and offsets.
 
     The offset is normal and small, or in a few experiments with a fault normal and large.
     """
     middles = 0.5 * (_SIGNAL_EDGES[1:] + _SIGNAL_EDGES[:-1])
-    curves = np.stack([concentration_of(family, middles, float(bend)) for bend in _BENDS])
+    curves = np.stack([concentration_of(middles, float(bend)) for bend in _BENDS])
     largest = injected.max()
     masses = curves @ counts.T / largest  # (bends, photographs)
     volume = injected / largest

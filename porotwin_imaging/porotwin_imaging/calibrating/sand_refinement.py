@@ -20,7 +20,7 @@ from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.baseline.covered_baseline import uncovered
 from porotwin_imaging.calibrating.calibration_fit import calibration_grid
-from porotwin_imaging.calibrating.core_trend import TRUST
+from porotwin_imaging.calibrating.calibration_trust import TRUST
 from porotwin_imaging.calibrating.front_response import FRONTS
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.calibrating.plume_core import CORE

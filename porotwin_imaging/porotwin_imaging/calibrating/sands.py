@@ -83,8 +83,6 @@ _LEAST_TEXTURE = 1e-3
 """Texture is raised to this before the logarithm."""
 _JUMP_CELLS = (2, 6)
 """Cells between an interface and the two cells whose colours are extrapolated to it."""
-_FIXED = 1e-4
-"""Deviation of a fixed log signal: the reference sand without any core."""
 
 
 @dataclass(frozen=True)
@@ -473,8 +471,6 @@ def _joint_fit(
         elsewhere = 0.0 if sand == reference else SANDS.place_error
         deviation = float(np.hypot(one.deviation, elsewhere))
         add(sand, None, float(np.log(one.level / unit)), deviation)
-    if not levels:
-        add(reference, None, 0.0, _FIXED)
     for a, b in same:
         if a in levels or b in levels:  # two guesses do not confirm each other
             add(a, b, 0.0, SANDS.same_sand_error)

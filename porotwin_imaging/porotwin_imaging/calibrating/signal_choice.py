@@ -6,7 +6,7 @@ contrast their ratio changes. This needs no known concentration.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
@@ -16,7 +16,6 @@ from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
 from porotwin_imaging.calibrating.plume_core import CORE, STRONG_SHARE
 from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.tracer.tracer_signal import (
-    CHANNELS,
     Contrast,
     TracerSignal,
     learned_weights,
@@ -105,15 +104,12 @@ def choose_signal(
     main = sand == np.bincount(sand[tracer]).argmax()
     bends = {name: _colour_bend(name, ratios[main]) for name in get_args(Contrast)}
     chosen = contrast or _straighter(bends)
-    name, signal, clarity = _clearest(chosen, ratios[tracer], ratios[quiet])
-    red, green, blue = signal.weights
+    weights = learned_weights(ratios[tracer], ratios[quiet])
+    red, green, blue = weights
     reason = 'as asked' if contrast else _reason(bends)
-    line = (
-        f'signal: {chosen} ({reason}), weights {name} (red {red:.2f}, green {green:.2f}, blue '
-        f'{blue:.2f}); signal-to-noise ratio {clarity:.0f}'
-    )
-    coloured = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
-    return SignalChoice(coloured, dict(bends), line)
+    line = f'signal: {chosen} ({reason}), weights red {red:.2f}, green {green:.2f}, blue {blue:.2f}'
+    signal = TracerSignal(chosen, weights, mean_absorbance(ratios[tracer]))
+    return SignalChoice(signal, dict(bends), line)
 
 
 def _straighter(bends: dict[Contrast, float]) -> Contrast:
@@ -153,25 +149,3 @@ def _colour_bend(contrast: Contrast, ratios: Array) -> float:
 def _slope(first: Array, second: Array) -> float:
     """Return the ratio of the medians of two signals."""
     return float(np.median(second) / np.median(first))
-
-
-def _clearest(
-    contrast: Contrast, tracer: Array, background: Array
-) -> tuple[str, TracerSignal, float]:
-    """Return the name, the signal and the signal-to-noise ratio of the best weights."""
-    candidates = {name: TracerSignal(contrast, weights) for name, weights in CHANNELS.items()}
-    candidates['learned'] = TracerSignal(contrast, learned_weights(tracer, background))
-    clarity = {
-        name: _clarity(signal.of(tracer), signal.of(background))
-        for name, signal in candidates.items()
-    }
-    name = max(candidates, key=lambda key: clarity[key])
-    return name, candidates[name], clarity[name]
-
-
-def _clarity(tracer: Array, background: Array) -> float:
-    """Return the median signal of tracer over the spread of the background.
-
-    Two small terms in the divisor prefer signals that are also even within the tracer.
-    """
-    return float(np.median(tracer) / (background.std() + 0.002 + 0.05 * tracer.std()))

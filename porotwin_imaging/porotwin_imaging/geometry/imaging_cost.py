@@ -1,6 +1,6 @@
 """The cost of a map, estimated before work begins, and the refusal of grids that cost too much.
 
-A map needs time and memory for its samples (about one per decoded pixel) and for its cells. The
+A map needs memory for its samples (about one per decoded pixel) and for its cells. The
 coefficients were measured on maps of 42,000 to 30 million cells from photographs of 36 megapixels.
 """
 
@@ -21,10 +21,6 @@ _MEMORY_SHARE = 0.6
 """Share of the memory of the computer that a map may take [-]; other nodes need the rest."""
 _BYTES_AT_LEAST, _BYTES_PER_SAMPLE, _BYTES_PER_CELL = 280e6, 27.0, 102.0
 """Peak memory of a process that makes maps [bytes]; the first part belongs to its libraries."""
-_SECONDS_PER_PIXEL, _SECONDS_PER_SAMPLE, _SECONDS_PER_CELL = 5e-9, 40e-9, 230e-9
-"""Processor time for decoding, sums and denoising [s]; the last with cells of 1 mm."""
-_USUAL_CELL_M = 1e-3
-"""Smaller cells take longer: the denoising reaches over more of them [m]."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +29,18 @@ class MapCost:
 
     Attributes:
         cells: cells of the map.
-        seconds: processor time for one photograph [s], to within a factor of two.
         memory_bytes: peak memory of the process [bytes].
         pixels_per_cell: pixels of the file per cell in each direction [px].
     """
 
     cells: int
-    seconds: float
     memory_bytes: float
     pixels_per_cell: float
 
     def __str__(self) -> str:
         """Return the cost in words."""
-        seconds = f'{self.seconds:.1f}' if self.seconds < 10 else f'{self.seconds:.0f}'
         return (
-            f'{self.cells:,} cells, about {seconds} s of processor time for a photograph and '
-            f'{self.memory_bytes / 1e9:.1f} GB of memory'
+            f'{self.cells:,} cells and {self.memory_bytes / 1e9:.1f} GB of memory for a photograph'
         )
 
 
@@ -62,12 +54,8 @@ def map_cost(rig: Rig, grid: Grid, size: tuple[int, int]) -> MapCost:
     reduction = choose_reduction(geometry, grid, size[0])
     cells = grid.nx * grid.nz
     samples = cells * samples_across(geometry, grid, reduction) ** 2
-    finer = max(1.0, _USUAL_CELL_M / float(np.sqrt(grid.cell_area)))
     return MapCost(
         cells,
-        size[0] * size[1] * _SECONDS_PER_PIXEL
-        + samples * _SECONDS_PER_SAMPLE
-        + cells * _SECONDS_PER_CELL * finer,
         _BYTES_AT_LEAST + samples * _BYTES_PER_SAMPLE + cells * _BYTES_PER_CELL,
         min(geometry.columns / grid.nx, geometry.rows / grid.nz),
     )

@@ -22,10 +22,8 @@ from porotwin_imaging.numerics.row_bands import by_bands, row_bands
 class SamplingSettings:
     """How finely a photograph is decoded and sampled (`sampling.py`)."""
 
-    least_pixels_per_cell: float = 1.4
+    least_pixels_per_cell: float = 1.2
     """Decoded pixels per cell in each direction that a coarser decoding must leave [px]."""
-    least_pixels_per_fine_cell: float = 1.2
-    """The same limit for the last step from half to full resolution, which costs the most time."""
     judged_columns: int = 400
     """Cells across the rig on which light, noise and sands are judged; finer ones only add noise
     and time."""
@@ -59,11 +57,7 @@ def choose_reduction(
             and photo_width / reduction >= SAMPLING.least_columns
         ):
             return reduction
-    enough_at_half = (
-        pixels_per_cell / 2 >= SAMPLING.least_pixels_per_fine_cell
-        and photo_width / 2 >= SAMPLING.least_columns
-    )
-    return 2 if enough_at_half else 1
+    return 1
 
 
 def samples_across(geometry: Geometry, grid: Grid, reduction: int) -> int:

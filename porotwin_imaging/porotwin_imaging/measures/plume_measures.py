@@ -62,10 +62,6 @@ LEAST_NOISE = 1e-4
 FEWEST_CLEAN = 200
 """Fewest clean cells that tell the correlation of noise."""
 _FINGER_CELLS = 2
-_LEAST_NET = 0.01
-"""Least share of the net mass in the sum of all amounts; below it the mass is noise [-]."""
-_TIE = 1e-6
-"""Difference that ranks peaks of equal height [cells]."""
 
 
 @dataclass(frozen=True)
@@ -274,15 +270,15 @@ def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = '
     front = np.where(across.any(axis=0), rows[-1] + 1 - np.argmax(across, axis=0), 0)
     prominence = max(_FINGER_CELLS, FINGER_M / size)
     # peaks of equal height would all stand out over the whole plume: the last one is the highest
-    ranked = front + _TIE * np.arange(front.size)
+    ranked = front + np.linspace(0.0, 0.5, front.size)
     peaks, _ = find_peaks(np.pad(ranked, 1), prominence=prominence - 0.5)
     return max(1, len(peaks))
 
 
 def _centre(mass: Array, grid: Grid) -> tuple[float, float]:
-    """Return the centre (x, z) of mass [m]; NaN without mass, or where noise outweighs it."""
+    """Return the centre (x, z) of mass [m]; NaN without mass."""
     total = mass.sum()
-    if not total > _LEAST_NET * np.abs(mass).sum():
+    if not total > 0.0:
         return np.nan, np.nan
     x, z = mass.sum(axis=0) @ grid.x / total, mass.sum(axis=1) @ grid.z / total
     if not (0.0 <= x <= grid.width and 0.0 <= z <= grid.height):

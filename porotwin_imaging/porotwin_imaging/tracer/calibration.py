@@ -57,18 +57,13 @@ UNCALIBRATED_ERROR = 0.2
 RELATIVE = 'relative'
 """The `scale` in `made`, if the core of the plume counts as 1."""
 _CHANNELS = ('red', 'green', 'blue')
-FACTOR_RANGE = (0.01, 100.0)
-"""Factors of sands that a file may hold [-]; sands differ by a few times."""
 CONCENTRATION_RANGE = (-0.5, 3.0)
 """Concentrations of a response [-]: 1 is tracer stock, and curves reach a little beyond it."""
 _LEAST_TOP = 0.1
 """Least concentration at the end of a response [-]; a calibration reaches stock."""
-_MOST_SIGNAL = 100.0
-"""Largest signal, weight and absorbance of a file [-]; real ones are below 5."""
-_MOST_DEVIATION = 10.0
-"""Largest relative deviation of a file [-]; above 1 nothing is known."""
-_MOST_BLUR_PX = 20.0
-"""Largest blur of a file [px]; a camera out of focus has 5."""
+_MOST = 100.0
+"""Largest signal, weight, factor and deviation of a file [-], inverse of its smallest factor, and
+largest blur [px]; real ones are below 5."""
 _SAME_SIZE = 0.01
 """Relative difference of width or height up to which a rig fits a calibration [-]: a rig
 is measured to some millimetres, and another rig differs by much more."""
@@ -291,12 +286,12 @@ def load_calibration(path: Path | str) -> Calibration:
             _signal(data['signal']),
             _response(data['response']),
             _picture(path, 'sands.file', sands.get('file')),
-            _numbers('sands.factors', sands.get('factors', [1.0]), *FACTOR_RANGE),
+            _numbers('sands.factors', sands.get('factors', [1.0]), 1.0 / _MOST, _MOST),
             _picture(path, 'hidden.file', hidden.get('file')),
             data.get('made', {}),
-            _number('scale_error', data['scale_error'], 0.0, _MOST_DEVIATION),
-            _numbers('sands.deviations', sands.get('deviations', ()), 0.0, _MOST_DEVIATION),
-            None if blur is None else _number('blur_px', blur, 0.0, _MOST_BLUR_PX),
+            _number('scale_error', data['scale_error'], 0.0, _MOST),
+            _numbers('sands.deviations', sands.get('deviations', ()), 0.0, _MOST),
+            None if blur is None else _number('blur_px', blur, 0.0, _MOST),
         )
         _check_sands(calibration)
     except InputError as error:
@@ -400,9 +395,9 @@ def _numbers(key: str, values: Any, low: float, high: float) -> tuple[float, ...
 def _response(entry: dict[str, Any]) -> Response:
     """Return the response from its entry in the file."""
     response = Response(
-        _numbers('response.signal', entry['signal'], -_MOST_SIGNAL, _MOST_SIGNAL),
+        _numbers('response.signal', entry['signal'], -_MOST, _MOST),
         _numbers('response.concentration', entry['concentration'], *CONCENTRATION_RANGE),
-        _numbers('response.deviation', entry.get('deviation', ()), 0.0, _MOST_DEVIATION),
+        _numbers('response.deviation', entry.get('deviation', ()), 0.0, _MOST),
     )
     top = response.concentration[-1]
     if top < _LEAST_TOP:
@@ -428,7 +423,7 @@ def _signal(entry: dict[str, Any]) -> TracerSignal:
 
 def _weights(key: str, values: Any) -> tuple[float, float, float]:
     """Return the three numbers of the entry `key` for red, green and blue."""
-    weights = _numbers(key, values, -_MOST_SIGNAL, _MOST_SIGNAL)
+    weights = _numbers(key, values, -_MOST, _MOST)
     if len(weights) != len(_CHANNELS) or not any(weights):
         raise InputError(
             f'{key}: {values!r} are not numbers for {", ".join(_CHANNELS)} that see the tracer; '

@@ -1,15 +1,13 @@
-"""Families of responses: few parameters between the signal and the concentration.
+"""The response of a dye or a light that saturates: one parameter from signal to concentration.
 
 With s the signal relative to tracer stock, c the concentration and b the bend,
 
-    exponential  s = (1 - exp(-a c)) / (1 - exp(-a)), a dye or a light that saturates
-    power        c = s^p
+    s = (1 - exp(-a c)) / (1 - exp(-a)).
 
-Both start at water (0, 0), end at stock (1, 1) and are straight at b = 0. The parameters a and p
-follow from the bend b = c(1/2) - 1/2, which means the same in both.
+It starts at water (0, 0), ends at stock (1, 1) and is straight at b = 0. The parameter a follows
+from the bend b = c(1/2) - 1/2.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,19 +24,15 @@ _MOST_CURVATURE = 50.0
 """Bracket of the search for a; it belongs to a bend beyond `MOST_BEND`."""
 
 
-def _exponential(signal: Array, bend: float) -> Array:
+def _inside(signal: Array, bend: float) -> Array:
     if abs(bend) < _STRAIGHT_BEND:
         return np.array(signal, float)
     curvature = _curvature(bend)
     return np.asarray(-np.log1p(signal * np.expm1(-curvature)) / curvature)
 
 
-def _power(signal: Array, bend: float) -> Array:
-    return np.asarray(np.power(signal, np.log(0.5 + bend) / np.log(0.5)))
-
-
 def _curvature(bend: float) -> float:
-    """Return a of the exponential family with this bend."""
+    """Return a of this bend."""
 
     def excess(curvature: float) -> float:
         return float(-np.log1p(0.5 * np.expm1(-curvature)) / curvature - 0.5 - bend)
@@ -47,26 +41,17 @@ def _curvature(bend: float) -> float:
     return float(brentq(excess, low, high))
 
 
-FAMILIES: dict[str, Callable[[Array, float], Array]] = {
-    'exponential': _exponential,
-    'power': _power,
-}
-"""Concentration of a relative signal from 0 to 1 and a bend, by the name of the family."""
-
-
-def concentration_of(family: str, signal: Array, bend: float) -> Array:
+def concentration_of(signal: Array, bend: float) -> Array:
     """Return the concentration [-] of relative signals, of the same shape.
 
     Below water and above stock the curve continues straight, with the slope of its chord over the
     nearest tenth. So noise about water and stock keeps its mean.
 
     Args:
-        family: a name of `FAMILIES`.
         signal: signal relative to tracer stock [-].
         bend: see the module [-], between -`MOST_BEND` and `MOST_BEND`.
     """
-    curve = FAMILIES[family]
-    inside = curve(np.clip(signal, 0.0, 1.0), bend)
-    low, high = curve(np.array([0.1, 0.9]), bend)
+    inside = _inside(np.clip(signal, 0.0, 1.0), bend)
+    low, high = _inside(np.array([0.1, 0.9]), bend)
     below, above = np.minimum(signal, 0.0), np.maximum(np.asarray(signal) - 1.0, 0.0)
     return np.asarray(inside + 10.0 * low * below + 10.0 * (1.0 - high) * above)
