@@ -1,4 +1,4 @@
-"""What a user probably meant."""
+"""The name that a user probably meant."""
 
 import pytest
 

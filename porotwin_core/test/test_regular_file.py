@@ -33,7 +33,7 @@ OWN_FILES = {
     'porotwin_diagnosis/porotwin_diagnosis/archive.py': 'in the folder of a bench',
     'porotwin_rig/porotwin_rig/mock_camera_node.py': 'named by the table of photographs',
 }
-"""Files of the product that read by themselves, and what they read."""
+"""Files of the product that read by themselves, and the files that they read."""
 
 
 def reads(call: ast.Call) -> bool:

@@ -1,4 +1,4 @@
-"""Water at the sand in `rig.yaml`: what is read, refused, odd, and sent."""
+"""Water at the sand in `rig.yaml`: values read, refused, odd, and sent."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What leaves the frame has no value, and costs no accuracy elsewhere."""
+"""Sand outside the frame has no value, and costs no accuracy elsewhere."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Services and actions that few nodes may call: a caller tells beforehand what it asks.
+"""Services and actions that few nodes may call: a caller publishes its request beforehand.
 
 ROS 2 Jazzy does not tell a service who called it, and a program may call and leave unseen. A node
 that may call therefore publishes each request before it makes it. The service takes only what it

@@ -1,4 +1,4 @@
-"""What the steps of a calibration found, as evidence for its judgement."""
+"""Findings of the steps of a calibration, as evidence for its judgement."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The light of a photograph: what is corrected, and which cells can be compared with the baseline.
+"""The light of a photograph: its correction, and the cells that compare with the baseline.
 
 A change of tone is undone (`tone_change.py`), the drift of light is removed (`light_drift.py`),
 then soft shadows (`local_light.py`). The rest must be tracer: cells that are brighter

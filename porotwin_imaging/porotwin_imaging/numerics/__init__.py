@@ -1,1 +1,1 @@
-"""What knows nothing of photographs: robust statistics, sums over cells, bands."""
+"""Numerics of any array: robust statistics, sums over cells, bands."""

@@ -134,7 +134,7 @@ def _foreign_light(
 ) -> Array:
     """Return the log ratio (nz, nx) of light that the colours show, 0 where it is in doubt.
 
-    The colour of stock is that of the fullest cells. Without enough of them nothing is known. A
+    The fullest cells give the colour of stock. Without enough of them nothing is known. A
     grey tracer, or a grey photograph, has no colour that tells light.
     """
     full = visible & (values > LIGHT_ERROR.full)
