@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from porotwin_checks.known import MOST_MAPS, VISIBLE_TRACER, Known, Maps, stock_in_map
 from porotwin_checks.tracer_errors import SCALE
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
 from porotwin_core.rates.wells import Schedule
 

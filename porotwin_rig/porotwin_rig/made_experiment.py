@@ -12,7 +12,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig

@@ -13,7 +13,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, relative_error
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import (
     COARSER,

@@ -19,7 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.model.correction import CorrectionFn
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_source import APPLIED
 from porotwin_costa.data.dataset_builder import PredictFn

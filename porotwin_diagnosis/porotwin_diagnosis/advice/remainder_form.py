@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.cause import Cause, Place
 from porotwin_diagnosis.advice.causes_of_the_camera import causes_of_the_camera

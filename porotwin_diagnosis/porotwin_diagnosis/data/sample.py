@@ -29,7 +29,7 @@ from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.gauge_reading import GaugeReading
-from porotwin_core.model.held_out import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
