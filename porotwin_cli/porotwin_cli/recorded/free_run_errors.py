@@ -23,10 +23,10 @@ from porotwin_diagnosis.data.error_parts import (
     in_words,
 )
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
-from porotwin_diagnosis.data.noise import blurred, noise_floor
+from porotwin_diagnosis.data.noise import TRACER_PRESENT, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
-from porotwin_diagnosis.data.sample import TRACER_PRESENT, Sample, coarsened, read_sample
+from porotwin_diagnosis.data.sample import Sample, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.model.presets import preset_named

@@ -8,7 +8,8 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.model.effect_limits import MOST_CHANGE
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -49,7 +50,7 @@ EFFECT = Effect(
     name='decay',
     order=50,
     scope=Scope.RIG,
-    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_CHANGE)},
+    parameters=PARAMETERS['decay'],
     on_physics=fade,
     candidates=candidates,
     phrase=phrase,

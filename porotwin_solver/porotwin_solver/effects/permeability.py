@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -68,15 +69,7 @@ EFFECT = Effect(
     name='permeability',
     order=75,
     scope=Scope.RIG,
-    parameters={
-        'factor': Parameter(
-            unit='-',
-            low=1.0 / MOST_PERMEABILITY_FACTOR,
-            high=MOST_PERMEABILITY_FACTOR,
-            neutral=1.0,
-            is_logarithmic=True,
-        )
-    },
+    parameters=PARAMETERS['permeability'],
     on_physics=change,
     candidates=candidates,
     believed=believed,
