@@ -1,4 +1,4 @@
-"""The hub, the siblings, the mending and the diagnosis believe the same rates.
+"""The hub, the siblings, the mending, the diagnosis, a bag and COSTA believe the same rates.
 
 Over random courses of orders, confirmations, meters, pauses and lost photographs, all inject the
 same volume. Times of confirmations and meters lie between two photographs, so that nobody answers
@@ -6,11 +6,13 @@ before something is told.
 """
 
 import random
+from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from recording_examples import write_live_bag
 
 from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.geometry.grid import FloatArray
@@ -19,6 +21,8 @@ from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig, load_rig
+from porotwin_core.ros.conversions import header_at, rates_to_msg, rig_to_msg, time_to_msg
+from porotwin_costa.data.collector import Collector
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.mending.state_periods import StatePeriods
 from porotwin_hub.control.optimisation import Decision
@@ -26,6 +30,8 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.loop.cycle import Observation
 from porotwin_hub.loop.twin import Twin
 from porotwin_hub.models.forecast import no_correction
+from porotwin_msgs.msg import CleanState, Setpoint
+from porotwin_msgs.msg import WellRates as WellRatesMessage
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_siblings.continuity import periods_until
 
@@ -175,11 +181,54 @@ def of_the_diagnosis(rig: Rig, photographs: list[Photograph], folder: Path) -> l
     return [RatePeriod(*period) for period in schedule.intervals(0.0, photographs[-1].time)]
 
 
+def of_a_bag(rig: Rig, photographs: list[Photograph], file: Path) -> list[RatePeriod]:
+    start = CleanState(cause=CleanState.START, header=header_at(0.0))
+    messages: list[tuple[str, object]] = [
+        ('/lab/rig/description', rig_to_msg(rig)),
+        ('/lab/asset/clean_state', start),
+    ]
+    for number, one in enumerate(photographs, start=1):
+        messages += [
+            (
+                '/lab/wells/measured',
+                WellRatesMessage(
+                    header=header_at(known.end),
+                    start=time_to_msg(known.start),
+                    wells=rates_to_msg(known.rates),
+                ),
+            )
+            for known in one.known
+        ]
+        setpoint = Setpoint(
+            header=header_at(one.time),
+            sequence=number,
+            valid_until=time_to_msg(one.ends),
+            wells=rates_to_msg(one.order),
+        )
+        messages.append(('/lab/wells/setpoint', setpoint))
+    write_live_bag(file, messages)
+    schedule = open_recording(file).delivered
+    return [RatePeriod(*period) for period in schedule.intervals(0.0, photographs[-1].time)]
+
+
+def of_costa(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
+    """Return the mean rates of all pairs; photographs far apart make none."""
+    rates, pairs = RateHistory.of(rig), []
+    collector = Collector(rig, GRID, INTERVAL, rates)
+    for one in photographs:
+        tell(rates, one)
+        pairs += collector.observed(one.time, EMPTY, GRID)
+        rates.add_commanded(one.time, one.order, one.ends)
+    pairs += collector.finished()
+    return [RatePeriod(pair.end - INTERVAL, pair.end, pair.rates) for pair in pairs]
+
+
 COURSES = {
     'all told': {},
     'one in five untold': {'untold': 0.2},
     'photographs lost': {'lost': 0.1},
     'metered': {'metered': 0.5},
+    'expired untold': {'untold': 0.8, 'lost': 0.2},
     'all of it': {'untold': 0.2, 'lost': 0.1, 'metered': 0.5},
 }
 
@@ -190,11 +239,18 @@ def test_all_inject_the_same_volume(kind: str, pausing: bool, tmp_path: Path) ->
     rig = with_pause(RIG) if pausing else RIG
     for seed in range(4):
         photographs = course(seed, **COURSES[kind])
-        hub = injected(of_the_hub(rig, photographs))
+        periods = of_the_hub(rig, photographs)
+        hub = injected(periods)
         assert injected(of_the_siblings(rig, photographs)) == pytest.approx(hub, rel=1e-9)
         assert injected(of_the_mending(rig, photographs)) == pytest.approx(hub, rel=1e-9)
         run = of_the_diagnosis(rig, photographs, tmp_path / str(seed))
         assert injected(run) == pytest.approx(hub, rel=1e-6)
+        bag = of_a_bag(rig, photographs, tmp_path / f'{seed}.mcap')
+        assert injected(bag) == pytest.approx(hub, rel=1e-6)
+        pairs = of_costa(rig, photographs)
+        ends = {pair.end for pair in pairs}
+        within = [one for one in periods if ceil(one.end / INTERVAL) * INTERVAL in ends]
+        assert injected(pairs) == pytest.approx(injected(within), rel=1e-9)
 
 
 def with_pause(rig: Rig) -> Rig:

@@ -26,7 +26,7 @@ from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.free_run_gate import SETTLED, Judge, KeptRun, corrector
-from porotwin_costa.data.frames import Frames, cut, mean_rates, resampled
+from porotwin_costa.data.frames import Frames, cut, resampled
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.rollout_training import CURRICULUM
 from porotwin_rig.made_experiment import NoiseFloor, signals
@@ -216,7 +216,7 @@ def inference_ms(
     middle = len(frames.times) // 2
     start, end = float(frames.times[middle]), float(frames.times[middle + 1])
     state = fill_unseen(frames.concentration[middle], None)
-    rates = mean_rates(frames.schedule, start, end)
+    rates = frames.schedule.mean(start, end)
     predicted = plain.predict(state, rates, end - start)
     taken = []
     for _ in range(rounds + 1):

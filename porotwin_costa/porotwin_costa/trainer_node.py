@@ -8,6 +8,7 @@ one pair at a time and without blocking. After `retrain_every` new pairs it send
 import atexit
 import time
 from collections import deque
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ from rclpy.task import Future
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.periods import POLL_S
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rig import EffectDescription
-from porotwin_core.ros import conversions, qos, senders
-from porotwin_core.ros.following import follow
-from porotwin_core.ros.model_effects import ToldEffects, follow_effects
+from porotwin_core.ros import conversions, senders
+from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     REPORT_S,
     TwinNode,
@@ -31,6 +32,7 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
+from porotwin_core.ros.run_topics import follow_run
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import Voucher
 from porotwin_costa.data.collector import Collector, Pair
@@ -39,7 +41,7 @@ from porotwin_costa.data.physics_id import PhysicsId
 from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.training.retraining import Retraining
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
+from porotwin_msgs.msg import CleanState, NewState, Outcome
 from porotwin_msgs.srv import Predict, Residual
 
 PAIRS_PER_FILE = 10
@@ -103,6 +105,7 @@ class TrainerNode(TwinNode):
         )
         self._pending: deque[Pair] = deque(maxlen=PENDING_PAIRS)
         self._request_time = 0.0
+        self._rates = RateHistory.of(self._rig)
         self._effects: tuple[EffectDescription, ...] = ()
         self._begin_collecting()
         self._connect()
@@ -124,6 +127,7 @@ class TrainerNode(TwinNode):
             rig,
             self._grid,
             self._time_step,
+            self._rates,
             first_experiment=int(known.experiment.max()) + 1 if known else 0,
             preset=self._preset,
         )
@@ -152,10 +156,15 @@ class TrainerNode(TwinNode):
         self._residual = self.create_client(Residual, 'solver/residual')
         self._train = ActionClient(self, Train, TRAIN)
         self._voucher = Voucher(self)
-        follow(self, NewState, 'asset/new_state', self._on_state, qos.FIELD)
-        follow(self, CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
-        follow_effects(self, self._on_effects)
-        follow(self, WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        follow_run(
+            self,
+            rates=self._rates,
+            lock=nullcontext(),  # one thread
+            on_state=self._on_state,
+            on_clean_state=self._on_clean,
+            on_effects=self._on_effects,
+            on_start=self._rates.note_start,
+        )
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(POLL_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -183,10 +192,6 @@ class TrainerNode(TwinNode):
         self.get_logger().info(f'time sequence interrupted: {message.reason}')
         self._report_dropped()
         self._next()
-
-    def _on_measured(self, message: WellRates) -> None:
-        rates = conversions.rates_from_msg(message.wells)
-        self._collector.measured(conversions.time_from_msg(message.start), rates)
 
     def _on_timer(self) -> None:
         self._next()

@@ -20,7 +20,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_core.ros.senders import TERMINAL, goals_of
 from porotwin_core.ros.vouching import CALLERS, Voucher
-from porotwin_costa.data.frames import Frames, mean_rates
+from porotwin_costa.data.frames import Frames
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
@@ -214,7 +214,7 @@ class Asset:
         )
         for n in range(count):
             start, end = frames.times[n], frames.times[n + 1]
-            rates = conversions.rates_to_msg(mean_rates(frames.schedule, start, end))
+            rates = conversions.rates_to_msg(frames.schedule.mean(start, end))
             self._measured.publish(
                 WellRates(
                     header=conversions.header_at(begin + end),

@@ -7,15 +7,20 @@ import pytest
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import fill_unseen
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import WellRate
 from porotwin_costa.data.collector import Collector
 from porotwin_costa.data.dataset import load_dataset
-from porotwin_costa.data.frames import mean_rates
 
 
 @pytest.fixture
 def collector(rig, grid):
-    return Collector(rig, grid, 30.0)
+    return Collector(rig, grid, 30.0, RateHistory.of(rig))
+
+
+def _measure(collector, start, rates):
+    collector.rates.add_known(KnownRates(start, start, rates))
 
 
 def _feed(collector, model, frames, count=25, start=0.0):
@@ -24,8 +29,8 @@ def _feed(collector, model, frames, count=25, start=0.0):
     for n in range(count):
         time = start + float(frames.times[n])
         if n + 1 < count:
-            rates = mean_rates(frames.schedule, frames.times[n], frames.times[n + 1])
-            collector.measured(time, rates)
+            rates = frames.schedule.mean(frames.times[n], frames.times[n + 1])
+            _measure(collector, time, rates)
         pairs += collector.observed(time, frames.concentration[n], model.grid)
     pairs += collector.finished()
     for pair in pairs:
@@ -61,7 +66,7 @@ def test_no_pair_reaches_across_a_clean_state_even_if_it_comes_late(
     if late:
         collector.interrupted(150.0)
     for n in (1, 2):
-        collector.measured(120.0 + 30 * n, {'left': WellRate(1e-7)})
+        _measure(collector, 120.0 + 30 * n, {'left': WellRate(1e-7)})
         for pair in collector.observed(150.0 + 30 * n, unseen_frames.concentration[n], model.grid):
             collector.complete(pair, pair.previous, pair.previous)
     dataset = collector.take()
@@ -82,7 +87,7 @@ def test_pairs_are_returned_only_when_their_rates_have_arrived(collector, model,
     blank = np.zeros(grid.shape)
     assert collector.observed(0.0, blank, grid) == []
     assert collector.observed(30.0, blank, grid) == []
-    collector.measured(0.0, {'left': WellRate(1e-7, 1.0)})
+    _measure(collector, 0.0, {'left': WellRate(1e-7, 1.0)})
     (pair,) = collector.observed(60.0, blank, grid)
     assert pair.rates['left'] == WellRate(1e-7, 1.0)
     assert pair.end == 30.0
@@ -94,10 +99,9 @@ def test_a_meter_at_ten_hertz_hides_no_earlier_rates(collector, grid):
         pairs += collector.observed(30.0 * number, blank, grid)
         for tenth in range(300):
             rate = WellRate(1e-7 * (number + 1), 1.0)
-            collector.measured(30.0 * number + 0.1 * tenth, {'left': rate})
+            _measure(collector, 30.0 * number + 0.1 * tenth, {'left': rate})
     pairs += collector.finished()
     assert [pair.rates['left'].rate for pair in pairs] == pytest.approx([1e-7, 2e-7, 3e-7])
-    assert len(collector._rates) <= 301
 
 
 def test_pairs_that_cannot_be_used_are_counted(collector, model, grid):
@@ -105,12 +109,12 @@ def test_pairs_that_cannot_be_used_are_counted(collector, model, grid):
     collector.observed(0.0, blank, grid)
     collector.observed(30.0, blank, grid)
     assert collector.finished() == []
-    collector.measured(30.0, {'left': WellRate(1e-7)})
+    _measure(collector, 30.0, {'left': WellRate(1e-7)})
     for time, state in ((60.0, unknown), (120.0, blank)):
         collector.observed(time, state, grid)
     assert collector.finished() == []
     assert collector.dropped == {
-        'pairs without measured rates': 1,
+        'pairs without known rates': 1,
         'pairs with too little seen': 1,
         'pairs not 30 s apart': 1,
     }
@@ -131,7 +135,7 @@ def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
     with pytest.raises(InputError, match='7x5'):
         collector.observed(0.0, np.zeros((5, 7)), rig.grid(7, 5))
     with pytest.raises(InputError, match="'other'"):
-        collector.measured(0.0, {'other': WellRate(1e-7)})
+        _measure(collector, 0.0, {'other': WellRate(1e-7)})
 
 
 def test_predictions_fill_no_cells_after_the_clock_jumped_back(

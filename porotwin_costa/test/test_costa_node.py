@@ -24,7 +24,6 @@ from porotwin_costa import costa_node, trainer_node  # noqa: E402
 from porotwin_costa.correction.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.correction.corrective_source import corrective_source  # noqa: E402
 from porotwin_costa.data.dataset import pairs_beside  # noqa: E402
-from porotwin_costa.data.frames import mean_rates  # noqa: E402
 from porotwin_costa.data.physics_id import PhysicsId  # noqa: E402
 from porotwin_costa.networks import architecture  # noqa: E402
 from porotwin_costa.networks.training_settings import TrainingSettings  # noqa: E402
@@ -64,7 +63,7 @@ def test_a_node_without_a_model_does_not_load_torch():
 
 
 def _question(model, frames, n=12) -> tuple[CorrectiveSource.Request, np.ndarray, dict]:
-    rates = mean_rates(frames.schedule, frames.times[n], frames.times[n + 1])
+    rates = frames.schedule.mean(frames.times[n], frames.times[n + 1])
     predicted = model.predict(frames.concentration[n], rates, 30.0)
     as_sent = conversions.tracer_to_msg(predicted, model.grid, 390.0)
     request = CorrectiveSource.Request(

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from porotwin_core.basis.errors import InputError
-from porotwin_costa.data.frames import mean_rates
 
 
 def test_exact_residual_returns_the_observed_state(build, model, unseen_frames):
     dataset = build(unseen_frames)
     for n in range(len(dataset)):
-        rates = mean_rates(unseen_frames.schedule, n * 30.0, (n + 1) * 30.0)
+        rates = unseen_frames.schedule.mean(n * 30.0, (n + 1) * 30.0)
         corrected = model.correct(
             unseen_frames.concentration[n], dataset.residual[n].astype(float), rates, 30.0
         )
@@ -75,7 +74,7 @@ def test_no_prediction_fills_cells_across_a_clean_state(build, model, unseen_fra
     hidden[4:12, 6:9] = True
     frames = dataclasses.replace(_hiding(unseen_frames, hidden), clean_times=(300.0,))
     dataset = build(frames)
-    rates = mean_rates(frames.schedule, 300.0, 330.0)
+    rates = frames.schedule.mean(300.0, 330.0)
     blank = np.where(hidden, 0.0, unseen_frames.concentration[10])
     after = dataset.predicted[dataset.time == 330.0][0]
     assert np.array_equal(after, model.predict(blank, rates, 30.0).astype(np.float32))

@@ -67,7 +67,8 @@ def test_a_live_bag_counts_time_from_its_clean_start(tmp_path: Path) -> None:
     assert recording.times.tolist() == [0.0, 1.0, 2.0]
     assert recording.concentration[:, 0, 0].tolist() == [0.0, 0.25, 0.75]
     assert recording.schedule.rows == (ScheduleRow(0.0, 'in', WellRate(1e-7, 1.0)),)
-    assert recording.measured == Schedule((ScheduleRow(0.0, 'in', WellRate(0.9e-7, 1.0)),))
+    pumped = WellRate(0.9e-7, 1.0)
+    assert recording.measured == Schedule(tuple(ScheduleRow(at, 'in', pumped) for at in (0.0, 2.0)))
 
 
 def clean(stamp: int, cause: int = CleanState.START) -> object:

@@ -30,7 +30,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import SAME_STAMP_S
+from porotwin_core.clock.stamps import SAME_STAMP_S, believed_start
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay, OrdersAhead, WaitingOrder
 from porotwin_core.rates.rate_periods import (
@@ -43,6 +43,8 @@ from porotwin_core.rates.rate_periods import (
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import RateStep, WellRates, mean_rates, with_rises
 from porotwin_core.rig import Rig
+
+_Key = tuple[type, float, float]
 
 MOST_EVENTS = 4096
 """Setpoints and known rates that are kept one by one: photographs every 30 s for 17 hours. Of more,
@@ -219,7 +221,7 @@ class RateHistory:
         """
         self._safe = safe
         self._known_wells = known_wells
-        self._events: list[Order | KnownRates] = []
+        self._events: dict[_Key, Order | KnownRates] = {}
         """In the order of their arrivals."""
         self._past: list[TracedPeriod] = []
         self.begins: float | None = None
@@ -229,12 +231,21 @@ class RateHistory:
         """The course before all events that are kept."""
         self.pauses: FixedPauses = NO_PAUSES
         """Announced pauses of the fixed wells, and levels of water."""
+        self.announced: FixedPauses = NO_PAUSES
+        """The same, from the start of the experiment on."""
+        self.told_start: float | None = None
+        """The start of the experiment [s] that imaging told last."""
+        self._began: float | None = None
+        self.most_events = MOST_EVENTS
+        """Events that are kept one by one."""
 
     @classmethod
     def of(cls, rig: Rig) -> 'RateHistory':
         """Return the history of `rig` before its first event."""
         control_wells = rig.control.wells if rig.control is not None else ()
-        return cls(safe_rates(rig), control_wells, tuple(rig.wells))
+        history = cls(safe_rates(rig), control_wells, tuple(rig.wells))
+        history.pauses = history.announced = FixedPauses.of(rig)
+        return history
 
     @property
     def control_wells(self) -> tuple[str, ...]:
@@ -257,6 +268,15 @@ class RateHistory:
         """
         self._add(Order(stamp, rates, valid_until))
 
+    def note_start(self, time: float) -> None:
+        """Note the start of the experiment [s] that was told."""
+        self.told_start = time
+
+    def believe_start(self, stamp: float) -> None:
+        """Count what is announced from the start that is believed at the state of `stamp` [s]."""
+        self._began = believed_start(self.told_start, self._began, stamp)
+        self.pauses = self.announced.since(self._began)
+
     def add_known(self, known: KnownRates) -> None:
         """Add rates that were measured or confirmed; the later ones of the same times count.
 
@@ -267,22 +287,18 @@ class RateHistory:
 
     def take_back(self, stamp: float) -> None:
         """Forget the setpoint of `stamp` [s], which the asset did not take."""
-        self._events = [
-            event
-            for event in self._events
-            if not (isinstance(event, Order) and event.start == stamp)
-        ]
+        self._events.pop(_key(Order(stamp, {})), None)
 
     def _add(self, event: Order | KnownRates) -> None:
         unknown = sorted(set(event.rates) - set(self._known_wells or event.rates))
         if unknown:
             known = ', '.join(self._known_wells or ())
             raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")
-        self._events = [one for one in self._events if _times(one) != _times(event)]
-        self._events.append(event)
+        self._events.pop(_key(event), None)
+        self._events[_key(event)] = event
         if not self._past:
             self.begins = event.start if self.begins is None else min(self.begins, event.start)
-        if len(self._events) > MOST_EVENTS:
+        if len(self._events) > self.most_events:
             self._condense()
 
     def begin_anew(self, time: float) -> None:
@@ -291,15 +307,17 @@ class RateHistory:
         The rates in force go on. Events that came last and are not later than `time` are already
         by the new clock, as the rates that come just before the first photograph.
         """
-        late = itertools.takewhile(lambda event: event.start <= time, reversed(self._events))
+        events = list(self._events.items())
+        self._began = None
+        late = itertools.takewhile(lambda item: item[1].start <= time, reversed(events))
         new = list(late)[::-1]
-        old = self._events[: len(self._events) - len(new)]
+        old = events[: len(events) - len(new)]
         if self.begins is not None:
-            self._events = old
+            self._events = dict(old)
             last = self._course().stretches[-1].rates
             start = _Stretch(-math.inf, last, Source.ASSUMED)
             self._first = _Course(self._safe, self._first.wells, [start], last)
-            self._past, self._events, self.begins = [], new, time
+            self._past, self._events, self.begins = [], dict(new), time
 
     def forget_before(self, time: float) -> None:
         """Forget the rates before `time` [s]."""
@@ -310,20 +328,20 @@ class RateHistory:
         """Make one course of all events before `time` [s], but for measurements that go on."""
         self._first = self._course_until(time)
         self._first.stretches = self._first.stretches[-1:]
-        self._events = [
-            event
-            for event in self._events
+        self._events = {
+            key: event
+            for key, event in self._events.items()
             if event.start >= time or (isinstance(event, KnownRates) and event.end > time)
-        ]
+        }
 
     def _condense(self) -> None:
         """Make periods of the older half of the events, and fewer periods of their older half."""
-        middle = sorted(event.start for event in self._events)[len(self._events) // 2]
+        middle = sorted(event.start for event in self._events.values())[len(self._events) // 2]
         assert self.begins is not None
         if self.begins < middle:
             self._past = list(self.traced(self.begins, middle))
             self._settle(middle)
-        while len(self._past) > MOST_EVENTS:
+        while len(self._past) > self.most_events:
             half = len(self._past) // 4 * 2
             pairs = zip(self._past[0:half:2], self._past[1:half:2], strict=True)
             self._past = [*(_both(*pair) for pair in pairs), *self._past[half:]]
@@ -370,7 +388,7 @@ class RateHistory:
 
     def order(self, time: float) -> Order | None:
         """Return the setpoint in force at `time` [s]; None: there is none, or it has ended."""
-        orders = [event for event in self._events if isinstance(event, Order)]
+        orders = [event for event in self._events.values() if isinstance(event, Order)]
         given = [event for event in orders if event.start <= time]
         newest = max(given, key=lambda event: event.start, default=self._first.order)
         return newest if newest is not None and time <= newest.valid_until else None
@@ -416,7 +434,7 @@ class RateHistory:
     def _course(self, until: float = math.inf) -> _Course:
         """Return the course after all events that began before `until` [s]."""
         course = self._first.copy()
-        begun = [event for event in self._events if event.start < until]
+        begun = [event for event in self._events.values() if event.start < until]
         for event in sorted(begun, key=lambda event: (event.start, isinstance(event, KnownRates))):
             course.take(event)
         return course
@@ -432,7 +450,7 @@ class RateHistory:
             return ()
         course = self._course()
         course.run_to(end)
-        known = (event for event in self._events if isinstance(event, KnownRates))
+        known = (event for event in self._events.values() if isinstance(event, KnownRates))
         within = (one for one in known if not one.is_open and one.end > start and one.start < end)
         measured = deque(sorted(within, key=lambda one: one.start))
         edges = {one.start for one in course.stretches} | self.pauses.moments(start, end)
@@ -462,8 +480,8 @@ class RateHistory:
         return tuple(found)
 
 
-def _times(event: Order | KnownRates) -> tuple[type, float, float]:
-    """Return the key of an event."""
+def _key(event: Order | KnownRates) -> _Key:
+    """Return the kind and the times of an event: the later of two that have them alike counts."""
     return type(event), event.start, 0.0 if isinstance(event, Order) else event.end
 
 

@@ -172,6 +172,10 @@ class Schedule:
                 for first, last, rises in self.levels.parts(low, high):
                     yield first, last, with_rises(self.at(low), rises)
 
+    def mean(self, start: float, end: float) -> dict[str, WellRate]:
+        """Return the `mean_rates` from `start` to `end` [s]."""
+        return mean_rates(self.intervals(start, end))
+
     def injected_stock(self, start: float, end: float) -> float:
         """Return the volume of tracer stock [m^3] that all wells inject from `start` to `end` [s].
 

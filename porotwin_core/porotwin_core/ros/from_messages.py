@@ -37,6 +37,11 @@ of imaging), the largest correction of COSTA to -1.5 and 2.5. Numbers beyond the
 concentrations."""
 
 
+def nanoseconds_from_msg(stamp: Any) -> int:
+    """Return the time of a stamp [ns], exactly."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
 def time_from_msg(stamp: Any) -> float:
     """Return the time of a stamp [s], since the epoch of the clock that made it."""
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9

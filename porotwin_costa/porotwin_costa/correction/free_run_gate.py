@@ -28,7 +28,7 @@ from porotwin_core.model.learnt_solver import LearntSolver, StepModel
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate, WellRates
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.corrective_source import LearntStep, corrective_source
-from porotwin_costa.data.frames import Frames, cut, mean_rates, sequences
+from porotwin_costa.data.frames import Frames, cut, sequences
 
 TRUSTS = (1.0, 0.5, 0.0)
 """Shares of the network's answer that are tried."""
@@ -194,7 +194,7 @@ class Judge:
         """Yield the map of the free run at every frame after the first one."""
         state = fill_unseen(frames.concentration[0].astype(float), None)
         for start, end in pairwise(map(float, frames.times)):
-            rates = mean_rates(frames.schedule, start, end)
+            rates = frames.schedule.mean(start, end)
             state = self._next(state, rates, end - start, correct)
             yield state
 

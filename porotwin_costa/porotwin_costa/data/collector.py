@@ -1,6 +1,5 @@
 """Training pairs from a stream of states and measured rates."""
 
-import math
 from collections import Counter, deque
 from dataclasses import dataclass
 
@@ -8,7 +7,8 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
-from porotwin_core.rates.wells import Schedule, WellRate, WellRates
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.wells import WellRate, mean_rates
 from porotwin_core.rig import Rig
 from porotwin_costa.data.dataset import Dataset, empty_dataset
 from porotwin_costa.data.dataset_builder import TrainingSample, with_samples
@@ -17,20 +17,12 @@ from porotwin_costa.data.frames import (
     TOO_LITTLE_SEEN,
     enough_seen,
     left_out,
-    mean_rates,
-    rate_vector,
     same_time_step,
     wrong_interval,
 )
 
 REMEMBERED = 64
 """Number of interruptions kept; a pair of photographs needs far fewer."""
-
-MOST_RATES = 100_000
-"""Measured rates kept before the first pair: a flow meter at 10 Hz for almost three hours."""
-
-LATE_RATES = 0.1
-"""Share of a time step that may pass between a pair's first state and its first measured rates."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +46,7 @@ class Pair:
 class Collector:
     """Pairs consecutive states, and keeps prediction and residual of each pair.
 
-    A pair is returned when the next state arrives. By then the rates measured between its states
+    A pair is returned when the next state arrives. By then the rates in force between its states
     and any interruption are known. Messages of different topics may overtake each other, so only
     their times count.
     """
@@ -64,6 +56,7 @@ class Collector:
         rig: Rig,
         grid: Grid,
         time_step: float,
+        rates: RateHistory,
         *,
         first_experiment: int = 0,
         preset: str = '',
@@ -74,13 +67,14 @@ class Collector:
             rig: the rig of the physics-based model.
             grid: the grid of all states.
             time_step: time between the states of a pair [s].
+            rates: the rates in force, which are told to it.
             first_experiment: number of the first experiment.
             preset: numerical scheme of the physics-based model; empty if unknown.
         """
         self._empty = empty_dataset(rig, grid, time_step, preset)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
-        self._rates: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=MOST_RATES)
+        self.rates = rates
         self._interruptions: deque[float] = deque(maxlen=REMEMBERED)
         self._samples: list[TrainingSample] = []
         self._sequence = 0
@@ -95,15 +89,6 @@ class Collector:
         """One line: the number of samples so far, and of pairs left out with the reasons."""
         return f'{self.completed} training pairs so far; left out: {left_out(self.dropped)}'
 
-    def measured(self, start: float, rates: WellRates) -> None:
-        """Note that the wells pump `rates` from `start` [s] on.
-
-        Raises:
-            InputError: an unknown well pumps.
-        """
-        rate_vector(rates, self._empty.wells)
-        self._rates.append((start, dict(rates)))
-
     def observed(self, time: float, concentration: FloatArray, grid: Grid) -> list[Pair]:
         """Add the state (nz, nx) at `time` [s]; return the pair of the two states before it.
 
@@ -115,6 +100,7 @@ class Collector:
         if self._states and time <= self._states[-1][0]:
             self._forget_after(time)
         ready = self._ready()
+        self.rates.believe_start(time)
         self._states.append((time, concentration))
         return ready
 
@@ -164,7 +150,7 @@ class Collector:
         self._states.clear()
         self._experiment += 1
         self._sequence += 1
-        self._rates = deque((item for item in self._rates if item[0] <= time), maxlen=MOST_RATES)
+        self.rates.begin_anew(time)
         self._interruptions = deque(
             (moment for moment in self._interruptions if moment <= time), maxlen=REMEMBERED
         )
@@ -175,8 +161,9 @@ class Collector:
             return []
         (start, previous), (end, following) = self._states
         self._states.popleft()
-        rates = sorted(self._rates, key=lambda item: item[0])
-        self._forget_rates(rates, end)
+        begins = self.rates.begins
+        periods = self.rates.periods(start, end)
+        self.rates.forget_before(end)
         time_step = self._empty.time_step
         if any(start < moment <= end for moment in self._interruptions):
             self.dropped[ACROSS_INTERRUPTION] += 1
@@ -190,14 +177,8 @@ class Collector:
         if not (enough_seen(previous) and enough_seen(following)):
             self.dropped[TOO_LITTLE_SEEN] += 1
             return []
-        known_from = rates[0][0] if rates else math.inf
-        if known_from > start + LATE_RATES * time_step:
-            self.dropped['pairs without measured rates'] += 1
+        if begins is None or begins > start:
+            self.dropped['pairs without known rates'] += 1
             return []
-        mean = mean_rates(Schedule.from_rates(rates), max(start, known_from), end)
+        mean = mean_rates(periods)
         return [Pair(previous, following, mean, end, self._experiment, self._sequence)]
-
-    def _forget_rates(self, rates: list[tuple[float, dict[str, WellRate]]], time: float) -> None:
-        """Keep, of all `rates` sorted by time, those in force from `time` [s] on."""
-        begun = sum(start <= time for start, _ in rates)
-        self._rates = deque(rates[max(begun - 1, 0) :], maxlen=MOST_RATES)

@@ -12,7 +12,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_costa.data.dataset import Dataset, empty_dataset
-from porotwin_costa.data.frames import Frames, frame_pairs, left_out, mean_rates, rate_vector
+from porotwin_costa.data.frames import Frames, frame_pairs, left_out, rate_vector
 from porotwin_costa.data.physics_id import refuse_untaught
 
 PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
@@ -128,7 +128,7 @@ def _samples(
         start, end = float(frames.times[pair.number]), float(frames.times[pair.number + 1])
         before = frames.concentration[pair.number].astype(float)
         after = frames.concentration[pair.number + 1].astype(float)
-        rates = mean_rates(frames.schedule, start, end)
+        rates = frames.schedule.mean(start, end)
         before = fill_unseen(before, prediction)
         prediction = predict(before, rates, time_step)
         exact = residual(before, fill_unseen(after, prediction), rates, time_step)

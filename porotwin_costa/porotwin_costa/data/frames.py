@@ -121,27 +121,6 @@ def same_time_step(first: float, second: float) -> bool:
     return math.isclose(first, second, rel_tol=TIME_STEP_TOLERANCE)
 
 
-def mean_rates(schedule: Schedule, start: float, end: float) -> dict[str, WellRate]:
-    """Return constant rates that pump as much water and tracer from `start` to `end` [s].
-
-    COSTA knows one rate per well and interval, even if the rate changed within it. For a well that
-    injected and produced, the concentration is the mean of its injection.
-    """
-    water: dict[str, float] = {}
-    injected: dict[str, float] = {}
-    tracer: dict[str, float] = {}
-    for low, high, rates in schedule.intervals(start, end):
-        share = (high - low) / (end - start)
-        for name, well in rates.items():
-            water[name] = water.get(name, 0.0) + share * well.rate
-            injected[name] = injected.get(name, 0.0) + share * max(well.rate, 0.0)
-            tracer[name] = tracer.get(name, 0.0) + share * max(well.rate, 0.0) * well.concentration
-    return {
-        name: WellRate(rate, tracer[name] / injected[name] if injected[name] > 0 else 0.0)
-        for name, rate in water.items()
-    }
-
-
 def rate_vector(rates: WellRates, wells: Sequence[str]) -> FloatArray:
     """Return water rate and tracer rate of each well [m^3/s], shape (wells, 2).
 

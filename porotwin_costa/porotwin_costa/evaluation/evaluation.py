@@ -23,7 +23,7 @@ from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_source import APPLIED
 from porotwin_costa.data.dataset_builder import PredictFn
-from porotwin_costa.data.frames import Frames, frame_pairs, mean_rates
+from porotwin_costa.data.frames import Frames, frame_pairs
 
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
 """(previous, sigma [1/s], rates, time step [s]) -> corrected concentration."""
@@ -219,7 +219,7 @@ def _frames(
         observed = np.asarray(experiment.concentration[pair.number + 1], dtype=float)
         if reference is not None:
             observed = _map_at(reference, end)
-        rates = mean_rates(experiment.schedule, start, end)
+        rates = experiment.schedule.mean(start, end)
         before = fill_unseen(before, prediction)
         if free_predicted is None or free_corrected is None or not pair.follows:
             free_predicted = free_corrected = before

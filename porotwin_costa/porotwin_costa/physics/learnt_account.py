@@ -24,7 +24,7 @@ from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.corrective_source import corrective_source
 from porotwin_costa.correction.free_run_gate import Judge
-from porotwin_costa.data.frames import Frames, mean_rates
+from porotwin_costa.data.frames import Frames
 from porotwin_costa.physics.learnable import Learnable, with_part
 
 COMPARED_STEPS = 12
@@ -128,7 +128,7 @@ def _steps(experiments: Sequence[Frames]) -> Iterator[_Step]:
     for frames, n in (pairs[k] for k in np.unique(chosen)):
         start, end = float(frames.times[n]), float(frames.times[n + 1])
         before = fill_unseen(frames.concentration[n].astype(float), None)
-        yield _Step(before, mean_rates(frames.schedule, start, end), end - start)
+        yield _Step(before, frames.schedule.mean(start, end), end - start)
 
 
 def _predicted(solver: LearntSolver, physics: LearntPhysics, step: _Step) -> FloatArray:

@@ -23,7 +23,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.learnt_solver import StepModel
 from porotwin_core.rates.wells import WellRate
 from porotwin_costa.correction.corrective_model import CorrectiveModel
-from porotwin_costa.data.frames import Frames, mean_rates, rate_vector, sequences
+from porotwin_costa.data.frames import Frames, rate_vector, sequences
 
 
 class Stage(NamedTuple):
@@ -72,7 +72,7 @@ class Run:
             variance = np.square(frames.deviation) + WEIGHED_DEVIATION**2
             weight = np.where(seen, WEIGHED_DEVIATION**2 / np.nan_to_num(variance, nan=1.0), 0.0)
         pairs = zip(frames.times, frames.times[1:], strict=False)
-        rates = tuple(mean_rates(frames.schedule, float(a), float(b)) for a, b in pairs)
+        rates = tuple(frames.schedule.mean(float(a), float(b)) for a, b in pairs)
         return cls(np.nan_to_num(frames.concentration).astype(float), weight, rates)
 
 

@@ -1,23 +1,33 @@
 """The experiment in a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
 import logging
+import math
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.remark import NAMED
 from porotwin_core.geometry.grid import SIZE_TOLERANCE, Grid
-from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import KnownRates
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
-from porotwin_core.ros.from_messages import rates_from_msg, rig_from_msg
+from porotwin_core.ros.from_messages import nanoseconds_from_msg, rates_from_msg, rig_from_msg
 from porotwin_recording.experiment.joined_bags import refuse_two_experiments, refuse_two_rigs
 from porotwin_recording.experiment.rig_pauses import with_pauses
-from porotwin_recording.experiment.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
+from porotwin_recording.experiment.segments import (
+    LocatedPhoto,
+    Location,
+    PhotoKey,
+    Segment,
+    ToldRates,
+    joined,
+)
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagMessage, BagReader
 from porotwin_recording.mcap.serialization import SECOND, stamp_of
@@ -35,6 +45,9 @@ from porotwin_recording.tables.recorded_data import RecordedData
 
 _START, _INTERRUPTED = 0, 1
 """Values of CleanState.cause; a bag is read without the installed message classes."""
+
+IMPORTED = 'imported experiment begins'
+"""Reason in the CleanState message of a bag that was made from the tables of a folder."""
 
 _STAMP_END = 12
 """End of the stamp in a message that begins with a header [bytes]."""
@@ -60,7 +73,8 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     - Time zero is the stamp of the CleanState message that starts the experiment, else the first
       stamp. Earlier rates hold from time zero on.
     - If two maps, photographs or rates have the same stamp, the later message counts.
-    - A setpoint holds until the next one, regardless of its validity.
+    - The rates in force are those of `RateHistory`, as in the hub. They count as measured where
+      they differ from the setpoints. In a bag that was made from tables the tables count.
     - A sequence that begins again goes on with the same experiment, for example after a restart of
       a node. A remark says so. Photographs that are sent again replace the earlier ones.
     - If another experiment begins in the same bag, the `segment` is read (counted from 1), or the
@@ -92,8 +106,8 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     start = chosen.start_stamp()
     return RecordedData(
         rig,
-        commanded=_schedule(chosen.commanded, start),
-        measured=_measured_schedule(chosen.measured, start),
+        commanded=_schedule(chosen, start, are_orders=True),
+        measured=_tabled(chosen, start) if collector.imported else _delivered(chosen, start, rig),
         maps=_maps(bag, chosen, start, rig),
         photos=_photos(bag, chosen, start),
         remarks=tuple(bag.remarks),
@@ -214,15 +228,6 @@ def foreign_positions(numbers: Iterable[int]) -> set[int]:
     return foreign
 
 
-class _Setpoint(NamedTuple):
-    """A recorded setpoint: number, stamp [ns], where its rates are kept, and the rates."""
-
-    number: int
-    stamp: int
-    commanded: dict[int, WellRates]
-    rates: WellRates | None
-
-
 class _Collector:
     """Collects the experiments in one pass over a bag; maps and photographs stay on disk."""
 
@@ -233,7 +238,10 @@ class _Collector:
         self.segments = [Segment()]
         self._rate_faults: list[str] = []
         self._copies = 0
-        self._setpoints: list[_Setpoint] = []
+        self.imported = False
+        """Whether the bag was made from the tables of a folder."""
+        self._setpoints: list[tuple[int, ToldRates | None]] = []
+        """Numbers and rates of the setpoints; None: the rates were wrong."""
         self._add: dict[str, Callable[[BagMessage, Location], None]] = {
             topic_names.RIG: self._add_rig,
             topic_names.SETPOINT: self._add_setpoint,
@@ -275,20 +283,17 @@ class _Collector:
             )
 
     def _leave_out_foreign_setpoints(self) -> None:
-        """Leave out setpoints that no hub sent; the true rates of their stamps come back."""
-        foreign = foreign_positions([setpoint.number for setpoint in self._setpoints])
+        """Leave out setpoints that no hub sent."""
+        numbers = [number for number, _ in self._setpoints]
+        foreign = foreign_positions(numbers)
         if not foreign:
             return
-        for position in foreign:
-            self._setpoints[position].commanded.pop(self._setpoints[position].stamp, None)
-        emptied = {self._setpoints[position].stamp for position in foreign}
-        for position, setpoint in enumerate(self._setpoints):
-            if setpoint.stamp in emptied and setpoint.rates is not None and position not in foreign:
-                setpoint.commanded[setpoint.stamp] = setpoint.rates
-        first = self._setpoints[min(foreign)].number
+        left_out = {id(self._setpoints[position][1]) for position in foreign}
+        for part in self.segments:
+            part.told = [one for one in part.told if id(one) not in left_out]
         self.bag.remark(
             f'{self.bag.path}: {len(foreign)} setpoints left out, the first with the number '
-            f'{first}: it is not in the row of the others, so that another program '
+            f'{numbers[min(foreign)]}: it is not in the row of the others, so that another program '
             'than the hub sent it'
         )
 
@@ -298,17 +303,18 @@ class _Collector:
         Raises:
             InputError: no rates remain, so the bag belongs to another rig.
         """
-        schedules = [rates for part in self.segments for rates in (part.commanded, part.measured)]
-        any_recorded = any(schedules)
-        for rates in schedules:
-            for stamp in list(rates):
-                unknown = [well for well in rates[stamp] if well not in rig.wells]
-                if unknown:
-                    del rates[stamp]
+        any_recorded = any(part.told for part in self.segments)
+        for part in self.segments:
+            told, part.told = part.told, []
+            for one in told:
+                unknown = next((well for well in one.rates if well not in rig.wells), None)
+                if unknown is None:
+                    part.told.append(one)
+                else:
                     known = ', '.join(rig.wells)
-                    self._rate_faults.append(f"unknown well '{unknown[0]}'; the rig has {known}")
+                    self._rate_faults.append(f"unknown well '{unknown}'; the rig has {known}")
         path, faults = self.bag.path, self._rate_faults
-        if any_recorded and not any(schedules):
+        if any_recorded and not any(part.told for part in self.segments):
             raise InputError(f'{path}: rates name an {faults[-1]}')
         if faults:
             self.bag.remark(f'{path}: {len(faults)} messages of rates left out: {faults[0]}')
@@ -321,26 +327,28 @@ class _Collector:
             self.rig_fault = str(error)
 
     def _add_setpoint(self, message: BagMessage, _: Location) -> None:
-        setpoint, stamp = self.bag.decode(message), stamp_of(message.data)
-        commanded = self.segments[-1].commanded
-        rates = self._add_rates(commanded, stamp, setpoint.wells)
-        self._setpoints.append(_Setpoint(int(setpoint.sequence), stamp, commanded, rates))
+        setpoint = self.bag.decode(message)
+        until = nanoseconds_from_msg(setpoint.valid_until)
+        told = self._add_rates(stamp_of(message.data), until, setpoint.wells, is_order=True)
+        self._setpoints.append((int(setpoint.sequence), told))
 
     def _add_measured(self, message: BagMessage, _: Location) -> None:
         rates = self.bag.decode(message)
-        start = int(rates.start.sec) * SECOND + int(rates.start.nanosec)
-        self._add_rates(self.segments[-1].measured, start, rates.wells)
+        end = stamp_of(message.data)
+        self._add_rates(nanoseconds_from_msg(rates.start), end, rates.wells, is_order=False)
 
-    def _add_rates(self, rates: dict[int, WellRates], stamp: int, wells: Any) -> WellRates | None:
+    def _add_rates(self, start: int, end: int, wells: Any, *, is_order: bool) -> ToldRates | None:
         try:
-            rates[stamp] = rates_from_msg(wells)
+            told = ToldRates(start, end, rates_from_msg(wells), is_order)
         except InputError as error:  # the hub ignored this message, too
             self._rate_faults.append(str(error))
             return None
-        return rates[stamp]
+        self.segments[-1].told.append(told)
+        return told
 
     def _add_clean_state(self, message: BagMessage, _: Location) -> None:
         event = self.bag.decode(message)
+        self.imported |= event.reason == IMPORTED
         if event.cause in (_START, _INTERRUPTED):
             stamp, starts = stamp_of(message.data), event.cause == _START
             self.segments += self.segments[-1].restarted(stamp, starts=starts)
@@ -364,20 +372,44 @@ class _Collector:
         self.segments[-1].photos[key] = LocatedPhoto(location, suffix)
 
 
-def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
-    """Return rates by stamp [ns] as a schedule that begins at `start` [ns]."""
-    if not rates:
-        return None
-    by_time = {max(0, stamp - start) / SECOND: rates[stamp] for stamp in sorted(rates)}
-    return Schedule.from_rates(by_time.items())
+def _schedule(segment: Segment, start: int, *, are_orders: bool) -> Schedule | None:
+    """Return setpoints or measured rates as a schedule that begins at `start` [ns]."""
+    told = sorted(
+        (one for one in segment.told if one.is_order == are_orders), key=lambda one: one.start
+    )
+    by_time = {max(0, one.start - start) / SECOND: one.rates for one in told}
+    return Schedule.from_rates(by_time.items()) if told else None
 
 
-def _measured_schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
-    """Return measured rates as `_schedule`, with last rows that tell how long they go on."""
-    schedule = _schedule(rates, start)
+def _tabled(segment: Segment, start: int) -> Schedule | None:
+    """Return measured rates as the table that an import has read; they go on to its last row."""
+    schedule = _schedule(segment, start, are_orders=False)
     if schedule is None or not schedule.rows:
         return schedule
-    return measured_to(schedule, max(0, max(rates) - start) / SECOND)
+    end = max(one.start for one in segment.told if not one.is_order)
+    return measured_to(schedule, max(0, end - start) / SECOND)
+
+
+def _delivered(segment: Segment, start: int, rig: Rig) -> Schedule | None:
+    """Return the rates in force as the messages told them; None where they are the setpoints."""
+    if not segment.told:
+        return None
+    history = RateHistory.of(rig)
+    history.most_events = len(segment.told)
+    for one in segment.told:
+        begin, end = (one.start - start) / SECOND, (one.end - start) / SECOND
+        if one.is_order:
+            history.add_commanded(begin, one.rates, end)
+        else:
+            history.add_known(KnownRates(begin, end, one.rates))
+    ends = (one.start if one.is_order else one.end for one in segment.told)
+    states = (key.stamp for key in segment.photos if key.role == 'state')
+    end = (max(*ends, *segment.maps, *states, start) - start) / SECOND
+    periods = history.traced(0.0, math.nextafter(end, math.inf))
+    found = Schedule.from_rates((period.start, period.rates) for period in periods)
+    if found == _schedule(segment, start, are_orders=True):
+        return None
+    return measured_to(found, end)
 
 
 def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> ConcentrationMaps | None:

@@ -41,6 +41,7 @@ from porotwin_msgs.msg import (
     TracerField,
     WellRates,
 )
+from porotwin_recording.experiment.bag import IMPORTED
 from porotwin_recording.experiment.cut import cut
 from porotwin_recording.experiment.experiment_folder import READINGS_FILE, Progress, write_folder
 from porotwin_recording.experiment.photo_source import content_mark
@@ -241,9 +242,7 @@ def _opening(data: RecordedData) -> Iterator[_StampedMessage]:
     first_map = 0.0 if data.maps is None else min(0.0, float(data.maps.times[0]))
     first = min([first_map, *(photo.time for photo in data.photos)])
     yield _StampedMessage(_stamp(first), topic_names.RIG, rig_to_msg(data.rig))
-    start = CleanState(
-        header=_header(IMPORT_START), cause=CleanState.START, reason='imported experiment begins'
-    )
+    start = CleanState(header=_header(IMPORT_START), cause=CleanState.START, reason=IMPORTED)
     # behind a map it would begin another sequence
     yield _StampedMessage(_stamp(first_map), topic_names.CLEAN_STATE, start)
 

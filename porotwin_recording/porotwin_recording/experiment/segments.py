@@ -49,22 +49,29 @@ class LocatedPhoto:
     suffix: str
 
 
+class ToldRates(NamedTuple):
+    """Rates in a message [m^3/s], from `start` to `end` [ns]: a setpoint, or measured ones."""
+
+    start: int
+    end: int
+    rates: WellRates
+    is_order: bool
+
+
 @dataclass
 class Segment:
     """The data of one experiment in a bag, by stamp [ns].
 
     Attributes:
         start: stamp of the message that starts it; None without such a message.
-        commanded: setpoints.
-        measured: measured rates, by the begin of the measurement.
+        told: setpoints and measured rates, in the order of their arrival.
         maps: tracer maps.
         photos: photographs.
         interruptions: stamps at which the sequence of states began again.
     """
 
     start: int | None = None
-    commanded: dict[int, WellRates] = field(default_factory=dict)
-    measured: dict[int, WellRates] = field(default_factory=dict)
+    told: list[ToldRates] = field(default_factory=list)
     maps: dict[int, Location] = field(default_factory=dict)
     photos: dict[PhotoKey, LocatedPhoto] = field(default_factory=dict)
     interruptions: list[int] = field(default_factory=list)
@@ -80,7 +87,7 @@ class Segment:
         if self.start is not None:
             return self.start
         states = (key.stamp for key in self.photos if key.role == 'state')
-        return min((*self.commanded, *self.measured, *self.maps, *states), default=0)
+        return min((*(one.start for one in self.told), *self.maps, *states), default=0)
 
     def restarted(self, stamp: int, *, starts: bool) -> list['Segment']:
         """Take note of a CleanState message; return the new experiment that begins with it, if any.
@@ -157,8 +164,7 @@ def _sent_again(earlier: Segment, later: Segment) -> bool:
 
 
 def _append(earlier: Segment, later: Segment) -> None:
-    earlier.commanded.update(later.commanded)
-    earlier.measured.update(later.measured)
+    earlier.told += later.told
     earlier.maps.update(later.maps)
     earlier.photos.update(later.photos)
     assert later.start is not None
