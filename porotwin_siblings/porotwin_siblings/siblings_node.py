@@ -54,7 +54,6 @@ from porotwin_siblings.proposed_rates import (
     LONGEST_HORIZON_S,
     check_balance,
     check_proposal,
-    check_roles,
     check_steps,
     concentration_note,
     proposed_plan,
@@ -370,7 +369,6 @@ class SiblingsNode(TwinNode):
         horizon = conversions.seconds_from_msg(request.horizon) or self._ahead()
         steps = conversions.plan_from_msg(request.proposed)
         check_steps(steps)
-        check_roles(steps, self._rig)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
             held = self._rates.plan(self.siblings.time, horizon)
