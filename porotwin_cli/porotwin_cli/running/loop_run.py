@@ -13,7 +13,7 @@ from porotwin_cli.running.loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.state_filter import StateFilter
-from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates, same_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
@@ -96,10 +96,9 @@ def planning_twin(
         controller=plan_controller(
             rig, grid, models, horizon=OPEN_HORIZON_S, interval=scenario.photo_interval
         ),
-        began=0.0,
+        rates=RateHistory.of(rig, 0.0),
         state_filter=StateFilter(pores, (grid.dz, grid.dx)),
         learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
-        pauses=FixedPauses.of(rig),
         watch=TracerWatch(rig, grid),
     )
 

@@ -30,7 +30,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import SAME_STAMP_S
+from porotwin_core.clock.stamps import SAME_STAMP_S, believed_start
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay, OrdersAhead, WaitingOrder
 from porotwin_core.rates.rate_periods import (
@@ -209,6 +209,7 @@ class RateHistory:
         safe: WellRates,
         control_wells: Sequence[str] = (),
         known_wells: Sequence[str] | None = None,
+        announced: FixedPauses = NO_PAUSES,
     ) -> None:
         """Know of no event.
 
@@ -216,6 +217,7 @@ class RateHistory:
             safe: rates [m^3/s] until any others are known, and after a setpoint has ended.
             control_wells: the wells that orders change.
             known_wells: all wells of the rig; None: any names will do.
+            announced: pauses of the fixed wells and levels, since the start of the experiment.
         """
         self._safe = safe
         self._known_wells = known_wells
@@ -227,14 +229,21 @@ class RateHistory:
         start = _Stretch(-math.inf, safe, Source.ASSUMED)
         self._first = _Course(safe, tuple(control_wells), [start], safe)
         """The course before all events that are kept."""
+        self._announced = announced
         self.pauses: FixedPauses = NO_PAUSES
-        """Announced pauses of the fixed wells, and levels of water."""
+        """Announced pauses of the fixed wells, and levels of water, since `began`."""
+        self.told_start: float | None = None
+        """Start of the experiment [s] as imaging told it last; None: it told none."""
+        self.began: float | None = None
+        """The start that is believed [s]; None: no state was reached yet."""
 
     @classmethod
-    def of(cls, rig: Rig) -> 'RateHistory':
-        """Return the history of `rig` before its first event."""
+    def of(cls, rig: Rig, told_start: float | None = None) -> 'RateHistory':
+        """Return the history of `rig` before its first event; its start [s] may be known."""
         control_wells = rig.control.wells if rig.control is not None else ()
-        return cls(safe_rates(rig), control_wells, tuple(rig.wells))
+        history = cls(safe_rates(rig), control_wells, tuple(rig.wells), FixedPauses.of(rig))
+        history.told_start = told_start
+        return history
 
     @property
     def control_wells(self) -> tuple[str, ...]:
@@ -285,12 +294,18 @@ class RateHistory:
         if len(self._events) > MOST_EVENTS:
             self._condense()
 
+    def reach(self, stamp: float) -> None:
+        """Count pauses and levels from the start that is believed at a state of `stamp` [s]."""
+        self.began = believed_start(self.told_start, self.began, stamp)
+        self.pauses = self._announced.since(self.began)
+
     def begin_anew(self, time: float) -> None:
         """Take it that the clock was set to `time` [s]: no earlier time means anything now.
 
         The rates in force go on. Events that came last and are not later than `time` are already
         by the new clock, as the rates that come just before the first photograph.
         """
+        self.began = None
         late = itertools.takewhile(lambda event: event.start <= time, reversed(self._events))
         new = list(late)[::-1]
         old = self._events[: len(self._events) - len(new)]

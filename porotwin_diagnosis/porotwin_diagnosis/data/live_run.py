@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
-from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
-from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -72,8 +70,6 @@ class LiveRun:
         self._origin = UNKNOWN_ORIGIN
         self.rates = RateHistory.of(rig)
         """The rates since the beginning of the run."""
-        self._pauses = FixedPauses.of(rig)
-        self._told_start: float | None = None
         self._ended = False
         self._evaluation_started = False
 
@@ -115,8 +111,7 @@ class LiveRun:
         if self.times and (self._ended or clean or is_other_clock(self.times[-1], stamp)):
             self._begin_new_run(stamp)
         self._evaluation_started = False
-        first = self.times[0] if self.times else stamp
-        self.rates.pauses = self._pauses.since(believed_start(self._told_start, None, first))
+        self.rates.reach(stamp)
         unknown = np.full(grid.shape, np.nan)
         planes = [unknown if part is None else part for part in (deviation, systematic)]
         self._maps.append(stamp, np.concatenate([concentration, *planes]))
@@ -130,10 +125,6 @@ class LiveRun:
     def note_evaluation_start(self) -> None:
         """Note that the evaluation of photographs starts; a new experiment may follow."""
         self._evaluation_started = True
-
-    def note_start(self, time: float) -> None:
-        """Note the start of the experiment [s] that was told."""
-        self._told_start = time
 
     def note_experiment_end(self) -> None:
         """Note that the experiment has ended; the next map belongs to another one."""

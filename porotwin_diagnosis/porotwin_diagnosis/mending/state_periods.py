@@ -1,7 +1,5 @@
 """The rates between the states of a running twin, for its shadow forecasts."""
 
-from porotwin_core.clock.stamps import believed_start
-from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import RatePeriod, to_predict
 from porotwin_core.rig import Rig
@@ -13,17 +11,10 @@ class StatePeriods:
 
     def __init__(self, rig: Rig) -> None:
         """Know no state and no rates of the wells of `rig`."""
-        self._pauses = FixedPauses.of(rig)
-        self._told_start: float | None = None
-        self._began: float | None = None
         self.rates = RateHistory.of(rig)
         """The rates since the last state."""
         self.newest: float | None = None
         """Time of the newest state [s]; None before the first one."""
-
-    def note_start(self, time: float) -> None:
-        """Note the start of the experiment [s] that was told."""
-        self._told_start = time
 
     def is_other_clock(self, stamp: float) -> bool:
         """Return whether the clock was set between the newest state and that at `stamp` [s]."""
@@ -39,9 +30,7 @@ class StatePeriods:
         self.newest = stamp
         if is_other:
             self.rates.begin_anew(stamp)
-            self._began = None
-        self._began = believed_start(self._told_start, self._began, stamp)
-        self.rates.pauses = self._pauses.since(self._began)
+        self.rates.reach(stamp)
         if last is None or is_other or self.rates.begins is None:
             return ()
         periods = self.rates.periods(last, stamp)
