@@ -6,7 +6,8 @@ A rate in force follows from orders, confirmations and meters, the surest first:
 2. Confirmed rates count from their time until the next order is set, or the setpoint ends.
 3. A setpoint counts when the pumps have taken it. Pumps that set themselves take it at once. A
    person who has told when an order was set is expected to tell the next one too: until then the
-   rates before it count, for `MOST_DELAY_S` at most. Who has not told by then tells no more.
+   rates before it count, for `MOST_DELAY_S` at most. Who has not told by then tells no more. A
+   change that no hand sets is no order for a person (`same_by_hand`); such changes add up.
 4. A setpoint that has ended without a successor leaves the safe rates: the asset sets them itself.
 5. Where nothing was told, measured rates go on, else the safe rates are assumed.
 
@@ -34,10 +35,12 @@ from porotwin_core.clock.stamps import SAME_STAMP_S, believed_start
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay, OrdersAhead, WaitingOrder
 from porotwin_core.rates.rate_periods import (
+    SAME_RATE,
     KnownRates,
     RatePeriod,
     different_wells,
     joined,
+    same_by_hand,
     same_rates,
 )
 from porotwin_core.rates.safe_rates import safe_rates
@@ -99,6 +102,8 @@ class _Course:
     stretches: list[_Stretch]
     told: WellRates
     """The last order, or the rates that a person told to have set."""
+    by_hand: float = SAME_RATE
+    """Rates that differ by at most this are the same to a person [m^3/s]."""
     order: Order | None = None
     delay: OrderDelay = field(default_factory=OrderDelay)
 
@@ -135,7 +140,9 @@ class _Course:
 
     def _command(self, order: Order) -> None:
         last = self.stretches[-1]
-        if different_wells(order.rates, self.told):
+        same = self.by_hand if self.delay.a_person_tells else SAME_RATE
+        changed = different_wells(order.rates, self.told, same=same)
+        if changed:
             waiting = WaitingOrder(
                 order.start, order.rates, self.told, last.rates, last.known_at, self.wells
             )
@@ -146,7 +153,8 @@ class _Course:
                 self._go_on(_Stretch(order.start, order.rates, Source.COMMANDED))
         elif last.source in (Source.SAFE, Source.ASSUMED):
             self._go_on(_Stretch(order.start, order.rates, Source.COMMANDED))
-        self.order, self.told = order, order.rates
+        kept = {name: rate for name, rate in self.told.items() if name not in changed}
+        self.order, self.told = order, {**order.rates, **kept}
 
     def _confirm(self, known: KnownRates) -> None:
         found = self.delay.newest_set(known)
@@ -210,6 +218,7 @@ class RateHistory:
         control_wells: Sequence[str] = (),
         known_wells: Sequence[str] | None = None,
         announced: FixedPauses = NO_PAUSES,
+        by_hand: float = SAME_RATE,
     ) -> None:
         """Know of no event.
 
@@ -218,6 +227,7 @@ class RateHistory:
             control_wells: the wells that orders change.
             known_wells: all wells of the rig; None: any names will do.
             announced: pauses of the fixed wells and levels, since the start of the experiment.
+            by_hand: rates that differ by at most this are the same to a person [m^3/s].
         """
         self._safe = safe
         self._known_wells = known_wells
@@ -227,7 +237,7 @@ class RateHistory:
         self.begins: float | None = None
         """Time of the first event, or of the first by this clock [s]; None: there is none."""
         start = _Stretch(-math.inf, safe, Source.ASSUMED)
-        self._first = _Course(safe, tuple(control_wells), [start], safe)
+        self._first = _Course(safe, tuple(control_wells), [start], safe, by_hand)
         """The course before all events that are kept."""
         self._announced = announced
         self.pauses: FixedPauses = NO_PAUSES
@@ -241,7 +251,13 @@ class RateHistory:
     def of(cls, rig: Rig, told_start: float | None = None) -> 'RateHistory':
         """Return the history of `rig` before its first event; its start [s] may be known."""
         control_wells = rig.control.wells if rig.control is not None else ()
-        history = cls(safe_rates(rig), control_wells, tuple(rig.wells), FixedPauses.of(rig))
+        history = cls(
+            safe_rates(rig),
+            control_wells,
+            tuple(rig.wells),
+            FixedPauses.of(rig),
+            same_by_hand(rig),
+        )
         history.told_start = told_start
         return history
 
@@ -313,7 +329,7 @@ class RateHistory:
             self._events = old
             last = self._course().stretches[-1].rates
             start = _Stretch(-math.inf, last, Source.ASSUMED)
-            self._first = _Course(self._safe, self._first.wells, [start], last)
+            self._first = _Course(self._safe, self._first.wells, [start], last, self._first.by_hand)
             self._past, self._events, self.begins = [], new, time
 
     def forget_before(self, time: float) -> None:

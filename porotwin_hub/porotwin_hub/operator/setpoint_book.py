@@ -4,16 +4,13 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.rate_periods import same_by_hand
 from porotwin_core.rates.told_rates import doubts_about, other_fluids, refuse_impossible
 from porotwin_core.rates.wells import WellRate, WellRates
-from porotwin_core.rig import PUMP_STEP_ML_H, Rig
+from porotwin_core.rig import Rig
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.operator.announcement import Announcement, announce, announce_expiry, clock_time
 from porotwin_hub.operator.setpoint_expiry import ExpiryWatch
-
-HAND_SHARE = 0.002
-"""Smallest change that a hand sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +35,6 @@ class SetpointBook:
         """Begin an empty book for `rig`."""
         self._rig = rig
         self._limits = Limits.of(rig) if rig.control is not None else None
-        greatest_ml_h = to_ml_h(self._limits.max_rate) if self._limits else 0.0
-        self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
         self._newest: tuple[int, dict[str, WellRate]] | None = None
         """Number and rates of the setpoint that was announced last."""
         self._at_pumps: dict[str, WellRate] = {}
@@ -95,7 +90,7 @@ class SetpointBook:
                 f'valid until {clock_time(setpoint.valid_until)})'
             ),
             reason=setpoint.reason,
-            step_ml_h=self._step_ml_h,
+            same=same_by_hand(self._rig),
         )
         self._at_pumps = {
             **self._at_pumps,
