@@ -113,7 +113,7 @@ def test_without_a_control_section_the_safe_rates_are_not_known() -> None:
     assert (late['expired'], late['safe']) == (True, False)
 
 
-@pytest.mark.parametrize(('before', 'marked'), [(120.05, []), (119.91, []), (119.9, True)])
+@pytest.mark.parametrize(('before', 'marked'), [(120.05, []), (119.1, []), (119.0, True)])
 def test_a_change_below_what_a_hand_can_set_is_not_marked(before, marked) -> None:
     now = snapshot.with_measured(two_cycles(), rates(before), by_person=True)
     assert changed(now) == (['producer', 'control1'] if marked else [])

@@ -296,7 +296,7 @@ def test_odd_rates_are_answered_with_a_question_and_recorded_after_a_yes() -> No
         body = {'sequence': 2, 'rates_ml_h': {**AS_SHOWN['rates_ml_h'], 'control1': 470.0}}
         response = await client.post('/confirm', json=body, headers=BEARER)
         assert response.status == 409
-        assert '350.0 ml/h more goes in than out' in (await response.json())['question']
+        assert '350 ml/h more is injected than produced' in (await response.json())['question']
         assert scene.confirmed == []
         response = await client.post('/confirm', json={**body, 'sure': True}, headers=BEARER)
         assert response.status == 200

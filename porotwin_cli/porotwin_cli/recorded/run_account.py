@@ -4,7 +4,6 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,13 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import ML, to_ml_h
+from porotwin_core.basis.units import ML, from_ml_h, to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
+from porotwin_core.rates.rate_periods import orders_by_hand
 from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import Rig
 from porotwin_core.ros.from_messages import seconds_from_msg
-from porotwin_hub.control.setpoint_limits import RATE_TOLERANCE
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -63,15 +62,17 @@ class RunAccount:
         for well in message.wells:
             self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
 
-    def orders(self, safe: WellRates) -> int:
-        """Return how many setpoints have other rates than before; `safe` rates are the first."""
-        wells = list(self.rates_ml_h)
-        first = tuple(to_ml_h(safe[well].rate) for well in wells)
-        rates = [first, *zip(*self.rates_ml_h.values(), strict=True)]
-        return sum(
-            not np.allclose(before, after, rtol=0.0, atol=to_ml_h(RATE_TOLERANCE))
-            for before, after in pairwise(rates)
+    def orders(self, rig: Rig) -> int:
+        """Return how many setpoints a person has to set at the pumps of `rig`."""
+        safe = safe_rates(rig)
+        setpoints = (
+            {
+                well: WellRate(from_ml_h(rate), safe[well].concentration)
+                for well, rate in zip(self.rates_ml_h, rates, strict=True)
+            }
+            for rates in zip(*self.rates_ml_h.values(), strict=True)
         )
+        return orders_by_hand(setpoints, rig)
 
     def add_state(self, time: float, message: Any) -> None:
         """Add a `NewState`."""
@@ -159,7 +160,7 @@ def summary(
         'disallowed_without_control_ml': float(without[-1] * ML),
         'dose_ml_min': _dose(controlled.times, with_control),
         'dose_without_control_ml_min': _dose(free.times, without),
-        'orders': account.orders(safe_rates(rig)),
+        'orders': account.orders(rig),
         'image_error': float(np.nanmedian(image_errors)) if image_errors else float('nan'),
         'prediction_error': float(np.median(plain)),
         'corrected_error': float(np.median(corrected)),
