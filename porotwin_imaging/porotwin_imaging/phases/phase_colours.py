@@ -26,18 +26,11 @@ class PhaseSettings:
     least_spread: float = 0.03
     """Standard deviation of colours that is added to the scatter, relative to the light of the
     sand [-]: lamps and grains cause it where nothing has changed."""
-    significant: float = 3.0
-    """Distance of a colour from water below which nothing has changed [standard deviations]."""
     same_hue: float = 0.9
     """Cosine between two changes, scaled by their scatter, from which they are one colour, strong
     and pale [-]. It is 0.98 and more at pale fronts, 0.5 to 0.8 between gas and dissolved CO2."""
-    strongest: float = 0.0005
-    """Share of the sand that shows the strongest change [-]. A fit starts with all cells that have
-    half of this change."""
     stiffness: float = 0.02
     """Information of the prior, a and m near 0, relative to that of the cells [-]."""
-    rounds: int = 10
-    """Rounds of the fit, and of the mean field in each of them."""
     coupling: float = 4.0
     """Gain in log probability if all neighbours have the same phase [-]."""
 

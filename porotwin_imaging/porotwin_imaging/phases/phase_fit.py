@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, NOISE_SPREADS, TOP_PERCENTILE
 from porotwin_imaging.phases.colour_change import Box, ColourChange
 from porotwin_imaging.phases.phase_colours import (
     CHANNELS,
@@ -102,7 +103,7 @@ def _smooth(change: ColourChange) -> Array:
 
 def _strongest(smooth: Array, measure: Array) -> Array:
     """Return the mean change (3,) of the cells with half of the largest `measure` and more."""
-    largest = np.quantile(measure, 1.0 - PHASE.strongest)
+    largest = np.percentile(measure, TOP_PERCENTILE)
     return np.asarray(smooth[measure >= 0.5 * largest].mean(axis=0))
 
 
@@ -120,7 +121,7 @@ def _fitted(
     )
     light = np.concatenate([one.light[cells] for one, cells in zip(changes, seen, strict=True)])
     size = np.linalg.norm(change_of, axis=1)
-    for _ in range(PHASE.rounds):
+    for _ in range(FEW_ROUNDS):
         found = [probabilities(change, colours, water) for change in changes]
         law, scatter, total = colours.law.copy(), np.zeros_like(floor), SMALLEST_DIVISOR
         for number in range(1, len(phase)):
@@ -159,7 +160,7 @@ def _one_hue(colours: PhaseColours) -> bool:
 def _refuse_nothing(colours: PhaseColours, count: int) -> None:
     """Raise InputError if no colour differs from water by more than the scatter of cells."""
     root = np.linalg.cholesky(np.linalg.inv(colours.spread))
-    if np.linalg.norm(colours.typical @ root, axis=1).max() < PHASE.significant:
+    if np.linalg.norm(colours.typical @ root, axis=1).max() < NOISE_SPREADS:
         raise InputError(
             f'{count} photographs: nothing has changed its colour since the baseline by more than '
             'noise; the baseline must show the rig before the injection, with the indicator in '
@@ -186,7 +187,7 @@ def _refuse_exchanged(means: Mapping[int, Array], boxes: Mapping[int, Sequence[B
     """Raise InputError if a phase is water, or if gas and dissolved are exchanged."""
     for phase, mean in means.items():
         largest = float(np.abs(mean).max())
-        if largest < PHASE.significant * PHASE.least_spread:
+        if largest < NOISE_SPREADS * PHASE.least_spread:
             raise InputError(
                 f'{PHASES[phase]} {boxes[phase][0]}: its colour differs from the baseline by '
                 f'{100 * largest:.0f} %, which is water; give a box that shows '

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
 from porotwin_imaging.phases.colour_change import ColourChange
 from porotwin_imaging.phases.phase_colours import PHASE, PHASES, UNKNOWN, PhaseColours
 
@@ -72,7 +73,7 @@ def probabilities(change: ColourChange, colours: PhaseColours, water: Mask) -> N
     seen = change.visible.astype(np.float32)
     weight = np.maximum(_around(seen), 1.0)
     q = _softmax(data) * seen
-    for _ in range(PHASE.rounds):
+    for _ in range(FEW_ROUNDS):
         q = _softmax(data + PHASE.coupling * np.stack([_around(one) for one in q]) / weight) * seen
     return q
 
