@@ -24,11 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import last_part_begin
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.gauge_reading import GaugeReading
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
@@ -56,9 +57,6 @@ COARSE_SMOOTHING_WIDTH = 4.0
 
 STRIDE = 2
 """Every second cell of a smoothed residual is kept each way; the others repeat their neighbours."""
-
-HELD_OUT_SHARE = 0.3
-"""Share of the recording, at its end, that no fit uses; fixed by the diagnosis contract."""
 
 FRONT_TOLERANCE = 0.12
 """Standard deviation [cells] of the position of a front that any numerical scheme leaves."""
@@ -366,7 +364,7 @@ def read_sample(recording: Recording) -> Sample:
     """
     times, maps = recording.times, recording.maps
     assert maps is not None  # `times` says so otherwise
-    held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
+    held_out = last_part_begin(times[0], times[-1])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
     if len(times) < FEWEST_FRAMES:
@@ -380,7 +378,7 @@ def read_sample(recording: Recording) -> Sample:
             f'{recording.source}: maps of {columns} x {rows} cells are too coarse to judge a '
             f'model; make at least {FEWEST_CELLS} columns and rows'
         )
-    with_tracer = np.array([bool(np.any(frame > VISIBLE_TRACER)) for frame in maps])
+    with_tracer = np.array([bool(np.any(frame > PLUME_THRESHOLD)) for frame in maps])
     fitted = before[with_tracer[before]]
     if not fitted.size or not with_tracer[after].any():
         raise InputError(
