@@ -54,13 +54,13 @@ ROS_SHELLS = {
 
 MAY_IMPORT = {
     'porotwin_core': set(),
-    'porotwin_checks': {'porotwin_core'},
-    'porotwin_recording': {'porotwin_core', 'porotwin_checks'},
+    'porotwin_checks': {'porotwin_core', 'porotwin_solver'},
+    'porotwin_recording': {'porotwin_core', 'porotwin_checks', 'porotwin_solver'},
     'porotwin_imaging': {'porotwin_core'},
     'porotwin_solver': {'porotwin_core'},
     'porotwin_siblings': {'porotwin_core', 'porotwin_solver'},
     'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
-    'porotwin_hub': {'porotwin_core', 'porotwin_checks'},
+    'porotwin_hub': {'porotwin_core', 'porotwin_checks', 'porotwin_solver'},
     'porotwin_guard': {'porotwin_core'},  # it judges the hub, so it shares no limits with it
     'porotwin_pumps': {'porotwin_core'},
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},

@@ -140,7 +140,8 @@ class _MendedRun:
 
     def __init__(self, scenario: LoopScenario, settings: LoopSettings, folder: Path) -> None:
         rig, grid = with_plan(scenario), settings.grid(scenario)
-        self.grid, self._settings, self._folder = grid, settings, folder
+        self._rig, self.grid = rig, grid
+        self._settings, self._folder = settings, folder
         self._models = _ChangingModels(
             GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
         )
@@ -161,7 +162,7 @@ class _MendedRun:
 
     def _set(self, effects: Effects) -> None:
         self._models.change(effects)
-        self.twin.forget_rate_factors()
+        self.twin.change_model(self._rig.with_effects(effects))
         self.live.note_effects(effects)
         self.mending.changes.append((self._now, effects))
 

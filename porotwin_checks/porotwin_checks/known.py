@@ -12,6 +12,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
+from porotwin_solver.effects import tracer_storage
 
 MOST_MAPS = 24
 """Maps that a check looks at, evenly spread, where it need not see all."""
@@ -100,11 +101,7 @@ class Known:
         return numbers
 
 
-VISIBLE_TRACER = 0.1
-"""Concentration [-] that a cell of a map exceeds if the map shows tracer."""
-
-
 def stock_in_map(values: FloatArray, rig: Rig) -> float:
     """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-]; NaN counts as 0."""
     rows, columns = values.shape
-    return float(np.nansum(values * rig.cell_pore_volume(rig.grid(columns, rows))))
+    return float(np.nansum(values * tracer_storage(rig, rig.grid(columns, rows))))

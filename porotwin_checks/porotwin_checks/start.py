@@ -20,12 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_checks.known import MOST_MAPS, VISIBLE_TRACER, Known, Maps, stock_in_map
+from porotwin_checks.known import MOST_MAPS, Known, Maps, stock_in_map
 from porotwin_checks.tracer_errors import SCALE
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.held_out_share import HELD_OUT_SHARE
-from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
+from porotwin_core.model.tracer_share import FILLED_SHARE, PLUME_THRESHOLD, tracer_share
 from porotwin_core.rates.wells import Schedule
+from porotwin_solver.effects import tracer_storage
 
 LONGEST_LATENESS = 0.15
 """Lateness of a clock, as a share of the recording, that is believed without further evidence. Half
@@ -151,9 +152,9 @@ def tracer_beyond_reach(known: Known, until: float) -> NDArray[np.bool_]:
     """
     assert known.maps is not None and known.rates is not None
     rig, grid = known.rig, known.grid
-    thickness = float(rig.cell_pore_volume(grid).mean()) / grid.cell_area
+    thickness = float(tracer_storage(rig, grid).mean()) / grid.cell_area
     x, z = np.meshgrid(grid.x, grid.z)
-    far: NDArray[np.bool_] = np.nan_to_num(known.maps[0]) > VISIBLE_TRACER
+    far: NDArray[np.bool_] = np.nan_to_num(known.maps[0]) > PLUME_THRESHOLD
     for name in known.rates.wells:
         alone = Schedule(tuple(row for row in known.rates.rows if row.well == name))
         stock = alone.injected_stock(-np.inf, until)

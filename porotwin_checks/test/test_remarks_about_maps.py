@@ -162,6 +162,15 @@ def test_single_cells_that_no_neighbour_is_like_are_told() -> None:
     assert remark.facts['x_m'] == pytest.approx(0.065, abs=5e-4)
 
 
+@pytest.mark.parametrize('level', [1.8, 2.5])
+def test_one_hot_cell_has_one_remedy(level: float) -> None:
+    """The scale of the maps was asked too, and wanted NaN where a diagnosis needs none."""
+    given = plume()
+    values = np.array(given.maps)
+    values[:, 26, 3] = level
+    assert codes(with_maps(given, values)) == ['lone_cells']
+
+
 @pytest.mark.parametrize(
     ('turned', 'named'),
     [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.rig import load_rig, rig_from_maps
-from porotwin_core.rig.sand_interfaces import LEVELS_OF_A_MAP, interfaces
+from porotwin_core.rig.sand_interfaces import LEVELS_OF_A_MAP, SAME_SAND, interfaces
 
 RIGS = Path(__file__).resolve().parents[2] / 'rigs'
 
@@ -33,9 +33,17 @@ def test_one_sand_has_no_interface():
 def test_two_sands_meet_between_their_permeabilities():
     layers = np.repeat([1e-10, 1e-9], 10)[:, None] * np.ones((1, 30))
     found = of_map(layers)
-    assert found.levels == pytest.approx([-9.5])
-    rows = found.grid.z[np.abs(np.diff(found.logarithm[:, 0], append=-9.0)) > 0.5]
+    assert found.levels == pytest.approx([np.log(10**-9.5)], abs=SAME_SAND)
+    rows = found.grid.z[np.abs(np.diff(found.logarithm[:, 0], append=np.log(1e-9))) > 1.0]
     assert rows == pytest.approx(0.2, abs=2 * found.grid.dz)
+
+
+@pytest.mark.parametrize(('ratio', 'sands'), [(1.04, 2), (1.005, 1)])
+def test_sands_differ_for_a_picture_as_for_a_diagnosis(ratio, sands):
+    """At 1.04 a diagnosis and the imaging saw two sands, and pictures one."""
+    layers = np.repeat([1e-10, ratio * 1e-10], 10)[:, None] * np.ones((1, 30))
+    found = of_map(layers)
+    assert (1 if found is None else len(found.levels) + 1) == sands
 
 
 def test_a_map_of_many_values_has_a_few_levels():

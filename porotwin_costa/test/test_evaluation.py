@@ -10,6 +10,7 @@ from costa_examples import TIME_STEP
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import Correction
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_costa.correction.corrective_source import APPLIED, NO_MODEL, PHYSICS_ONLY
 from porotwin_costa.evaluation.evaluation import evaluate
 
@@ -50,6 +51,17 @@ def test_without_correction_both_runs_agree(model, unseen_frames):
         assert frame.corrected == frame.predicted
         assert frame.free_corrected == frame.free_predicted
     assert 'not the whole correction in 24 of 24 frames; the first: no model' in result.table()
+
+
+def test_the_last_30_percent_begin_where_those_of_a_diagnosis_do(model, unseen_frames):
+    """The first map, which nobody predicts, did not count: 7 of 25 maps were the last 30 %."""
+    result = _run(model, [unseen_frames], _nothing)
+    (means,) = result.by_recording().values()
+    times = unseen_frames.times
+    late = result.frames[-sum(times >= held_out_begin(times[0], times[-1])) :]
+    expected = np.mean([frame.free_predicted for frame in late])
+    assert len(late) == 8
+    assert means['free_running_last_30_percent']['model'] == pytest.approx(expected)
 
 
 def test_the_table_names_the_last_two_folders_of_a_recording(model, unseen_frames):

@@ -63,6 +63,7 @@ from porotwin_msgs.msg import (
     TracerField,
 )
 from porotwin_msgs.msg import WellRates as WellRatesMessage
+from porotwin_solver.effects import tracer_storage
 
 SIMULATED_PATIENCE_S = 60.0
 """Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
@@ -90,7 +91,7 @@ class HubNode(TwinNode):
         """
         super().__init__('hub', **kwargs)
         rig = declare_rig(self)
-        self._grid = declare_grid(self, rig)
+        self._rig, self._grid = rig, declare_grid(self, rig)
         self._door = Door(rig, self._grid)
         self._numbers = StateNumbers()
         self._known_limits = Limits.of(rig) if rig.control is not None else None
@@ -150,7 +151,7 @@ class HubNode(TwinNode):
         if estimate == 'photograph':
             return None
         grid = self._grid
-        return StateFilter(rig.cell_pore_volume(grid), (grid.dz, grid.dx))
+        return StateFilter(tracer_storage(rig, grid), (grid.dz, grid.dx))
 
     def _declare_learner(self, rig: Rig) -> RateLearner | None:
         learns = declare(
@@ -278,7 +279,7 @@ class HubNode(TwinNode):
                     self._twin.change_controller(self._planning.planner())
                 if self._model_changed.is_set():
                     self._model_changed.clear()
-                    self._twin.forget_rate_factors()
+                    self._twin.change_model(self._rig.with_effects(self._effects))
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 cycle.remarks += [*changes, *self._foreign_meters()]

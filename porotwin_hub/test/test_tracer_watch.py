@@ -9,7 +9,7 @@ from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRate
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_hub.estimation.tracer_watch import MAPS_IN_A_ROW, TracerWatch
 
 RIG = load_rig(Path(__file__).parents[1] / 'config' / 'small_rig.yaml')
@@ -80,3 +80,14 @@ def test_tracer_that_vanishes_or_appears_is_named_with_both_volumes(
 
 def test_cells_that_were_not_seen_do_not_count() -> None:
     assert amount(np.where(np.arange(93) < 45, np.nan, PLUME), PLUME) is None
+
+
+def test_after_a_mend_the_photograph_is_weighed_with_the_mended_rig() -> None:
+    """It went on with the pores of rig.yaml."""
+    watch = TracerWatch(RIG, GRID)
+    watch.change_rig(
+        RIG.with_effects([EffectDescription(name='porosity', parameters={'factor': 0.5})])
+    )
+    remark = watch.amount(PLUME, 0.0 * PLUME, 0.0 * PLUME, pumped=0.0, assumed=0.0)
+    assert remark is not None
+    assert remark.facts['held_ml'] == pytest.approx(0.5 * PLUME_ML)

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +32,9 @@ from porotwin_siblings.front_check import FrontCheck, front_miss, widened
 from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import BAND, Outlook
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.unknowns import Sibling, Unknowns
+from porotwin_siblings.unknowns import Sibling, Unknowns, drawn
 from porotwin_siblings.zone_measure import ZoneMeasure
+from porotwin_solver.effects import tracer_storage
 from porotwin_solver.effects.definition.candidate import Candidate
 from porotwin_solver.effects.rate import EFFECT as RATE
 
@@ -96,7 +98,8 @@ class Siblings:
         self.rig, self.grid, self.map_grid = rig, grid, map_grid
         self.unknowns = Unknowns.of(rig, diagnosed)
         self._zones = {one: ZoneMeasure.of(rig, one) for one in (grid, map_grid)}
-        self._pores = rig.cell_pore_volume(map_grid)
+        mended = rig.with_effects(drawn(one, repeat(0.0)) for one in diagnosed)
+        self._pores = tracer_storage(mended, map_grid)
         self._executor = executor
         self.learning = Learning(self.unknowns, grid, count, seed)
         self._past: deque[_Moment] = deque()

@@ -9,6 +9,7 @@ from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_solver.coefficients.refinement import coarsen, refine
+from porotwin_solver.effects import tracer_storage
 
 SAMPLES = 4
 """Samples along each side of a cell that tell its share in the zone."""
@@ -36,7 +37,7 @@ class ZoneMeasure:
         sample = _in_zone(rig, fine)
         half = grid.refined(2)
         return cls(
-            pores=coarsen(sample, grid.shape) * rig.cell_pore_volume(grid),
+            pores=coarsen(sample, grid.shape) * tracer_storage(rig, grid),
             area=coarsen(sample, half.shape) * half.cell_area,
         )
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porotwin_checks.known import VISIBLE_TRACER, Known
+from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 
 MOST_OFFSET = 0.03
 """Concentration [-] of clean sand that is odd; light and shake leave less."""
@@ -19,7 +20,7 @@ def _find(known: Known) -> Iterator[Remark]:
     assert known.maps is not None
     first = known.maps[0]
     level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
-    if abs(level) > MOST_OFFSET and np.nanquantile(first, CLEAN_QUANTILE) < VISIBLE_TRACER:
+    if abs(level) > MOST_OFFSET and np.nanquantile(first, CLEAN_QUANTILE) < PLUME_THRESHOLD:
         yield Remark.of(
             'maps',
             '',

@@ -30,6 +30,7 @@ from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
+from porotwin_solver.effects import tracer_storage
 
 LEAST_RATIO = 1.1
 """Least ratio r(k) of a map out of place."""
@@ -98,12 +99,12 @@ def jumps(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedule) -> l
     Args:
         maps: calibrated maps of concentration [-].
         times: their times [s], ascending.
-        rig: the rig; its depth, porosity and size give the pore volume.
+        rig: the rig.
         schedule: the injected rates.
     """
     if len(times) < 3 or not schedule.rows:
         return []
-    pores = rig.cell_pore_volume(rig.grid(*maps[0].shape[::-1]))
+    pores = tracer_storage(rig, rig.grid(*maps[0].shape[::-1]))
     found = [
         Jump(number, *_held((before, now, after), pores))
         for number, ((before, now), (_, after)) in enumerate(pairwise(pairwise(maps)), start=1)

@@ -70,4 +70,4 @@ def _find(known: Known) -> Iterator[Remark]:
         )
 
 
-CHECK = Check(needs=('maps',), find=_find)
+CHECK = Check(needs=('maps',), find=_find, explained_by=('no_stock',))

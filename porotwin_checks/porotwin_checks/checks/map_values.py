@@ -5,10 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from porotwin_checks.checks.lone_cells import MOST_FALSE
-from porotwin_checks.known import VISIBLE_TRACER, Known
+from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.text_with_unit import PERCENT
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
+from porotwin_solver.effects import tracer_storage
 
 MOST_STOCK = 1.3
 """Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
@@ -27,28 +29,25 @@ FAINT_WORDS = (
 
 
 def _find(known: Known) -> Iterator[Remark]:
-    """Yield the remark about the first, middle and last map."""
+    """Yield a remark about the scale of the maps; `lone_cells` tells a few false cells."""
     assert known.maps is not None
-    count = len(known.times)
-    values = np.array([known.maps[number] for number in sorted({0, count // 2, count - 1})])
+    values = np.array([known.maps[number] for number in known.looked_at])
     if not np.isfinite(values).any():
         return
     largest = float(np.nanmax(values))
-    if largest > MOST_STOCK:
-        code, remedy = 'no_stock', 'scale the maps'
+    if np.mean(values > MOST_STOCK, axis=(1, 2)).max() > MOST_FALSE:
+        remedy = 'scale the maps'
         if largest > MOST_STOCK * PERCENT:
             remedy = 'are these grey values of pictures? Make maps with image, or scale them'
         elif largest > LEAST_PERCENT:
             remedy = 'was this in percent? 1 is the tracer stock'
-        if np.nanmean(values > MOST_STOCK) < MOST_FALSE:
-            code, remedy = 'hot_cells', 'single cells, such as a glare: write NaN there'
         words = f'they go up to {{largest:.3g}}, where 0 is water and 1 is stock; {remedy}'
-        yield Remark.of('maps', code, words, largest=largest)
-    elif largest > VISIBLE_TRACER and known.rates is not None:
+        yield Remark.of('maps', 'no_stock', words, largest=largest)
+    elif largest > PLUME_THRESHOLD and known.rates is not None:
         rows = [row.rate for row in known.rates.rows if row.rate.rate > 0.0]
         injected = max((rate.concentration for rate in rows), default=0.0)
         stock = known.rates.injected_stock(0.0, float(known.times[-1]))
-        cell = float(np.mean(known.rig.cell_pore_volume(known.grid)))
+        cell = float(np.mean(tracer_storage(known.rig, known.grid)))
         if stock >= LEAST_PLUME_CELLS * cell * injected and largest < FAINT * injected:
             yield Remark.of('maps', 'faint_maps', FAINT_WORDS, largest=largest, injected=injected)
 

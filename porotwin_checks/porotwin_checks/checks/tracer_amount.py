@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from porotwin_checks.known import VISIBLE_TRACER, Known, Maps, stock_in_map
+from porotwin_checks.known import Known, Maps, stock_in_map
 from porotwin_checks.near_wells import ways_out
 from porotwin_checks.start import Start, start_of
 from porotwin_checks.tracer_errors import believed_change, contradict
@@ -20,6 +20,7 @@ from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import Schedule
 
 LEAST_SEEN = 0.95
@@ -112,7 +113,7 @@ def _course(known: Known, maps: Maps, rates: Schedule) -> _Course:
     exits = ways_out(known.rig, rates, known.grid)
     rows = []
     for time, values in zip(known.times, maps, strict=True):
-        seen, visible = np.isfinite(values).mean(), values > VISIBLE_TRACER
+        seen, visible = np.isfinite(values).mean(), values > PLUME_THRESHOLD
         held = stock_in_map(values, known.rig)
         injected = rates.injected_stock(-np.inf, float(time))
         shown = (seen > 0.0, seen >= LEAST_SEEN, visible.any(), visible[exits].any())

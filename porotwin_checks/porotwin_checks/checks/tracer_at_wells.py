@@ -19,6 +19,7 @@ from porotwin_core.basis.check import Check
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rates.wells import Schedule
+from porotwin_solver.effects import tracer_storage
 
 LEAST_AT_WELL = 0.5
 """Least concentration at a well relative to its injected one; below it the maps must be wrong [-].
@@ -104,7 +105,7 @@ def pale_well(known: Known, numbers: Sequence[int]) -> Remark | None:
     """
     maps, rates, grid = known.maps, known.rates, known.grid
     assert maps is not None and rates is not None
-    pores = known.rig.cell_pore_volume(grid)
+    pores = tracer_storage(known.rig, grid)
     near = {name: cells_near([well], grid) for name, well in known.rig.wells.items()}
     exchanged = {
         name: cells_near([well.model_copy(update={'x_m': well.z_m, 'z_m': well.x_m})], grid)

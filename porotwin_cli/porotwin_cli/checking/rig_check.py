@@ -147,7 +147,7 @@ def check(
     remarks = list(found)
     if data is not None:
         with gathered_warnings() as unread:
-            told = remarks_about_known(data.known())
+            told = remarks_about_known(replace(data.known(), rig=_modelled(rig)))
         remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
@@ -184,6 +184,15 @@ def check(
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
     return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph, planned)
+
+
+def _modelled(rig: Rig) -> Rig:
+    """Return `rig`; without its effects if the model refuses one, which `_uses` tells."""
+    try:
+        described_physics(rig, rig.default_grid())
+    except InputError:
+        return rig.model_copy(update={'effects': ()})
+    return rig
 
 
 def _with_true_levels(rig: Rig) -> Rig:

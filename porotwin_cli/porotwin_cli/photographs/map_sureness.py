@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_imaging.calibrating.sands import SANDS
-from porotwin_imaging.measures.plume_measures import LEVEL
 
 Doubt = tuple[float, float]
 """Median random and systematic standard deviation over a plume [-]."""
@@ -18,7 +18,9 @@ def plume_doubt(
     systematic: NDArray[np.floating],
 ) -> Doubt:
     """Return the doubt about the plume of a map; all are (nz, nx) [-]. NaN without a plume."""
-    plume = np.isfinite(values) & np.isfinite(deviation) & (np.nan_to_num(values) >= LEVEL)
+    plume = (
+        np.isfinite(values) & np.isfinite(deviation) & (np.nan_to_num(values) >= PLUME_THRESHOLD)
+    )
     if not plume.any():
         return np.nan, np.nan
     common = systematic[plume]

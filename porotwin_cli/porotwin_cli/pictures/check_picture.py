@@ -25,7 +25,7 @@ from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.rig.control_zones import control_zones
 from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH, WATER, draw_water, water_place
-from porotwin_core.rig.sand_interfaces import MOST_SANDS
+from porotwin_core.rig.sand_interfaces import MOST_SANDS, sand_level
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 
 WIDTH_IN = 10.0
@@ -142,12 +142,11 @@ def shading(permeability: FloatArray) -> Shading:
     does not make the others alike. Between two sands, and in a map of many values, the shade
     follows the logarithm.
     """
-    logarithm = np.log10(permeability)
-    levels = np.unique(logarithm.round(2))
+    levels = np.unique(sand_level(permeability))
     if len(levels) > MOST_SANDS:
-        levels = np.percentile(logarithm, SHADED_PERCENTILES)
+        levels = np.percentile(np.log(permeability), SHADED_PERCENTILES)
     shades = np.linspace(*SHADES, len(levels)) if len(levels) > 1 else np.array([np.mean(SHADES)])
-    return lambda values: np.asarray(np.interp(np.log10(values), levels, shades))
+    return lambda values: np.asarray(np.interp(np.log(values), levels, shades))
 
 
 def _sand_handles(rig: Rig, shade: Shading) -> list[Patch]:

@@ -13,7 +13,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, relative_error
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE, held_out_begin
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import (
     COARSER,
@@ -87,7 +87,7 @@ class LateMaps:
 
     def __post_init__(self) -> None:
         times = self.recording.times
-        begin = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
+        begin = held_out_begin(times[0], times[-1])
         chosen = evenly_spread(np.flatnonzero(times >= begin), MOST_FRAMES)
         self._late = tuple(map(int, chosen))
         with suppress(InputError):  # too few frames for the parts

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.integrate import trapezoid
 
-from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_cli.recorded.run_account import read_account
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import MINUTE_S, ML
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, conservative_resample, relative_error
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import Schedule
 from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_recording.experiment.catalogue import catalogue_entry
@@ -125,7 +125,7 @@ def _distances(one: Recording, other: Recording) -> dict[float, float]:
         match = int(np.argmin(np.abs(other.times - time)))
         if abs(other.times[match] - time) < SAME_STAMP_S:
             pair = (_on(one.maps[number], shape), _on(other.maps[match], shape))
-            if (pair[1] > VISIBLE_TRACER).any():  # noise alone differs by any share
+            if (pair[1] > PLUME_THRESHOLD).any():  # noise alone differs by any share
                 found[float(time)] = relative_error(*pair)
     return found
 

@@ -27,6 +27,7 @@ from porotwin_hub.models.forecast import PhysicsModel, no_correction
 from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_solver.adjoint.grid_models import GridModels
+from porotwin_solver.effects import tracer_storage
 
 OPEN_HORIZON_S = 1800.0
 """Horizon of a plan without a known end [s], as in the hub."""
@@ -88,7 +89,6 @@ def planning_twin(
     grid = settings.grid(scenario)
     rig = with_plan(scenario)
     models = models or GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
-    pores = rig.cell_pore_volume(grid)
     return Twin(
         models.own,
         no_correction,
@@ -97,7 +97,7 @@ def planning_twin(
             rig, grid, models, horizon=OPEN_HORIZON_S, interval=scenario.photo_interval
         ),
         rates=RateHistory.of(rig, 0.0),
-        state_filter=StateFilter(pores, (grid.dz, grid.dx)),
+        state_filter=StateFilter(tracer_storage(rig, grid), (grid.dz, grid.dx)),
         learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
         watch=TracerWatch(rig, grid),
     )

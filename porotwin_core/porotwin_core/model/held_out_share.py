@@ -2,3 +2,8 @@
 
 HELD_OUT_SHARE = 0.3
 """Share of the time of a recording [-], its last part."""
+
+
+def held_out_begin(first: float, last: float) -> float:
+    """Return the begin of the part that judges models, of maps from `first` to `last` [s]."""
+    return first + (1.0 - HELD_OUT_SHARE) * (last - first)

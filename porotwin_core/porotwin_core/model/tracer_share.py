@@ -8,8 +8,9 @@ TRACER_LEVEL = 0.3
 """Concentration [-] above which a cell clearly holds tracer, whatever the noise. Dye that remains
 in the grains after an experiment is paler."""
 
-PLUME_THRESHOLD = 0.05
-"""Concentration [-] above which a cell belongs to the plume: above the usual noise of a map."""
+PLUME_THRESHOLD = 0.1
+"""Concentration [-] above which a cell belongs to the plume: well above the noise of clean sand,
+and below any plume."""
 
 FILLED_SHARE = 0.02
 """Share of cells with tracer above which a rig is not clean: more than wells and stray light."""

@@ -504,7 +504,7 @@ class Rig(Section):
         return float(pores[self.wet_sand(grid)].sum() or pores.sum())
 
     def cell_pore_volume(self, grid: Grid) -> FloatArray:
-        """Return the volume of the pores of each cell of `grid` [m^3], (nz, nx)."""
+        """Return the volume of the pores of each cell [m^3], (nz, nx), without effects."""
         pores: FloatArray = self.field('porosity', grid) * self.field('depth_m', grid)
         return pores * grid.cell_area
 

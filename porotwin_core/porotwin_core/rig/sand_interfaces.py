@@ -1,4 +1,4 @@
-"""Where the sands of a rig meet, for drawings."""
+"""Which permeabilities are one sand, and where sands meet."""
 
 from typing import NamedTuple
 
@@ -10,8 +10,8 @@ from porotwin_core.rig.description import Rig
 CELLS = (240, 160)
 """Cells (columns, rows) on which interfaces are looked for: finer than a picture shows."""
 
-SAME_SAND = 0.05
-"""Difference of log10 of the permeability below which two values count as one sand."""
+SAME_SAND = 0.02
+"""Relative difference of the permeabilities of one sand [-]: the resolution of a map file."""
 
 MOST_SANDS, LEVELS_OF_A_MAP = 12, 6
 """Most permeabilities that count as sands; more are a map of values, drawn by a few levels."""
@@ -21,7 +21,7 @@ class Interfaces(NamedTuple):
     """Contours that are the interfaces.
 
     grid: where the logarithm is known.
-    logarithm: log10 of the permeability in m^2, (nz, nx).
+    logarithm: ln of the permeability in m^2, (nz, nx).
     levels: the values of the contours, ascending.
     """
 
@@ -30,14 +30,20 @@ class Interfaces(NamedTuple):
     levels: FloatArray
 
 
+def sand_level(permeability: float | FloatArray) -> FloatArray:
+    """Return the ln of a permeability [m^2], 2-D, which is the same number within one sand."""
+    positive = np.maximum(np.atleast_2d(permeability), np.finfo(float).tiny)
+    return np.asarray(SAME_SAND * np.round(np.log(positive) / SAME_SAND))
+
+
 def interfaces(rig: Rig) -> Interfaces | None:
     """Return the interfaces between the sands of `rig`; None if the whole rig is of one sand."""
     grid = rig.grid(*CELLS)
-    logarithm = np.log10(rig.field('permeability_m2', grid))
-    known = np.unique(np.round(np.log10(np.asarray(rig.nominal_map('permeability_m2'))), 3))
+    logarithm = np.log(rig.field('permeability_m2', grid))
+    known = np.unique(sand_level(rig.nominal_map('permeability_m2')))
     if len(known) > MOST_SANDS:
         return Interfaces(
             grid, logarithm, np.linspace(known[0], known[-1], LEVELS_OF_A_MAP + 2)[1:-1]
         )
-    levels = ((known[1:] + known[:-1]) / 2.0)[np.diff(known) > SAME_SAND]
+    levels = (known[1:] + known[:-1]) / 2.0
     return Interfaces(grid, logarithm, levels) if levels.size else None

@@ -19,7 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.model.correction import CorrectionFn
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_source import APPLIED
 from porotwin_costa.data.dataset_builder import PredictFn
@@ -74,16 +74,15 @@ class FrameFields:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The errors of all frames, and the fields of some of them."""
+    """The errors of all frames, `time_step` [s] after the ones before, and some of the fields."""
 
     frames: tuple[FrameErrors, ...]
     shown: tuple[FrameFields, ...]
+    time_step: float
 
     def mean(self, name: str) -> float:
         """Return the mean [-] of a column of `FrameErrors` over the frames where it is not NaN."""
-        values = np.array([getattr(frame, name) for frame in self.frames])
-        defined = values[~np.isnan(values)]
-        return float(np.mean(defined)) if len(defined) else float('nan')
+        return _mean(self.frames, name)
 
     def by_recording(self) -> dict[str, dict[str, dict[str, float]]]:
         """Return for every recording the mean errors [-] of the `model` and with `costa`.
@@ -94,7 +93,7 @@ class Evaluation:
         found = {}
         for name in dict.fromkeys(frame.experiment for frame in self.frames):
             frames = tuple(frame for frame in self.frames if frame.experiment == name)
-            begin = frames[-1].time - HELD_OUT_SHARE * (frames[-1].time - frames[0].time)
+            begin = held_out_begin(frames[0].time - self.time_step, frames[-1].time)
             late = tuple(frame for frame in frames if frame.time >= begin)
             found[name] = {
                 'one_step': _means(frames, 'predicted', 'corrected'),
@@ -110,11 +109,11 @@ class Evaluation:
         width = max(map(len, ('experiment', *shown.values())))
         lines = [f'{"experiment":{width}} frames   one step: PBM   COSTA   free-run: PBM   COSTA']
         for name in names:
-            own = Evaluation(tuple(f for f in self.frames if f.experiment == name), ())
+            own = tuple(frame for frame in self.frames if frame.experiment == name)
             lines.append(
-                f'{shown[name]:{width}} {len(own.frames):6d}   {own.mean("predicted"):13.4f}'
-                f' {own.mean("corrected"):7.4f}   {own.frames[-1].free_predicted:13.4f}'
-                f' {own.frames[-1].free_corrected:7.4f}'
+                f'{shown[name]:{width}} {len(own):6d}   {_mean(own, "predicted"):13.4f}'
+                f' {_mean(own, "corrected"):7.4f}   {own[-1].free_predicted:13.4f}'
+                f' {own[-1].free_corrected:7.4f}'
             )
         withheld = [frame.status for frame in self.frames if frame.status != APPLIED]
         if withheld:
@@ -177,12 +176,17 @@ def evaluate(
             f'{", ".join(names) or "no recording"}: no two known frames {time_step:g} s apart, the '
             'time step of the model; train one for the interval of these frames'
         )
-    return Evaluation(tuple(errors), tuple(shown))
+    return Evaluation(tuple(errors), tuple(shown), time_step)
 
 
-def _means(frames: tuple[FrameErrors, ...], model: str, costa: str) -> dict[str, float]:
-    part = Evaluation(frames, ())
-    return {'model': part.mean(model), 'costa': part.mean(costa)}
+def _mean(frames: Sequence[FrameErrors], name: str) -> float:
+    values = np.array([getattr(frame, name) for frame in frames])
+    defined = values[~np.isnan(values)]
+    return float(np.mean(defined)) if len(defined) else float('nan')
+
+
+def _means(frames: Sequence[FrameErrors], model: str, costa: str) -> dict[str, float]:
+    return {'model': _mean(frames, model), 'costa': _mean(frames, costa)}
 
 
 class _Models(NamedTuple):

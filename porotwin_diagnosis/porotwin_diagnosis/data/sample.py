@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from porotwin_checks.known import VISIBLE_TRACER
 from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.gauge_reading import GaugeReading
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import held_out_begin
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
@@ -355,7 +355,7 @@ def read_sample(recording: Recording) -> Sample:
     """
     times, maps = recording.times, recording.maps
     assert maps is not None  # `times` says so otherwise
-    held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
+    held_out = held_out_begin(times[0], times[-1])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
     if len(times) < FEWEST_FRAMES:
@@ -369,7 +369,7 @@ def read_sample(recording: Recording) -> Sample:
             f'{recording.source}: maps of {columns} x {rows} cells are too coarse to judge a '
             f'model; make at least {FEWEST_CELLS} columns and rows'
         )
-    with_tracer = np.array([bool(np.any(frame > VISIBLE_TRACER)) for frame in maps])
+    with_tracer = np.array([bool(np.any(frame > PLUME_THRESHOLD)) for frame in maps])
     fitted = before[with_tracer[before]]
     if not fitted.size or not with_tracer[after].any():
         raise InputError(

@@ -29,17 +29,12 @@ from scipy.optimize import lsq_linear, nnls
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
+from porotwin_core.rig.sand_interfaces import MOST_SANDS, sand_level
 from porotwin_diagnosis.data.noise import TRACER_PRESENT
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
 
 MOST_VALUES = 20_000
 """Values from which the sizes of the errors are read; there are only a dozen of them."""
-
-MOST_SANDS = 8
-"""Permeabilities that count as sands of their own; a rig with more has one scale for all."""
-
-SAME_SAND = 0.02
-"""Relative difference of the permeabilities of one sand: the resolution of a map file."""
 
 STOCK_LEVEL = 0.05
 """Relative deviation of the concentration that the calibration took for stock. It took the core of
@@ -180,9 +175,8 @@ def _around(squares: FloatArray) -> FloatArray:
 
 
 def sands_of(rig: Rig, grid: Grid) -> NDArray[np.intp]:
-    """Return the number of the sand of every cell (nz, nx), from its permeability."""
-    logs = np.log(np.atleast_2d(rig.nominal_map('permeability_m2')))
-    levels = np.unique(np.round(logs / SAME_SAND)) * SAME_SAND
+    """Return the number of the sand of every cell (nz, nx); 0 where a map has too many."""
+    levels = np.unique(sand_level(rig.nominal_map('permeability_m2')))
     if not 1 < len(levels) <= MOST_SANDS:
         return np.zeros(grid.shape, dtype=np.intp)
     here = np.log(rig.field('permeability_m2', grid))

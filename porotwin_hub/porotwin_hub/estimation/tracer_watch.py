@@ -19,6 +19,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.rate_periods import RatePeriod, different_wells
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
+from porotwin_solver.effects import tracer_storage
 
 MAPS_IN_A_ROW = 3
 """Pale maps in a row that are told; a tube or a cover may hide the tracer in one."""
@@ -37,10 +38,16 @@ class TracerWatch:
 
     def __init__(self, rig: Rig, grid: Grid) -> None:
         """Begin without any injection."""
-        self._rig = rig
-        self._pores = rig.cell_pore_volume(grid)
+        self._grid = grid
         self._changes: deque[tuple[float, WellRates]] = deque(maxlen=MOST_CHANGES)
         self.forget()
+        self.change_rig(rig)
+
+    def change_rig(self, rig: Rig) -> None:
+        """Weigh tracer with the effects of `rig` from the next state on."""
+        self._rig = rig
+        self._storage = tracer_storage(rig, self._grid)
+        self.forget_amount()
 
     def forget(self) -> None:
         """Forget all injections: nobody knows what the wells and the rig held in between."""
@@ -90,14 +97,14 @@ class TracerWatch:
             pumped: tracer that the pumps injected meanwhile, by their rates [m^3].
             assumed: tracer that the prediction injected [m^3].
         """
-        before, after = (float(np.sum(self._pores * one)) for one in (state, predicted))
+        before, after = (float(np.sum(self._storage * one)) for one in (state, predicted))
         if math.isnan(self._pumped):
             self._pumped = before
         left = max(before + assumed - after, 0.0)
         self._pumped = max(self._pumped + pumped - left, 0.0)
         share = self._pumped / after if after > 0.0 else 0.0
         seen = np.isfinite(observed)
-        found = float(np.sum((self._pores * observed)[seen]))
-        expected = share * float(np.sum((self._pores * predicted)[seen]))
+        found = float(np.sum((self._storage * observed)[seen]))
+        expected = share * float(np.sum((self._storage * predicted)[seen]))
         rates = Schedule.from_rates(self._changes)
         return amount_remark(found, expected, self._rig.pore_volume, 'the photograph', rates)

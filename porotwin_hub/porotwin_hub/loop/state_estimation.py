@@ -4,9 +4,11 @@ from porotwin_core.geometry.grid import FloatArray, fill_unseen
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rates.rate_periods import injected_tracer
+from porotwin_core.rig import Rig
 from porotwin_hub.estimation.rate_learning import PumpFactor, RateLearner
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.models.forecast import Forecast
+from porotwin_solver.effects import tracer_storage
 
 
 class StateEstimation:
@@ -28,6 +30,12 @@ class StateEstimation:
         self._learner = learner
         self.estimate: Estimate | None = None
         self._expected: FloatArray | None = None
+
+    def change_model(self, mended: Rig) -> None:
+        """Weigh tracer with the effects of the rig `mended` from now on."""
+        if self._filter is not None:
+            rows, columns = self._filter.pore_volume.shape
+            self._filter.pore_volume = tracer_storage(mended, mended.grid(columns, rows))
 
     def interrupt(self) -> None:
         """Forget the last state: the next one does not follow from it."""

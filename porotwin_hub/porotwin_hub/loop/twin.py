@@ -28,6 +28,7 @@ from porotwin_core.rates.rate_periods import (
     to_predict,
 )
 from porotwin_core.rates.wells import RateStep, WellRates
+from porotwin_core.rig import Rig
 from porotwin_hub.control.controller import Planner
 from porotwin_hub.estimation.rate_learning import (
     DeliveringModel,
@@ -114,8 +115,14 @@ class Twin:
         if self._learner is not None:
             self._learner.begin_anew()
 
-    def forget_rate_factors(self) -> None:
-        """Learn the rate factors anew: those learnt with another model may stand for its error."""
+    def change_model(self, mended: Rig) -> None:
+        """Weigh tracer with the effects of the rig `mended` that the model has now.
+
+        The rate factors are learnt anew: those of another model may stand for its error.
+        """
+        self._estimation.change_model(mended)
+        if self._watch is not None:
+            self._watch.change_rig(mended)
         if self._learner is not None:
             self._learner.begin_anew()
 

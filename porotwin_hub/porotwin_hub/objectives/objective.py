@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.rig import Rig
+from porotwin_solver.effects import tracer_storage
 
 FUZZY_SHARE = 0.02
 """Share of the fuzzy mask in the cost of a plan; the rest is the zone itself. A plan sees the plume
@@ -84,8 +85,8 @@ class ObjectiveKind:
 
 
 def pore_volume(rig: Rig, grid: Grid) -> FloatArray:
-    """Return porosity * depth * cell area, the pore volume of every cell (nz, nx) [m^3]."""
-    return rig.cell_pore_volume(grid)
+    """Return the pore volume of every cell (nz, nx) [m^3], with the effects of the rig."""
+    return tracer_storage(rig, grid)
 
 
 @dataclass(frozen=True)

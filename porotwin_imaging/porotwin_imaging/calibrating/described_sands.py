@@ -15,15 +15,12 @@ from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_core.rig.sand_interfaces import MOST_SANDS
+from porotwin_core.rig.sand_interfaces import MOST_SANDS, sand_level
 from porotwin_imaging.calibrating.sands import SANDS
 from porotwin_imaging.geometry.frame import LARGE_SHARE
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
-
-_DECIMALS = 3
-"""Decimals of the log10 of a permeability [m^2] by which sands differ."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ def described_kinds(rig: Rig, grid: Grid) -> Labels | None:
 
     None: the description has one permeability, or a field that varies everywhere.
     """
-    logs = _log_permeability(rig.nominal_map('permeability_m2'))
+    logs = sand_level(rig.nominal_map('permeability_m2'))
     levels, index = np.unique(logs, return_inverse=True)
     if not 1 < len(levels) <= MOST_SANDS:
         return None
@@ -65,21 +62,15 @@ def sand_names(rig: Rig, grid: Grid, labels: Labels) -> tuple[str, ...]:
         grid: the grid of the labels.
         labels: index of the sand in each cell, shape (nz, nx).
     """
-    logs = _log_permeability(rig.nominal_map('permeability_m2'))
+    logs = sand_level(rig.nominal_map('permeability_m2'))
     told = cv2.resize(logs, grid.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    named = {name: _log_permeability(rig.permeability_of_sand(name)).item() for name in rig.sands}
+    named = {name: sand_level(rig.permeability_of_sand(name)).item() for name in rig.sands}
     names = []
     for label in range(int(labels.max()) + 1):
         levels, counts = np.unique(told[labels == label], return_counts=True)
         most = levels[counts.argmax()] if len(levels) else None
         names.append(' or '.join(name for name, level in named.items() if level == most))
     return tuple(names)
-
-
-def _log_permeability(permeability: float | Array) -> Array:
-    """Return the rounded log10 of a permeability [m^2], by which sands differ, 2-D."""
-    positive = np.maximum(np.atleast_2d(permeability), np.finfo(float).tiny)
-    return np.asarray(np.log10(positive).round(_DECIMALS))
 
 
 def described_parts(looks: Labels, kinds: Labels | None) -> SandParts:

@@ -28,6 +28,7 @@ from scipy.signal import find_peaks
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 
 Array = NDArray[Any]
@@ -36,8 +37,6 @@ Side = Literal['down', 'up', 'left', 'right']
 SIDES: tuple[Side, ...] = ('down', 'up', 'left', 'right')
 """Sides of the plume where fingers are counted."""
 
-LEVEL = 0.1
-"""Concentration of the outline [-]: well above the noise of clean sand, below any plume."""
 FINGER_M = 0.01
 """A finger reaches further than the places beside it by at least this [m], and by two cells."""
 LEAST_INSIDE = 0.02
@@ -106,7 +105,7 @@ def plume_measures(
     grid: Grid,
     pore_volume: Array,
     *,
-    level: float = LEVEL,
+    level: float = PLUME_THRESHOLD,
     side: Side = 'down',
     deviation: Array | None = None,
     systematic: Array | None = None,
@@ -190,9 +189,9 @@ def plume_cells(
 
     The inside lies above `LEAST_INSIDE` and above `NOISE_SPREADS` typical deviations of clean
     sand, in parts of at least `SMALLEST_PART` cells. Each part has a peak above `CORE_NOISES` times
-    the noise of clean sand, at most `LEVEL`, or an area above `PALE_M2`: others are noise. The
-    margin is `MARGIN_M` wide. Small parts count where there is nothing else: a plume begins with
-    one cell.
+    the noise of clean sand, at most the outline's, or an area above `PALE_M2`: others are noise.
+    The margin is `MARGIN_M` wide. Small parts count where there is nothing else: a plume begins
+    with one cell.
 
     Args:
         values: concentration, shape (nz, nx), NaN where it is not seen.
@@ -204,9 +203,9 @@ def plume_cells(
     noisy = deviation is not None and bool(np.nanmax(deviation, initial=0.0) > 0.0)
     level = least = LEAST_INSIDE if noisy else _least_inside(shown, np.isfinite(values))
     if deviation is not None:
-        clean = np.asarray(deviation)[(shown < LEVEL) & np.isfinite(deviation)]
+        clean = np.asarray(deviation)[(shown < PLUME_THRESHOLD) & np.isfinite(deviation)]
         if clean.size:
-            level = min(max(level, NOISE_SPREADS * float(np.median(clean))), LEVEL)
+            level = min(max(level, NOISE_SPREADS * float(np.median(clean))), PLUME_THRESHOLD)
     inside = _without_noise(shown > edge[0] * level, shown, np.isfinite(values), grid, least)
     if not inside.any():
         return inside
@@ -217,7 +216,7 @@ def plume_cells(
 def _least_inside(shown: Array, seen: Array) -> float:
     """Return the least concentration of the plume's inside [-] in a map; see `LEAST_INSIDE`."""
     peak = float(shown.max(initial=0.0))
-    clean = shown[seen & (shown < LEVEL * peak)]
+    clean = shown[seen & (shown < PLUME_THRESHOLD * peak)]
     if not clean.size or np.quantile(np.abs(clean), NOISE_SHARE) > NOISE_FREE * peak:
         return LEAST_INSIDE
     return LEAST_INSIDE * min(peak, 1.0)
@@ -232,7 +231,7 @@ def _without_noise(inside: Array, shown: Array, seen: Array, grid: Grid, least: 
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     clean = shown[seen & (shown < least)]
     noise = float(np.quantile(clean, NOISE_SHARE)) if clean.size else 0.0
-    core = min(max(least, CORE_NOISES * noise), LEVEL)
+    core = min(max(least, CORE_NOISES * noise), PLUME_THRESHOLD)
     kept = (maximum(shown, parts, numbers) > core) | (sizes * grid.cell_area > PALE_M2)
     large = kept & (sizes >= SMALLEST_PART)
     return np.asarray(np.concatenate([[False], large if large.any() else kept])[parts])
@@ -244,7 +243,7 @@ def plume_alone(values: Array, grid: Grid, deviation: Array | None = None) -> Ar
     return np.where(outside, 0.0, values)
 
 
-def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
+def contour_length(values: Array, grid: Grid, level: float = PLUME_THRESHOLD) -> float:
     """Return the length [m] of the lines of the concentration `level` in a map (nz, nx).
 
     Lines end at cells that are not seen; the edge of the rig is no outline.
@@ -257,7 +256,9 @@ def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
     return float(sum(np.hypot(*step.T).sum() for step in steps))
 
 
-def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = 'down') -> int:
+def finger_count(
+    values: Array, grid: Grid, level: float = PLUME_THRESHOLD, side: Side = 'down'
+) -> int:
     """Return the number of fingers of the plume above `level` on one side of a map (nz, nx)."""
     above = np.nan_to_num(values) >= level
     size, across = (grid.dz, above) if side in ('down', 'up') else (grid.dx, above.T)

@@ -15,6 +15,7 @@ from porotwin_core.basis.units import to_ml_h
 from porotwin_core.rig import Rig
 from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_recording.tables.recorded_data import RecordedData
+from porotwin_solver.effects import tracer_storage
 
 if TYPE_CHECKING:
     import xarray
@@ -75,8 +76,8 @@ def variables(data: RecordedData, maps: ConcentrationMaps) -> dict[str, Variable
         'well_z': of([w.z_m for w in wells], 'well', 'm', 'height of the wells'),
         'pore_volume': Variable(
             ('z', 'x'),
-            {'units': 'm3', 'long_name': 'volume of the pores of each cell'},
-            rig.cell_pore_volume(grid),
+            {'units': 'm3', 'long_name': 'stock in each cell per concentration'},
+            tracer_storage(rig, grid),
         ),
         **_rates(data, maps),
     }

@@ -14,6 +14,7 @@ from porotwin_solver.effects.definition.registry import (
     parse_effect,
     parse_effects,
     physics_on_top,
+    tracer_storage,
 )
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     'parse_effect',
     'parse_effects',
     'physics_on_top',
+    'tracer_storage',
 ]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from porotwin_core.basis.discovery import discovered
 from porotwin_core.basis.errors import InputError
-from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.effect_parameter import (
     SINCE,
     check_places,
@@ -63,6 +63,17 @@ def described_physics(rig: Rig, grid: Grid, effects: Iterable[EffectDescription]
     """
     physics = replace(nominal_physics(rig, grid), levels=frozenset(rig.levels))
     return changed_physics(physics, (*rig.effects, *effects))
+
+
+def tracer_storage(rig: Rig, grid: Grid) -> FloatArray:
+    """Return the stock of each cell per unit of concentration [m^3], (nz, nx): `Physics.storage`.
+
+    All who ask how much tracer a map holds weight its cells with it.
+
+    Raises:
+        InputError: as `described_physics`.
+    """
+    return described_physics(rig, grid).storage if rig.effects else rig.cell_pore_volume(grid)
 
 
 def changed_physics(physics: Physics, descriptions: Iterable[EffectDescription]) -> Physics:
