@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import Role
 from porotwin_core.basis.remark import NAMED
 from porotwin_core.geometry.grid import SIZE_TOLERANCE, Grid
 from porotwin_core.rates.rate_history import RateHistory
@@ -39,7 +40,7 @@ from porotwin_recording.tables.concentration import (
     MapSeries,
     without_impossible,
 )
-from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.rates import measured_to
 from porotwin_recording.tables.recorded_data import RecordedData
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import IMAGING_FILE
 from porotwin_core.rig import Rig, load_rig, read_rig, write_rig
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
@@ -14,7 +15,7 @@ from porotwin_recording.tables.concentration import (
 )
 from porotwin_recording.tables.map_files import files_with_maps
 from porotwin_recording.tables.observations import read_readings, write_readings
-from porotwin_recording.tables.photos import IMAGING_FILE, read_photos, write_photos
+from porotwin_recording.tables.photos import read_photos, write_photos
 from porotwin_recording.tables.rates import read_rates, write_rates
 from porotwin_recording.tables.recorded_data import RecordedData
 
