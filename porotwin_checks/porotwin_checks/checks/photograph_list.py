@@ -28,8 +28,8 @@ def _find(known: Known) -> Iterator[Remark]:
         yield Remark(
             'imaging.csv', '', why, 'give the first photograph this role', code='no_baseline'
         )
-    elif max(baselines) > (first := min(_with_tracer(known), default=np.inf)):
-        why = f'a baseline comes after the tracer, which is there from {first:g} s on'
+    elif max(baselines) > (tracer := min(_with_tracer(known), default=np.inf)):
+        why = f'a baseline comes after the tracer, which is there from {tracer:g} s on'
         shown, remedy = f'{max(baselines):g} s', 'compare roles, and the clocks of camera and pumps'
         yield Remark('imaging.csv', shown, why, remedy, code='late_baseline')
     states = [photo for photo in known.photos if photo.role == 'state']
