@@ -9,11 +9,17 @@ from porotwin_core.rates.wells import WellRate
 
 @pytest.mark.parametrize(
     ('control1', 'orders'),
-    [([0.0, 0.0, 0.0], 0), ([500.0, 500.0, 500.0], 1), ([0.0, 120.0, 0.0], 2), ([], 0)],
+    [
+        ([0.0, 0.0, 0.0], 0),
+        ([500.0, 500.0, 500.0], 1),
+        ([0.0, 120.0, 0.0], 2),
+        ([0.0, 0.01], 0),  # no pump can be set so finely
+        ([], 0),
+    ],
 )
 def test_setpoints_with_other_rates_than_before_are_orders(
     control1: list[float], orders: int
 ) -> None:
-    rates = {'injector': [500.0] * len(control1), 'control1': control1}
     safe = {'injector': WellRate(from_ml_h(500.0), 1.0), 'control1': WellRate()}
-    assert RunAccount(rates_ml_h=rates).orders(safe) == orders
+    rates = [{**safe, 'control1': WellRate(from_ml_h(rate))} for rate in control1]
+    assert RunAccount(rates=rates).orders(safe) == orders

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import ML, to_ml_h
+from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
+from porotwin_core.rates.rate_periods import same_rates
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.ros.from_messages import seconds_from_msg
-from porotwin_hub.control.setpoint_limits import RATE_TOLERANCE
+from porotwin_core.ros.from_messages import rates_from_msg, seconds_from_msg, time_from_msg
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -32,7 +32,7 @@ class RunAccount:
 
     The hub's reports give `times` [s], relative errors of the predictions [-], whether a correction
     was applied (`corrected`), and the wall-clock times of optimisation and cycle [s].
-    The setpoints give `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the
+    The setpoints give `setpoint_times` [s] and their `rates` [m^3/s]. `observed` holds the
     maps (nz, nx) [-] by their time [s].
     """
 
@@ -42,7 +42,7 @@ class RunAccount:
     expected_error: list[float] = field(default_factory=list)
     corrected: list[bool] = field(default_factory=list)
     cycle_s: list[float] = field(default_factory=list)
-    rates_ml_h: dict[str, list[float]] = field(default_factory=dict)
+    rates: list[WellRates] = field(default_factory=list)
     setpoint_times: list[float] = field(default_factory=list)
     observed: dict[float, FloatArray] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
@@ -60,18 +60,11 @@ class RunAccount:
     def add_setpoint(self, time: float, message: Any) -> None:
         """Add a `Setpoint`."""
         self.setpoint_times.append(time)
-        for well in message.wells:
-            self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
+        self.rates.append(rates_from_msg(message.wells))
 
     def orders(self, safe: WellRates) -> int:
         """Return how many setpoints have other rates than before; `safe` rates are the first."""
-        wells = list(self.rates_ml_h)
-        first = tuple(to_ml_h(safe[well].rate) for well in wells)
-        rates = [first, *zip(*self.rates_ml_h.values(), strict=True)]
-        return sum(
-            not np.allclose(before, after, rtol=0.0, atol=to_ml_h(RATE_TOLERANCE))
-            for before, after in pairwise(rates)
-        )
+        return sum(not same_rates(*pair) for pair in pairwise([safe, *self.rates]))
 
     def add_state(self, time: float, message: Any) -> None:
         """Add a `NewState`."""
@@ -95,8 +88,7 @@ def read_account(bag: Path) -> RunAccount:
     reader = BagReader(bag)
     for raw in reader.messages(set(add)):
         message = reader.decode(raw)
-        stamp = message.header.stamp
-        add[raw.topic](stamp.sec + stamp.nanosec * 1e-9, message)
+        add[raw.topic](time_from_msg(message.header.stamp), message)
     if not account.times:
         raise InputError(f'{bag}: holds no report of the hub; the loop did not run')
     return account
