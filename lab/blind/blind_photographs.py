@@ -22,6 +22,7 @@ from lab.photographs.known_injection import fit_of_injection
 from lab.photographs.photo_cases import baseline_of, drawn_dye, drawn_shots
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import Role
 from porotwin_core.basis.units import DAY_S, from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
@@ -34,7 +35,7 @@ from porotwin_imaging.photograph.file_hash import sha256_of_file
 from porotwin_imaging.tracer.calibration import Calibration, save_calibration
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
-from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals

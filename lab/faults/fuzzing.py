@@ -356,12 +356,6 @@ def _read_photos(path: Path) -> None:
         photo.read()
 
 
-def _read_protocol(path: Path) -> None:
-    from porotwin_imaging.sources.photo_protocol import read_protocol
-
-    read_protocol(path)
-
-
 def _read_maps(path: Path) -> None:
     from porotwin_core.rig import load_rig
     from porotwin_recording.tables.concentration import open_maps
@@ -401,7 +395,6 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         'rig.yaml': Reader('rig.yaml', _rig, _read_rig),
         'rates.csv': Reader('rates.csv', _experiment, _read_rates),
         'imaging.csv': Reader('imaging.csv', _experiment, _read_photos),
-        'imaging.csv beside a camera': Reader('imaging.csv', _experiment, _read_protocol),
         'concentration.nc': Reader('concentration.nc', _experiment, _read_maps),
         'photograph': Reader('photo.jpg', _photograph, _read_photograph),
         'calibration.yaml': Reader('calibration.yaml', _calibration, _read_calibration),

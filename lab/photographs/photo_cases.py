@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from lab.photographs.dyed_sand import Dye, DyedSand, DyeResponse, Obstacle, Shot, sands_of
 from lab.photographs.photo_flaws import FLAWS, WITHHELD_KIND, Flaw, drawn_obstacle
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import Role
 from porotwin_core.basis.units import MOLECULAR_DIFFUSION, from_ml_h
 from porotwin_core.geometry.grid import conservative_resample
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import ConcentrationWriter
-from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model.simulation import simulate

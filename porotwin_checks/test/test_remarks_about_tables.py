@@ -192,8 +192,8 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
     ('photos', 'named'),
     [
         (
-            (photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')),
-            'a baseline is of 60 s, but tracer is injected from 0 s',
+            (photo(30.0, 'b.jpg'), photo(60.0, 'a.jpg', 'baseline')),
+            '60 s: a baseline comes after the tracer, which is there from 0 s on',
         ),
         (
             (BASELINE, photo(2588340.0, 'b.jpg')),
@@ -208,7 +208,9 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
 )
 def test_photographs_that_miss_the_pumps_are_odd(photos: tuple[Photo, ...], named: str) -> None:
     found = list(found_in(replace(recording(), times=(), photos=photos)))
-    assert any(re.search(named, str(remark)) for remark in found), found
+    assert sum(bool(re.search(named, str(remark))) for remark in found) == 1, found
+    codes = [remark.code for remark in found]
+    assert len(set(codes)) == len(codes)
 
 
 def measured(*rows: tuple[float, str, float]) -> Known:

@@ -8,6 +8,7 @@ from matplotlib.image import imread
 
 from porotwin_cli.pictures.run_pictures import course_picture, shown_minutes
 from porotwin_cli.recorded.run_account import RunAccount, TrueTracer
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import load_rig
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
@@ -30,7 +31,7 @@ def test_no_line_hides_another_one_of_the_same_values(tmp_path: Path) -> None:
         corrected=[True] * 3,
         cycle_s=[0.3] * 3,
         setpoint_times=list(times),
-        rates_ml_h={'injector': [500.0] * 3},
+        rates=[{'injector': WellRate(1e-7)}] * 3,
     )
     truth = TrueTracer(times, grid, np.zeros((3, *grid.shape)))
     course_picture(tmp_path / 'course.png', RIG, account, truth, truth)

@@ -1,13 +1,11 @@
 """The protocol `imaging.csv`: it may grow, and its faults are reported."""
 
-import errno
 from pathlib import Path
 
 import pytest
 
-from porotwin_core.basis.errors import InputError
-from porotwin_imaging.sources import photo_protocol
-from porotwin_imaging.sources.photo_protocol import GrowingProtocol, read_protocol
+from porotwin_core.basis import csv_table
+from porotwin_imaging.sources.photo_protocol import GrowingProtocol
 
 HEADER = 'time_s,path,role\n'
 
@@ -17,26 +15,24 @@ def protocol(tmp_path) -> Path:
     return tmp_path / 'imaging.csv'
 
 
-def test_entries_have_times_and_roles(protocol) -> None:
-    protocol.write_text(HEADER + '0,photos/x.jpg,baseline\n30, photos/a.jpg, state\n')
-    folder = protocol.parent / 'photos'
-    assert read_protocol(protocol) == {
-        folder / 'x.jpg': (0.0, 'baseline'),
-        folder / 'a.jpg': (30.0, 'state'),
-    }
-
-
-@pytest.mark.parametrize('line', ['soon,a.jpg,state', 'nan,a.jpg,state', '1,a.jpg,picture', '1'])
-def test_a_wrong_line_is_refused(protocol, line: str) -> None:
-    protocol.write_text(HEADER + line)
-    with pytest.raises(InputError, match='write time_s,path,role with a finite number'):
-        read_protocol(protocol)
-
-
-def test_a_file_that_is_no_utf8_is_refused(protocol) -> None:
-    protocol.write_bytes((HEADER + '0,größe.jpg,baseline\n').encode('cp1252'))
-    with pytest.raises(InputError, match='save it as CSV in UTF-8'):
-        read_protocol(protocol)
+@pytest.mark.parametrize(
+    ('content', 'roles'),
+    [
+        (HEADER + '0,x.jpg,baseline\n,,\n30, a.jpg, state \n', ['baseline', 'state']),
+        ('time_s,path,role,concentration\n0,x.jpg,dilution,0.5\n', ['dilution']),
+        ('path,time_s,role\nx.jpg,0,baseline\n', None),
+        (HEADER + '1_0,x.jpg,state\n', None),
+        (HEADER + '1,x.jpg,picture\n', None),
+    ],
+)
+def test_the_list_is_that_of_a_recording(protocol, content: str, roles) -> None:
+    protocol.write_text(content)
+    for name in ('x.jpg', 'a.jpg'):
+        (protocol.parent / name).touch()
+    growing = GrowingProtocol(protocol.parent)
+    changed, problems = growing.refresh()
+    assert changed == (roles is not None) == (not problems)
+    assert [line.role for line in growing.entries.values()] == (roles or [])
 
 
 def test_a_protocol_may_come_late_and_grow_and_each_fault_is_reported_once(tmp_path) -> None:
@@ -57,16 +53,16 @@ def test_a_protocol_may_come_late_and_grow_and_each_fault_is_reported_once(tmp_p
 def test_a_protocol_that_cannot_be_read_for_a_moment_is_told_once_and_read_later(
     protocol, monkeypatch
 ) -> None:
-    def failing(_: Path) -> None:
-        raise OSError(errno.EIO, 'Input/output error')
+    def failing(*_: object) -> None:
+        raise OSError('Input/output error')
 
     protocol.write_text(HEADER + '0,x.jpg,baseline\n')
     growing = GrowingProtocol(protocol.parent)
     with monkeypatch.context() as patched:
-        patched.setattr(photo_protocol, 'read_protocol', failing)
+        patched.setattr(csv_table, 'open_text', failing)
         changed, (problem,) = growing.refresh()
         assert not changed
-        assert problem.code == 'unreadable'
+        assert problem.code == 'wrong_protocol'
         assert growing.refresh() == (False, [])
     assert growing.refresh() == (True, [])
     assert list(growing.entries) == [protocol.parent / 'x.jpg']

@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S
 from porotwin_core.clock.periods import POLL_S
+from porotwin_core.ros.conversions import stamp_to_msg
 from porotwin_core.ros.node import ENDED, Diagnostics, TwinNode, declare, run
 from porotwin_recording.live.player import CLOCK, latched_before
 from porotwin_recording.live.replay_audience import ReplayAudience
@@ -286,9 +287,7 @@ class PlayerNode(TwinNode):
             self._publish_clock(min(self._replay_clock.now(), log_time))
 
     def _publish_clock(self, nanoseconds: int) -> None:
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
-        self._clock_publisher.publish(message)
+        self._clock_publisher.publish(Clock(clock=stamp_to_msg(nanoseconds)))
 
     def _await_answer(self, message: BagMessage) -> None:
         """Wait until the graph has answered or refused a photograph or state.

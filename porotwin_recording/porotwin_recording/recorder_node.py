@@ -24,6 +24,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.following import Writers, follow
 from porotwin_core.ros.foreign_words import FewWords
+from porotwin_core.ros.from_messages import nanoseconds_from_msg
 from porotwin_core.ros.node import Diagnostics, TwinNode, declare, run
 from porotwin_core.ros.senders import sender_name
 from porotwin_recording.live.recorder import Recorder
@@ -319,7 +320,7 @@ class RecorderNode(TwinNode):
         return name in self._floods
 
     def _on_clock(self, message: ClockMessage) -> None:
-        self._simulated_time = message.clock.sec * SECOND + message.clock.nanosec
+        self._simulated_time = nanoseconds_from_msg(message.clock)
 
     def _report(self) -> None:
         self._others.clear()

@@ -3,6 +3,7 @@
 import json
 import os
 import tracemalloc
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from recording_examples import bench_experiment, bench_rig, write_live_bag
 from sparse_bags import START, SparseBag
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros.conversions import rig_to_msg
 from porotwin_msgs.msg import Effect, ModelEffects
@@ -69,7 +71,9 @@ def test_a_bag_of_gigabytes_is_listed_and_opened_without_its_photographs(
 
 
 def test_the_entries_of_a_folder_and_of_its_bag_agree(tmp_path: Path) -> None:
-    write_folder(tmp_path / 'experiment', bench_experiment())
+    data = bench_experiment()
+    late = Schedule((ScheduleRow(5000.0, next(iter(data.rig.wells)), WellRate()),))
+    write_folder(tmp_path / 'experiment', replace(data, measured=late))
     import_experiment(tmp_path / 'experiment', tmp_path / 'bag')
     bag, folder = (catalogue_entry(path) for path in find_recordings(tmp_path))
     assert (folder.kind, bag.kind) == ('folder', 'bag')
@@ -77,6 +81,18 @@ def test_the_entries_of_a_folder_and_of_its_bag_agree(tmp_path: Path) -> None:
         assert getattr(folder, name) == pytest.approx(getattr(bag, name)), name
     assert bag.start is None  # an imported experiment has no date
     assert folder.size_bytes > 1000
+
+
+def test_a_folder_with_tables_and_a_bag_is_listed_once_beside_the_bag(tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    write_folder(folder, replace(bench_experiment(), photos=()))
+    import_experiment(folder, folder / 'run_0.mcap')
+    entries = [catalogue_entry(path) for path in find_recordings(folder)]
+    assert [(one.kind, one.path.name) for one in entries] == [
+        ('folder', 'run'),
+        ('bag', 'run_0.mcap'),
+    ]
+    assert [one.start for one in entries] == [None, None]  # an import has no date
 
 
 def test_the_parts_of_a_bag_are_one_bag_from_inside_its_folder_too(

@@ -177,7 +177,7 @@ class VirtualRigNode(TwinNode):
 
     def _answer(self, header: Header) -> None:
         with self._answered:
-            self._answered_stamp = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+            self._answered_stamp = conversions.nanoseconds_from_msg(header.stamp)
             self._answered.notify_all()
 
     def _on_cycle(self, message: CycleReport) -> None:
@@ -186,7 +186,7 @@ class VirtualRigNode(TwinNode):
 
     def _on_seen(self, message: Header) -> None:
         with self._answered:
-            self._seen_stamp = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
+            self._seen_stamp = conversions.nanoseconds_from_msg(message.stamp)
             self._answered.notify_all()
 
     def _on_ping(self, request: Ping.Request, response: Ping.Response) -> Ping.Response:

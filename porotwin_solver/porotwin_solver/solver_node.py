@@ -22,6 +22,7 @@ from porotwin_core.ros.conversions import (
     effects_from_msg,
     grid_to_msg,
     header_at,
+    nanoseconds_from_msg,
     ok,
     plan_from_msg,
     rates_from_msg,
@@ -263,7 +264,7 @@ class SolverNode(TwinNode):
     def _on_clock(self, message: Clock, info: Mapping[str, int]) -> None:
         """Return to the model as described where the replay starts again."""
         assert self._replay is not None
-        now = message.clock.sec * 10**9 + message.clock.nanosec
+        now = nanoseconds_from_msg(message.clock)
         if self._replay.begins_anew(now, info['source_timestamp']):
             self._begin_replay('the replay goes back in time')
 

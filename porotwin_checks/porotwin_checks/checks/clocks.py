@@ -91,11 +91,6 @@ def _beside_the_pumps(known: Known) -> Iterator[Remark]:
     if known.commanded is None or not pumping:
         return
     begin, end = pumping[0], rows[-1].time
-    tracer = [row.time for row in rows if row.rate.rate > 0 and row.rate.concentration > 0]
-    baselines = [photo.time for photo in known.photos if photo.role == 'baseline']
-    if tracer and baselines and max(baselines) > tracer[0]:
-        why = f'a baseline is of {max(baselines):g} s, but tracer is injected from {tracer[0]:g} s'
-        yield Remark('imaging.csv', '', why, f'{COMPARE}, and the roles', code='late_baseline')
     stand = not any(rate.rate for rate in known.commanded.at(end).values())
     states = [photo.time for photo in known.photos if photo.role == 'state']
     for seen, key in ((states, 'imaging.csv'), (list(known.times), 'concentration.nc')):

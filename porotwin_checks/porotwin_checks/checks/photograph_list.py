@@ -28,10 +28,10 @@ def _find(known: Known) -> Iterator[Remark]:
         yield Remark(
             'imaging.csv', '', why, 'give the first photograph this role', code='no_baseline'
         )
-    elif max(baselines) > min((p.time for p in known.photos if p.role == 'state'), default=np.inf):
-        why = 'a baseline comes after a photograph with tracer'
-        shown = f'{max(baselines):g} s'
-        yield Remark('imaging.csv', shown, why, 'compare times and roles', code='late_baseline')
+    elif max(baselines) > (tracer := min(_with_tracer(known), default=np.inf)):
+        why = f'a baseline comes after the tracer, which is there from {tracer:g} s on'
+        shown, remedy = f'{max(baselines):g} s', 'compare roles, and the clocks of camera and pumps'
+        yield Remark('imaging.csv', shown, why, remedy, code='late_baseline')
     states = [photo for photo in known.photos if photo.role == 'state']
     same = [pair for pair in itertools.pairwise(states) if pair[0].time == pair[1].time]
     if same:
@@ -43,6 +43,13 @@ def _find(known: Known) -> Iterator[Remark]:
         if all(photo.time % MINUTE_S == states[0].time % MINUTE_S for photo in states):
             remedy = 'a table program may have dropped the seconds; write them again'
         yield Remark('imaging.csv', '', why, remedy, code='same_time')
+
+
+def _with_tracer(known: Known) -> Iterator[float]:
+    """Yield the times [s] at which photographs show tracer, or wells inject it."""
+    yield from (photo.time for photo in known.photos if photo.role == 'state')
+    rows = known.commanded.rows if known.commanded is not None else ()
+    yield from (row.time for row in rows if row.rate.rate > 0 and row.rate.concentration > 0)
 
 
 CHECK = Check(needs=('photos',), find=_find)

@@ -51,7 +51,12 @@ from porotwin_imaging.geometry.corners_and_lens import Geometry
 from porotwin_imaging.photograph.jpeg_file import JPEG_START
 from porotwin_imaging.photograph.photo_file import PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
-from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, FILES, folder_data
+from porotwin_recording.experiment.experiment_folder import (
+    COMMANDED_FILE,
+    FILES,
+    folder_data,
+    is_experiment,
+)
 from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -221,9 +226,7 @@ def recorded_interval(data: RecordedData | None) -> PhotoInterval:
 
 
 def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
-    if path.suffix == '.mcap' or (
-        path.is_dir() and not (path / 'rig.yaml').is_file() and is_bag(path)
-    ):
+    if is_bag(path) and not is_experiment(path):
         data = read_bag(path, None)
         return data.rig, remarks_about(data.rig), data, 'bag'
     rig, remarks = read_rig(path)

@@ -120,6 +120,7 @@ def command(
 
     Example: ./porotwin import lab_folder experiment --rig rig.yaml --date-order day-first
     """
+    from porotwin_core.basis.photo_list import IMAGING_FILE
     from porotwin_imaging.photograph.exposure_time import exif_words
     from porotwin_recording.experiment.bag_conversion import import_experiment
     from porotwin_recording.experiment.experiment_folder import RIG_FILE
@@ -129,7 +130,6 @@ def command(
     from porotwin_recording.importers.protocol_import import import_protocols, is_lab_folder
     from porotwin_recording.mcap.bag_folder import is_bag
     from porotwin_recording.tables.one_writer import one_writer
-    from porotwin_recording.tables.photos import IMAGING_FILE
 
     given = {
         '--rig': rig,

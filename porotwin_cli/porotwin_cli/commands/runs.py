@@ -54,8 +54,8 @@ def command(
     from porotwin_recording.experiment.catalogue import (
         catalogue_entry,
         find_recordings,
-        is_experiment,
     )
+    from porotwin_recording.experiment.experiment_folder import is_experiment
     from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 
     with without_warnings(), progress() as bar:  # ./porotwin check tells what is odd

@@ -30,7 +30,7 @@ def recorded_times(recording: 'Recording', *, option: str) -> list[float]:
     photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
     if photographs:
         return photographs
-    end = recording.last_row_time
+    end = recording.end
     if not end > 0.0:
         raise InputError(
             f'{recording.source}: its rates do not say when the experiment ends; add a row with '

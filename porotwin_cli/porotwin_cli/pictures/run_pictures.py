@@ -12,7 +12,7 @@ import numpy as np
 from porotwin_cli.pictures.rig_drawing import draw_map, percent_scale
 from porotwin_cli.recorded.run_account import RunAccount, TrueTracer
 from porotwin_core.basis.errors import writing
-from porotwin_core.basis.units import ML
+from porotwin_core.basis.units import ML, to_ml_h
 from porotwin_core.rig import Rig
 from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 from porotwin_core.rig.well_colours import well_colours
@@ -58,7 +58,8 @@ def course_picture(
     """Draw setpoints, tracer in the zone, prediction errors and cycle times over a run."""
     figure, axes = plt.subplots(4, 1, figsize=(10, 11), sharex=True, layout='constrained')
     colours = well_colours(rig)
-    for number, (well, rates) in enumerate(account.rates_ml_h.items()):
+    for number, well in enumerate(account.rates[0] if account.rates else ()):
+        rates = [to_ml_h(held[well].rate) for held in account.rates]
         style = DASHES[number % len(DASHES)]  # equal rates of two wells must both be seen
         minutes = np.array(account.setpoint_times) / 60
         axes[0].step(

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import ML, from_ml_h, to_ml_h
+from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
 from porotwin_core.rates.rate_periods import orders_by_hand
-from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import WellRate
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-from porotwin_core.ros.from_messages import seconds_from_msg
+from porotwin_core.ros.from_messages import rates_from_msg, seconds_from_msg, time_from_msg
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_hub.objectives.objective_registry import make_objective
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -31,7 +30,7 @@ class RunAccount:
 
     The hub's reports give `times` [s], relative errors of the predictions [-], whether a correction
     was applied (`corrected`), and the wall-clock times of optimisation and cycle [s].
-    The setpoints give `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the
+    The setpoints give `setpoint_times` [s] and their `rates` [m^3/s]. `observed` holds the
     maps (nz, nx) [-] by their time [s].
     """
 
@@ -41,7 +40,7 @@ class RunAccount:
     expected_error: list[float] = field(default_factory=list)
     corrected: list[bool] = field(default_factory=list)
     cycle_s: list[float] = field(default_factory=list)
-    rates_ml_h: dict[str, list[float]] = field(default_factory=dict)
+    rates: list[WellRates] = field(default_factory=list)
     setpoint_times: list[float] = field(default_factory=list)
     observed: dict[float, FloatArray] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
@@ -59,20 +58,11 @@ class RunAccount:
     def add_setpoint(self, time: float, message: Any) -> None:
         """Add a `Setpoint`."""
         self.setpoint_times.append(time)
-        for well in message.wells:
-            self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
+        self.rates.append(rates_from_msg(message.wells))
 
     def orders(self, rig: Rig) -> int:
         """Return how many setpoints a person has to set at the pumps of `rig`."""
-        safe = safe_rates(rig)
-        setpoints = (
-            {
-                well: WellRate(from_ml_h(rate), safe[well].concentration)
-                for well, rate in zip(self.rates_ml_h, rates, strict=True)
-            }
-            for rates in zip(*self.rates_ml_h.values(), strict=True)
-        )
-        return orders_by_hand(setpoints, rig)
+        return orders_by_hand(self.rates, rig)
 
     def add_state(self, time: float, message: Any) -> None:
         """Add a `NewState`."""
@@ -96,8 +86,7 @@ def read_account(bag: Path) -> RunAccount:
     reader = BagReader(bag)
     for raw in reader.messages(set(add)):
         message = reader.decode(raw)
-        stamp = message.header.stamp
-        add[raw.topic](stamp.sec + stamp.nanosec * 1e-9, message)
+        add[raw.topic](time_from_msg(message.header.stamp), message)
     if not account.times:
         raise InputError(f'{bag}: holds no report of the hub; the loop did not run')
     return account

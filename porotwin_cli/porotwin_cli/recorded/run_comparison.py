@@ -52,9 +52,7 @@ def compare_runs(first: Path, second: Path) -> RunComparison:
 
 def _figures(run: Recording) -> dict[str, Any]:
     entry = catalogue_entry(run.source, KnownVerdicts(run.source.absolute().parent))
-    rates, end = run.known_rates or Schedule(), run.last_row_time
-    if run.maps is not None:
-        end = max(end, float(run.times[-1]))
+    rates, end = run.known_rates or Schedule(), run.end
     injected = {
         f'injected by {well} [ml]': ML
         * sum(

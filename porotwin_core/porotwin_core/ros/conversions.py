@@ -70,7 +70,11 @@ CAMERA_FRAME = 'camera_optical'
 
 def time_to_msg(seconds: float) -> Time:
     """Return the stamp of a time [s], rounded to nanoseconds."""
-    nanoseconds = round(seconds * 1e9)
+    return stamp_to_msg(round(seconds * 1e9))
+
+
+def stamp_to_msg(nanoseconds: int) -> Time:
+    """Return the stamp of a time [ns], exactly."""
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.rig.rig_file import read_rig
-from porotwin_recording.experiment.experiment_folder import FILES, RIG_FILE
+from porotwin_recording.experiment.experiment_folder import FILES, RIG_FILE, is_experiment
 from porotwin_recording.experiment.recording import Recording, open_recording
-from porotwin_recording.mcap.bag_folder import bag_folder, is_bag
+from porotwin_recording.mcap.bag_folder import bag_folder
 
 MARK_LENGTH = 16
 """Hexadecimal digits of a mark."""
@@ -95,7 +95,7 @@ def mark_of(text: str) -> str:
 def _files(place: Path) -> list[Path]:
     if not place.exists():
         raise InputError(f'{place}: no such recording; name an experiment folder or an MCAP bag')
-    if not (place / RIG_FILE).is_file() and is_bag(place):
+    if not is_experiment(place):
         return bag_folder(place).files
     read = [place / name for name in FILES if name != RIG_FILE]
     return [file for file in read if file.is_file()]

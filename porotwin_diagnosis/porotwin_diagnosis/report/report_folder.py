@@ -13,6 +13,7 @@ from typing import Any
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.json_text import plain_json
+from porotwin_core.basis.photo_list import IMAGING_FILE
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.whole_file import whole_file, write_whole
 from porotwin_core.model.effect_parameter import lasting
@@ -28,7 +29,6 @@ from porotwin_diagnosis.report.origin import mark_of
 from porotwin_diagnosis.report.page import write_report
 from porotwin_recording.experiment.experiment_folder import COMMANDED_FILE, MAPS_FILE, RIG_FILE
 from porotwin_recording.mcap.bag_folder import METADATA, mcap_files
-from porotwin_recording.tables.photos import IMAGING_FILE
 
 REPORT = 'report.html'
 """Name of the page; it is written last, so that a folder with a page is complete."""

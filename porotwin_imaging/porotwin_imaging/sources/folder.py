@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import PhotoLine
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time, steady_time_of
@@ -39,7 +40,7 @@ from porotwin_imaging.sources.camera_source import (
     SourceKind,
     SourceOption,
 )
-from porotwin_imaging.sources.photo_protocol import GrowingProtocol, ProtocolEntry
+from porotwin_imaging.sources.photo_protocol import GrowingProtocol
 
 SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
 UNREAD_SUFFIXES = frozenset(
@@ -242,7 +243,7 @@ class FolderSource:
             watched=watched.watched,
         ), problems
 
-    def _entry(self, name: str) -> ProtocolEntry | None:
+    def _entry(self, name: str) -> PhotoLine | None:
         """Return the entry of a file in the protocol, None if there is none."""
         try:
             return self._protocol.entries.get((self.folder / name).resolve())
@@ -315,7 +316,7 @@ class FolderSource:
     def _photo(self, name: str, data: bytes, waiting: int) -> CameraPhoto | None:
         """Return the photograph and forget its file; None if its content was sent already.
 
-        With a protocol, files that it does not name are states.
+        With a protocol, files that it does not name are states. Its dilutions are for calibrations.
         """
         watched = self._watched.pop(name)
         digest = bytes.fromhex(digest_of(data))
@@ -325,6 +326,8 @@ class FolderSource:
             return None
         entry = self._entry(name)
         role = entry.role if entry else ('state' if self._protocol.entries else None)
+        if role == 'dilution':
+            return None
         assert watched.evidence is not None
         evidence = replace(watched.evidence, waiting=waiting)
         return CameraPhoto(data, watched.arrival, name, role, evidence, watched.mark)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import Role
 from porotwin_core.basis.remark import NAMED
-from porotwin_core.geometry.grid import SIZE_TOLERANCE, Grid
+from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import Schedule
@@ -39,7 +40,7 @@ from porotwin_recording.tables.concentration import (
     MapSeries,
     without_impossible,
 )
-from porotwin_recording.tables.photos import Photo, Role
+from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.rates import measured_to
 from porotwin_recording.tables.recorded_data import RecordedData
 
@@ -422,8 +423,8 @@ def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> Concentrati
     if first is None:
         return None
     state, origin, grid = first
-    sizes, expected = (grid.width, grid.height), (rig.width_m, rig.height_m)
-    if not np.allclose(sizes, expected, rtol=SIZE_TOLERANCE):
+    cells = rig.grid(grid.nx, grid.nz)
+    if not grid.covers_the_same(cells):
         raise InputError(
             f'{bag.path}: its maps cover {grid.width:g} x {grid.height:g} m, '
             f'the rig {rig.width_m:g} x {rig.height_m:g} m; name the rig.yaml it was recorded with'
@@ -450,7 +451,6 @@ def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> Concentrati
 
         return read
 
-    cells = rig.grid(grid.nx, grid.nz)
     deviations = {
         name: MapSeries(times, cells, reader(_deviation_reader(name, grid)))
         for name in DEVIATIONS

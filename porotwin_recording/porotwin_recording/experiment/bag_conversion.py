@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
@@ -32,6 +31,7 @@ from porotwin_core.ros.conversions import (
     map_to_msg,
     rates_to_msg,
     rig_to_msg,
+    stamp_to_msg,
 )
 from porotwin_msgs.msg import (
     CleanState,
@@ -230,12 +230,8 @@ def _stamp(time: float) -> int:
     return IMPORT_START + round(time * SECOND)
 
 
-def _time(stamp: int) -> Time:
-    return Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
-
-
 def _header(stamp: int, frame: str = RIG_FRAME) -> Header:
-    return Header(stamp=_time(stamp), frame_id=frame)
+    return Header(stamp=stamp_to_msg(stamp), frame_id=frame)
 
 
 def _opening(data: RecordedData) -> Iterator[_StampedMessage]:
@@ -267,7 +263,7 @@ def _setpoints(data: RecordedData) -> Iterator[_StampedMessage]:
         message = Setpoint(
             header=_header(_stamp(time)),
             sequence=number + 1,
-            valid_until=_time(_stamp(until)),
+            valid_until=stamp_to_msg(_stamp(until)),
             wells=rates_to_msg(rates),
             reason='imported',
         )
@@ -279,7 +275,9 @@ def _measured(data: RecordedData) -> Iterator[_StampedMessage]:
         return
     for time, rates in _changes(data.measured):
         stamp = _stamp(time)
-        message = WellRates(header=_header(stamp), start=_time(stamp), wells=rates_to_msg(rates))
+        message = WellRates(
+            header=_header(stamp), start=stamp_to_msg(stamp), wells=rates_to_msg(rates)
+        )
         yield _StampedMessage(stamp, topic_names.MEASURED, message)
 
 

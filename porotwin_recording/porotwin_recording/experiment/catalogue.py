@@ -20,6 +20,7 @@ from porotwin_recording.experiment.experiment_folder import (
     FILES,
     RIG_FILE,
     folder_data,
+    is_experiment,
     is_unfinished,
 )
 from porotwin_recording.experiment.known_verdicts import KnownVerdicts
@@ -110,7 +111,7 @@ def find_recordings(root: Path) -> Iterator[Path]:
     """Yield every bag and experiment folder in the folder `root`, or `root` itself, by name.
 
     A folder is one bag if it has a metadata.yaml, or if its files are named as a recorder names
-    the parts of one bag. Other .mcap files are bags of their own.
+    the parts of one bag, and it has no rig.yaml. Other .mcap files are bags of their own.
 
     Raises:
         InputError: there is no such folder, or a file is no bag.
@@ -129,7 +130,8 @@ def find_recordings(root: Path) -> Iterator[Path]:
         if RIG_FILE in names and not {*FILES[1:]}.isdisjoint(names):
             yield folder
             folders[:] = [name for name in folders if name != PHOTOGRAPHS]
-        if METADATA in names or (files and all(_is_part(name, folder) for name in files)):
+        is_split = files and all(_is_part(name, folder) for name in files)
+        if RIG_FILE not in names and (METADATA in names or is_split):
             yield folder
         else:
             yield from (folder / name for name in files)
@@ -138,11 +140,6 @@ def find_recordings(root: Path) -> Iterator[Path]:
 def _is_part(name: str, folder: Path) -> bool:
     stem, _, number = name.removesuffix(COMPRESSED).removesuffix('.mcap').rpartition('_')
     return stem == folder.resolve().name and number.isdecimal()
-
-
-def is_experiment(path: Path) -> bool:
-    """Return whether `path` is an experiment folder, and no bag."""
-    return path.is_dir() and (path / RIG_FILE).is_file()
 
 
 def catalogue_entry(path: Path, verdicts: KnownVerdicts = NO_VERDICTS) -> CatalogueEntry:
@@ -198,10 +195,8 @@ def _folder_entry(path: Path) -> CatalogueEntry:
 
 
 def _duration(data: RecordedData) -> float:
-    times = [photo.time for photo in data.photos]
-    times += [] if data.maps is None else [float(data.maps.times[0]), float(data.maps.times[-1])]
-    times += [] if data.commanded is None else [row.time for row in data.commanded.rows]
-    return max(times) - min(0.0, *times) if times else 0.0
+    first_map = () if data.maps is None else data.maps.times[:1]
+    return data.end - min([0.0, *first_map, *(photo.time for photo in data.photos)])
 
 
 # --- bags ---------------------------------------------------------------------------------------
@@ -296,8 +291,8 @@ def _counts(parts: Sequence[McapSummary]) -> dict[str, Any]:
 
 
 def _moment(stamp: int) -> datetime | None:
-    """Return the time of a stamp [ns]; None if it is no time of day."""
-    return datetime.fromtimestamp(stamp / SECOND, UTC) if stamp >= SINCE_1970 * SECOND else None
+    """Return the time of a stamp [ns]; None if it is no time of day, as the first of an import."""
+    return datetime.fromtimestamp(stamp / SECOND, UTC) if stamp > SINCE_1970 * SECOND else None
 
 
 def _message(

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import IMAGING_FILE
 from porotwin_core.rig import Rig, load_rig, read_rig, write_rig
+from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
     ConcentrationWriter,
@@ -14,7 +16,7 @@ from porotwin_recording.tables.concentration import (
 )
 from porotwin_recording.tables.map_files import files_with_maps
 from porotwin_recording.tables.observations import read_readings, write_readings
-from porotwin_recording.tables.photos import IMAGING_FILE, read_photos, write_photos
+from porotwin_recording.tables.photos import read_photos, write_photos
 from porotwin_recording.tables.rates import read_rates, write_rates
 from porotwin_recording.tables.recorded_data import RecordedData
 
@@ -41,6 +43,11 @@ Progress = Callable[[int, int], None]
 
 HOW_TO_TRY = '; to try a rig.yaml on a recording, copy it there'
 """Remedy for a folder that holds a rig alone, such as that of a diagnosis."""
+
+
+def is_experiment(path: Path) -> bool:
+    """Return whether `path` is an experiment folder; one with a rig.yaml is one also with bags."""
+    return path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))
 
 
 def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:

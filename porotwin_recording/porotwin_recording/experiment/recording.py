@@ -20,8 +20,12 @@ from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, load_rig
 from porotwin_recording.experiment.bag import read_bag
 from porotwin_recording.experiment.dataset_variables import as_xarray
-from porotwin_recording.experiment.experiment_folder import MAPS_FILE, RIG_FILE, read_folder
-from porotwin_recording.mcap.bag_folder import is_bag
+from porotwin_recording.experiment.experiment_folder import (
+    MAPS_FILE,
+    RIG_FILE,
+    is_experiment,
+    read_folder,
+)
 from porotwin_recording.tables.concentration import ConcentrationMaps, Maps
 from porotwin_recording.tables.map_files import files_with_maps
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -127,7 +131,7 @@ class Recording(RecordedData):
     def _maps_remedy(self) -> str:
         """Return how to give the recording maps."""
         make = './porotwin image {0} --output {0}/' + MAPS_FILE
-        if not _is_folder(self.source):
+        if not is_experiment(self.source):
             return (
                 f'./porotwin export {self.source} FOLDER makes a folder of it, and '
                 f'{make.format("FOLDER")} the maps'
@@ -160,7 +164,7 @@ def open_recording(
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
     if path.name == RIG_FILE and path.is_file():  # the folder is meant
         path = path.parent
-    is_folder = _is_folder(path)
+    is_folder = is_experiment(path)
     if is_folder and segment not in (None, 1):
         raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
     data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
@@ -187,8 +191,3 @@ def tell_other_rig(path: Path, used: Rig, own: Rig | None) -> None:
     """Log the keys that differ between the `used` rig and the `own` one of the data at `path`."""
     if own is not None and (keys := used.keys_that_differ(own)):
         LOG.warning('%s: read with another rig.yaml, which differs in %s', path, ', '.join(keys))
-
-
-def _is_folder(path: Path) -> bool:
-    """Return whether `path` is an experiment folder, and no bag."""
-    return path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))

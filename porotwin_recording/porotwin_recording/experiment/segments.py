@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from porotwin_core.basis.photo_list import Role
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
 from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.wells import WellRates
 from porotwin_recording.mcap.serialization import SECOND
-from porotwin_recording.tables.photos import Role
 
 SINCE_1970_NS = int(SINCE_1970) * SECOND
 """Stamps from here on [ns] count from 1970: one stamp is one moment.

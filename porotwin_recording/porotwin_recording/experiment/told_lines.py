@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.ros.from_messages import time_from_msg
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_folder import bag_folder
 from porotwin_recording.mcap.mcap_summary import McapSummary, summary_of
@@ -65,5 +66,4 @@ def _texts(message: Any) -> tuple[str, ...]:
 
 
 def _stamp(message: Any) -> float:
-    stamp = message.header.stamp if hasattr(message, 'header') else message.stamp
-    return float(stamp.sec + 1e-9 * stamp.nanosec)
+    return time_from_msg(message.header.stamp if hasattr(message, 'header') else message.stamp)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from porotwin_core.basis.csv_table import FORTRAN
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.text_with_unit import plain_number
@@ -26,7 +27,6 @@ from porotwin_recording.importers.words_of_languages import (
     quantities,
     with_plain_signs,
 )
-from porotwin_recording.tables.csv_table import FORTRAN
 
 Decimal = Literal['point', 'comma']
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import IMAGING_FILE
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, to_ml_h
 from porotwin_core.rig import Rig
 from porotwin_recording.experiment.experiment_folder import (
@@ -55,7 +56,7 @@ from porotwin_recording.importers.protocol_rates import (
     since,
 )
 from porotwin_recording.importers.words_of_languages import NAMES
-from porotwin_recording.tables.photos import IMAGING_FILE, Photo
+from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.rates import read_rates
 from porotwin_recording.tables.recorded_data import RecordedData
 

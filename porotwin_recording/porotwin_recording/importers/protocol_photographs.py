@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from porotwin_core.basis.csv_table import number_text, write_table
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import HEADER, IMAGING_FILE
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.importers.clock_order import check_order, counters
 from porotwin_recording.importers.foreign_table import ForeignTable, read_foreign_table
@@ -19,8 +21,7 @@ from porotwin_recording.importers.protocol_answers import (
     dated_words,
     protocol_moments,
 )
-from porotwin_recording.tables.csv_table import number_text, write_table
-from porotwin_recording.tables.photos import HEADER, IMAGING_FILE, Photo, refuse_link_outside
+from porotwin_recording.tables.photos import Photo, refuse_link_outside
 
 IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 

@@ -1,18 +1,21 @@
 """Selects the messages of a bag for a replay."""
 
 from collections.abc import Collection, Iterator
-from typing import Any
 
-from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros.conversions import rates_from_msg, rates_to_msg
+from porotwin_core.ros.conversions import (
+    nanoseconds_from_msg,
+    rates_from_msg,
+    rates_to_msg,
+    stamp_to_msg,
+)
 from porotwin_msgs.msg import WellRates
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_records import BagMessage
-from porotwin_recording.mcap.serialization import SECOND, Serializer
+from porotwin_recording.mcap.serialization import Serializer
 
 LATCHED_LIMIT = 64
 """Number of messages of a latched topic that a late subscriber receives."""
@@ -84,20 +87,15 @@ def as_measured(
         InputError: the message has no rates, or they are not valid.
     """
     told = bag.decode(message)
-    stamp = _time(told.header.stamp)
-    if at is not None:
-        stamp.sec, stamp.nanosec = divmod(at, SECOND)
+    stamp = nanoseconds_from_msg(told.header.stamp) if at is None else at
+    start = nanoseconds_from_msg(told.start) if hasattr(told, 'start') else stamp
     return serializer.to_cdr(
         WellRates(
-            header=Header(stamp=stamp, frame_id=told.header.frame_id),
-            start=_time(getattr(told, 'start', stamp)),
+            header=Header(stamp=stamp_to_msg(stamp), frame_id=told.header.frame_id),
+            start=stamp_to_msg(start),
             wells=rates_to_msg(rates_from_msg(told.wells)),
         )
     )
-
-
-def _time(stamp: Any) -> Time:
-    return Time(sec=int(stamp.sec), nanosec=int(stamp.nanosec))
 
 
 def latched_before(bag: BagReader, names: Collection[str], start: int) -> Iterator[BagMessage]:

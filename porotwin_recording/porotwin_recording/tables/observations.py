@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from porotwin_core.basis.csv_table import number_text, parse_number, read_table, write_table
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.text_with_unit import was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading, Port
 from porotwin_core.rig import SIDES, Rig
-from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
 
 HEADER = ('time_s', 'kind', 'place', 'against', 'value', 'deviation')
 

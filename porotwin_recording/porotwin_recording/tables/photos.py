@@ -2,20 +2,20 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import Literal, get_args
+from pathlib import Path
 
+from porotwin_core.basis.csv_table import number_text, write_table
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.regular_file import open_text
-from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_core.basis.photo_list import (
+    DILUTION_HEADER,
+    HEADER,
+    IMAGING_FILE,
+    PhotoLine,
+    Role,
+    read_photo_list,
+    stays_inside,
+)
 from porotwin_core.basis.whole_file import whole_file
-from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
-
-IMAGING_FILE = 'imaging.csv'
-HEADER = ('time_s', 'path', 'role')
-DILUTION_HEADER = (*HEADER, 'concentration')
-"""Header of a table with known dilutions."""
-Role = Literal['baseline', 'state', 'dilution']
 
 
 @dataclass(frozen=True)
@@ -46,35 +46,12 @@ def read_photos(folder: Path) -> tuple[Photo, ...]:
     Raises:
         InputError: one line that names file, line, value and remedy.
     """
-    path = folder / IMAGING_FILE
-    lines = read_table(path, _header(path), 'the time of each photograph')
-    photos = [_photo(words, where, folder) for where, words in lines]
+    photos = [_photo(line, folder) for line in read_photo_list(folder / IMAGING_FILE)]
     return tuple(sorted(photos, key=lambda photo: photo.time))
 
 
-def _header(path: Path) -> tuple[str, ...]:
-    """Return the header that the table should have: with concentrations if it names them."""
-    try:
-        with open_text(path, 'utf-8-sig', errors='replace') as file:
-            named = file.readline().rstrip().endswith(DILUTION_HEADER[-1])
-    except OSError:  # read_table tells what is wrong
-        named = False
-    return DILUTION_HEADER if named else HEADER
-
-
-def _photo(words: list[str], where: str, folder: Path) -> Photo:
-    time_s, name, role, *rest = words
-    time = parse_number(time_s, f'{where}: time_s')
-    if abs(time) > LONGEST_EXPERIMENT_S:
-        raise InputError(
-            f'{where}: time_s {time:g} is more than a year from the start; '
-            'write seconds since the start of the experiment'
-        )
-    if role not in get_args(Role):
-        raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
-    concentration = _concentration(role, rest[0] if rest else '', where)
-    if not _stays_inside(name):
-        raise InputError(f"{where}: path '{name}' leaves the folder; name a file inside it")
+def _photo(line: PhotoLine, folder: Path) -> Photo:
+    time, name, role, concentration, where = line
     path = folder / name
     if not path.is_file():
         raise InputError(
@@ -82,7 +59,7 @@ def _photo(words: list[str], where: str, folder: Path) -> Photo:
             + _likely_name(path, name)
         )
     refuse_link_outside(path, folder, where)
-    return Photo(time, role, name, path.read_bytes, path, concentration)  # type: ignore[arg-type]
+    return Photo(time, role, name, path.read_bytes, path, concentration)
 
 
 def refuse_link_outside(path: Path, folder: Path, where: object) -> None:
@@ -107,23 +84,6 @@ def _likely_name(path: Path, name: str) -> str:
     return f"; did you mean '{alike[0]}'?" if alike else ''
 
 
-def _concentration(role: str, text: str, where: str) -> float | None:
-    """Return the concentration of a dilution, None for other roles."""
-    if role != 'dilution':
-        if text:
-            raise InputError(f'{where}: concentration belongs to role dilution; leave it empty')
-        return None
-    value = parse_number(text, f'{where}: concentration')
-    if not 0 < value <= 1:
-        raise InputError(f'{where}: concentration is {text}; write a share of stock, 0 to 1')
-    return value
-
-
-def _stays_inside(name: str) -> bool:
-    path = PurePosixPath(name)
-    return not path.is_absolute() and '..' not in path.parts and path.name != ''
-
-
 def write_photos(
     folder: Path, photos: Sequence[Photo], *, progress: Callable[[int], None] = lambda _: None
 ) -> None:
@@ -139,7 +99,7 @@ def write_photos(
     for number, photo in enumerate(photos, start=1):
         if photo.name in names:
             raise InputError(f"{folder}: two photographs are named '{photo.name}'; rename one")
-        if not _stays_inside(photo.name):
+        if not stays_inside(photo.name):
             raise InputError(
                 f"{folder}: photograph '{photo.name}' would leave the folder; rename it"
             )

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from porotwin_core.basis.csv_table import number_text, parse_number, read_table, write_table
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import as_known
 from porotwin_core.basis.text_with_unit import rate_in_ml_h, was_percent
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, from_ml_h, to_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.tables.csv_table import number_text, parse_number, read_table, write_table
 
 ROUND_OFF = 1e-15
 """Relative round-off of a sum of rates and of a change of units [-]: some last binary digits."""

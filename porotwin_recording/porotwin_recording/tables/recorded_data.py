@@ -48,10 +48,9 @@ class RecordedData:
         return FixedPauses.of(self.rig).in_schedule(self.commanded)
 
     @property
-    def last_row_time(self) -> float:
-        """Time of the last row of all rates [s]; 0 without any."""
-        told = (self.commanded, self.measured)
-        return max((row.time for rates in told if rates for row in rates.rows), default=0.0)
+    def end(self) -> float:
+        """The last known time [s], see `Known`."""
+        return self._known_without_rates.end
 
     @property
     def known_rates(self) -> Schedule | None:
@@ -90,15 +89,21 @@ class RecordedData:
         Maps that no calibration made hide no tracer, but their concentrations mean nothing.
         """
         maps = self.maps
+        return replace(
+            self._known_without_rates,
+            rates=self.known_rates,
+            maps=maps,
+            scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
+            names=names,
+            readings=self.readings,
+        )
+
+    @property
+    def _known_without_rates(self) -> Known:
         return Known(
             rig=self.rig,
             commanded=self.commanded,
             measured=self.measured,
-            rates=self.known_rates,
-            times=() if maps is None else maps.times,
-            maps=maps,
-            scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
+            times=() if self.maps is None else self.maps.times,
             photos=self.photos,
-            names=names,
-            readings=self.readings,
         )
