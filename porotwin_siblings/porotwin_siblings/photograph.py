@@ -7,9 +7,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
-
-USUAL_DEVIATION = 0.02
-"""Deviation of a photograph that tells none, random and systematic each [-]."""
+from porotwin_core.model.state_filter import Seen
 
 
 class Photograph(NamedTuple):
@@ -25,10 +23,16 @@ class Photograph(NamedTuple):
     systematic: FloatArray
 
     @classmethod
-    def plain(cls, time: float, concentration: FloatArray) -> 'Photograph':
-        """Return a map (nz, nx) of unknown deviation."""
-        usual = np.full(concentration.shape, USUAL_DEVIATION)
-        return cls(time, concentration, usual, usual * np.nan_to_num(concentration))
+    def of(
+        cls,
+        time: float,
+        concentration: FloatArray,
+        deviation: FloatArray | None = None,
+        systematic: FloatArray | None = None,
+    ) -> 'Photograph':
+        """Return a map (nz, nx) with its total and systematic `deviation`; None: not known."""
+        seen = Seen.of(concentration, deviation, systematic)
+        return cls(time, seen.concentration, seen.random, seen.systematic)
 
     def check(self) -> None:
         """Return if it can be learnt from.

@@ -18,7 +18,6 @@ from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.state_filter import Seen
 from porotwin_core.rates.bottle import Bottle, bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_periods import RatePeriod
@@ -415,12 +414,10 @@ def _learn(
 
 def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
     """Return a map with its deviations, as far as the recording has them."""
+    parts = (maps.deviation, maps.systematic)
+    told = [None if part is None else np.asarray(part[number], dtype=float) for part in parts]
     values = np.asarray(maps[number], dtype=float)
-    found = Photograph.plain(float(maps.times[number]), values)
-    if maps.deviation is None or maps.systematic is None:
-        return found
-    seen = Seen.of(values, *(np.asarray(one[number]) for one in (maps.deviation, maps.systematic)))
-    return found._replace(random=seen.random, systematic=seen.systematic)
+    return Photograph.of(float(maps.times[number]), values, *told)
 
 
 def objections_to(
