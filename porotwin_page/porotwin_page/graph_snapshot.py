@@ -235,7 +235,6 @@ class Health:
         message: one line.
         arrival: time of the last report of the node itself, on this machine's steady clock [s].
         present: whether the node is in the graph; None if it never was.
-        gap: time between its last two reports [s]; 0 before the second one.
         ended: whether it said that it leaves, because its work is over.
     """
 
@@ -243,7 +242,6 @@ class Health:
     message: str
     arrival: float
     present: bool | None = None
-    gap: float = 0.0
     ended: bool = False
 
 
@@ -604,14 +602,8 @@ def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
     """Return the snapshot with the report of a node, or of the supervisor on its silence."""
     before = now.health.get(name)
     if before is not None:
-        reported = before.level is not Level.QUIET
-        silent = report.level is Level.SILENT
-        report = replace(
-            report,
-            present=before.present,
-            arrival=before.arrival if silent else report.arrival,
-            gap=report.arrival - before.arrival if reported and not silent else before.gap,
-        )
+        arrival = before.arrival if report.level is Level.SILENT else report.arrival
+        report = replace(report, present=before.present, arrival=arrival)
     return replace(now, health=_newest_nodes({**now.health, name: report}))
 
 

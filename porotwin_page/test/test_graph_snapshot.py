@@ -157,7 +157,7 @@ def test_another_nodes_word_on_a_silent_node_is_no_report_of_its_own() -> None:
         (snapshot.with_health, 'hub', Health(Level.OK, 'well', 11.0)),
         (snapshot.with_health, 'hub', Health(Level.SILENT, 'no report for 9 s', 20.0)),
     )
-    assert now.health['hub'] == Health(Level.SILENT, 'no report for 9 s', 11.0, gap=1.0)
+    assert now.health['hub'] == Health(Level.SILENT, 'no report for 9 s', 11.0)
 
 
 def test_the_photo_interval_is_the_longer_of_recorded_and_measured() -> None:
