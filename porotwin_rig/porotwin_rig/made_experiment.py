@@ -10,7 +10,9 @@ import numpy as np
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -21,8 +23,7 @@ from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
-from porotwin_rig.pumps import Pumps
-from porotwin_rig.render import Conditions, Photographer
+from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 
 PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
@@ -31,16 +32,13 @@ PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
 ORIGIN = MapOrigin(program=f'{PROGRAM}, {VIRTUAL}')
 """What the file of the maps says of them: they do not come from its photographs."""
 
-HELD_OUT_START = 0.7
-"""Start of the part that diagnoses are judged on, relative to the duration."""
-
 
 @dataclass(frozen=True)
 class MadeExperiment:
     """Facts about a simulated experiment.
 
     Args:
-        times: times of the frames [s]; lost frames are left out.
+        times: times of the frames [s].
         noise_floor: relative L2 norm, over the last 30 % of the time, of the difference between the
             maps and the signal.
         injected: volume of tracer stock injected [m^3].
@@ -61,9 +59,9 @@ class NoiseFloor:
         self._signal = 0.0
 
     def add(self, seen: FloatArray, signal: FloatArray) -> None:
-        """Add a frame: the map `seen` (NaN in blind spots) and its `signal`, (nz, nx) [-] each."""
-        self._difference += float(np.nansum((seen - signal) ** 2))
-        self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
+        """Add a frame: the map `seen` and its `signal`, (nz, nx) [-] each."""
+        self._difference += float(np.sum((seen - signal) ** 2))
+        self._signal += float(np.sum(signal**2))
 
     @property
     def value(self) -> float:
@@ -105,10 +103,8 @@ def make_experiment(
     seed: int,
     effects: Iterable[EffectDescription] = (),
     noise: MapNoise | None = None,
-    pumps: Pumps | None = None,
     grid: Grid | None = None,
     photo_width_px: int | None = None,
-    conditions: Conditions | None = None,
     truth: Path | None = None,
     cell: float | None = None,
     progress: Callable[[float], None] = lambda _share: None,
@@ -125,10 +121,8 @@ def make_experiment(
         seed: seed of the noise, and of the photographs.
         effects: true effects of the rig and its camera.
         noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
-        pumps: how the pumps follow their commands; exactly by default.
         grid: grid of the maps; cells of about 5 mm by default.
         photo_width_px: width of photographs (8:5); None for no photographs.
-        conditions: conditions of the photographs.
         truth: file for the noise-free signal at the times of the frames, outside `folder`.
         cell: size of the elements of the virtual rig [m]; its default if None.
         progress: called with the share of the experiment that is done, 0 to 1, after every step of
@@ -141,20 +135,22 @@ def make_experiment(
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
     grid = grid or rig.default_grid()
     commanded = FixedPauses.of(rig).in_schedule(commanded)  # as whoever reads the folder will
-    asset = VirtualRig(rig, effects=effects, pumps=pumps, cell=cell)
+    asset = VirtualRig(rig, effects=effects, cell=cell)
     photographer = None
     if photo_width_px is not None:
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
-        photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
+        photographer = Photographer(rig, camera=camera, seed=seed)
         rig = photographer.rig
     rows = tuple(row for row in commanded.rows if row.time <= duration)
     write_folder(folder, RecordedData(rig, commanded=replace(commanded, rows=rows)))
     camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
-    times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
+    times = [
+        n * float(photo_interval) for n in range(int(duration / photo_interval + ROUND_OFF) + 1)
+    ]
     photos: list[Photo] = []
     if photographer is not None:
         photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
-    kept, floor = [], NoiseFloor()
+    floor = NoiseFloor()
     packed, file = noise is not None, folder / 'concentration.nc'
     with (
         ConcentrationWriter(file, grid, packed=packed, origin=ORIGIN) as maps,
@@ -169,8 +165,6 @@ def make_experiment(
             passed=lambda time: progress(min(time / duration, 1.0)),
         )
         for number, (time, visible) in enumerate(seen_by_camera):
-            if camera_of_maps.is_lost(number):
-                continue
             signal = conservative_resample(visible, grid.shape)
             seen = signal if noise is None else camera_of_maps.map(signal, number)
             maps.append(time, seen)
@@ -179,12 +173,11 @@ def make_experiment(
             if photographer is not None and number > 0:
                 jpeg = photographer.photograph(visible, time=time)
                 photos.append(_stored(folder, 'state', time, jpeg))
-            if time >= HELD_OUT_START * duration:
+            if time >= (1.0 - HELD_OUT_SHARE) * duration:
                 floor.add(seen, signal)
-            kept.append(time)
     if photos:
         write_photos(folder, photos)
-    return MadeExperiment(tuple(kept), floor.value, asset.balance.injected, asset.balance.removed)
+    return MadeExperiment(tuple(times), floor.value, asset.balance.injected, asset.balance.removed)
 
 
 def _stored(folder: Path, role: Literal['baseline', 'state'], time: float, jpeg: bytes) -> Photo:

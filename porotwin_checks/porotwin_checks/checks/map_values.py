@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from porotwin_checks.checks.lone_cells import MOST_FALSE
 from porotwin_checks.known import VISIBLE_TRACER, Known
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.remark import Remark
@@ -14,9 +15,6 @@ MOST_STOCK = 1.3
 
 LEAST_PERCENT = 10.0
 """Largest value from which a map is probably in percent; far above 100, it is a picture."""
-
-FEW_CELLS = 1e-3
-"""Share of the cells of maps that are single ones."""
 
 FAINT, LEAST_PLUME_CELLS = 0.4, 50.0
 """Concentration over the injected one below which maps are odd, and the least volume of the
@@ -42,7 +40,7 @@ def _find(known: Known) -> Iterator[Remark]:
             remedy = 'are these grey values of pictures? Make maps with image, or scale them'
         elif largest > LEAST_PERCENT:
             remedy = 'was this in percent? 1 is the tracer stock'
-        if np.nanmean(values > MOST_STOCK) < FEW_CELLS:
+        if np.nanmean(values > MOST_STOCK) < MOST_FALSE:
             code, remedy = 'hot_cells', 'single cells, such as a glare: write NaN there'
         words = f'they go up to {{largest:.3g}}, where 0 is water and 1 is stock; {remedy}'
         yield Remark.of('maps', code, words, largest=largest)

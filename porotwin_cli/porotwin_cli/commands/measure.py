@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_checks.checks.map_values import MOST_STOCK
 from porotwin_cli.options.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.basis.errors import InputError
@@ -33,8 +34,6 @@ SHOWN = (
 """Columns that are printed; the file and --json hold all."""
 MOST_ROWS = 40
 """Most maps in a table on a terminal: about one screen."""
-MOST_STOCK = 1.5
-"""Median of a plume above which its scale is doubted [-]: 1 is stock, light lifts it a little."""
 
 
 def command(

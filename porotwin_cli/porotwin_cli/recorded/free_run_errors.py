@@ -13,6 +13,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import (
     COARSER,
@@ -22,16 +23,10 @@ from porotwin_diagnosis.data.error_parts import (
     in_words,
 )
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
-from porotwin_diagnosis.data.noise import blurred, noise_floor
+from porotwin_diagnosis.data.noise import TRACER_PRESENT, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
-from porotwin_diagnosis.data.sample import (
-    HELD_OUT_SHARE,
-    TRACER_PRESENT,
-    Sample,
-    coarsened,
-    read_sample,
-)
+from porotwin_diagnosis.data.sample import Sample, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.model.presets import preset_named

@@ -19,6 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.model.correction import CorrectionFn
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_source import APPLIED
 from porotwin_costa.data.dataset_builder import PredictFn
@@ -26,9 +27,6 @@ from porotwin_costa.data.frames import Frames, frame_pairs, mean_rates
 
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
 """(previous, sigma [1/s], rates, time step [s]) -> corrected concentration."""
-
-LAST_SHARE = 0.3
-"""Share of a run that `free_running_last_30_percent` covers."""
 
 PAPER_TIMES = (600.0, 1800.0)
 """Times of the paper's figures costa-10 and costa-30 [s]."""
@@ -96,7 +94,7 @@ class Evaluation:
         found = {}
         for name in dict.fromkeys(frame.experiment for frame in self.frames):
             frames = tuple(frame for frame in self.frames if frame.experiment == name)
-            begin = frames[-1].time - LAST_SHARE * (frames[-1].time - frames[0].time)
+            begin = frames[-1].time - HELD_OUT_SHARE * (frames[-1].time - frames[0].time)
             late = tuple(frame for frame in frames if frame.time >= begin)
             found[name] = {
                 'one_step': _means(frames, 'predicted', 'corrected'),
