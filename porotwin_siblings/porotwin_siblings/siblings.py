@@ -101,14 +101,14 @@ class Siblings:
         self.learning = Learning(self.unknowns, grid, count, seed)
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
+        self._newest: _Standing | None = None
+        self._check_anew()
+
+    def _check_anew(self) -> None:
         self.area_check = ForecastCheck(USUAL_AREA, LEAST_AREA)
         self.tracer_check = ForecastCheck(USUAL_TRACER, LEAST_TRACER)
         self.front_check = FrontCheck()
-        self._filter = self._new_filter()
-        self._newest: _Standing | None = None
-
-    def _new_filter(self) -> StateFilter:
-        return StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
+        self._filter = StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
 
     @property
     def zone(self) -> ZoneMeasure:
@@ -144,10 +144,7 @@ class Siblings:
         """Forget everything."""
         self.interrupt()
         self.learning.begin_anew()
-        self.area_check.begin_anew()
-        self.tracer_check.begin_anew()
-        self.front_check.begin_anew()
-        self._filter = self._new_filter()
+        self._check_anew()
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
         """Return the rate factor of every well, and its standard deviation [-]."""
