@@ -73,16 +73,6 @@ NODES_PERIOD = 2.0
 
 SETPOINT_TOPIC = 'wells/setpoint'
 
-OFFER_STATES = {
-    MendOffer.OFFERED: 'offered',
-    MendOffer.ACCEPTED: 'accepted',
-    MendOffer.REFUSED: 'refused',
-    MendOffer.TAKEN_BACK: 'taken back',
-    MendOffer.EXPIRED: 'expired',
-}
-"""States of an offer in words."""
-
-
 ANSWER_TIMEOUT = 20.0
 """Longest wait for the outlook of proposed rates [s]; the siblings take about a second."""
 
@@ -310,10 +300,11 @@ class PageNode(TwinNode):
     def _on_offer(self, message: MendOffer) -> None:
         if not 0.0 <= message.confidence <= 1.0:
             raise InputError(f'its confidence {message.confidence:g} is not from 0 to 1')
+        state, is_open = conversions.offer_state_from_msg(message)
         offer = graph_snapshot.MendOffer(
             sequence=message.sequence,
-            state=OFFER_STATES.get(message.state, 'unknown'),
-            is_open=message.state == MendOffer.OFFERED and len(message.effects) > 0,
+            state=state,
+            is_open=is_open,
             time=conversions.time_from_msg(message.header.stamp),
             confidence=message.confidence,
             sentence=message.sentence,
