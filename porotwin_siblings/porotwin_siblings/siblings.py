@@ -4,7 +4,6 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +33,6 @@ from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.unknowns import Sibling, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.effects.definition.candidate import Candidate
-from porotwin_solver.effects.rate import EFFECT as RATE
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
@@ -145,16 +143,6 @@ class Siblings:
         self.interrupt()
         self.learning.begin_anew()
         self._check_anew()
-
-    def rate_factors(self) -> dict[str, tuple[float, float]]:
-        """Return the rate factor of every well, and its standard deviation [-]."""
-        belief, result = self.learning.belief, {}
-        for place, (effect, factor) in enumerate(replace(self.unknowns, diagnosed=()).listed):
-            if effect.effect == RATE.name:
-                value = factor.value(belief.mean[place])
-                deviation = value * factor.step * float(belief.deviation[place])
-                result[str(effect.fixed['well'])] = (value, deviation)
-        return result
 
     def observe(self, photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
         """Learn from a photograph.
