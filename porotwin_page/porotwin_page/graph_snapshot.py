@@ -374,21 +374,6 @@ def matching(maps: Iterable[Map], time: float) -> Map | None:
     return found
 
 
-def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
-    """Return the snapshot with a description of the rig."""
-    return replace(now, rig=rig)
-
-
-def with_began(now: GraphSnapshot, began: float) -> GraphSnapshot:
-    """Return the snapshot with the start of the experiment [s]."""
-    return replace(now, began=began)
-
-
-def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
-    """Return the snapshot with a text on the work before the graph runs."""
-    return replace(now, preparation=preparation)
-
-
 def _numbered(now: GraphSnapshot, map_: Map) -> tuple[GraphSnapshot, Map]:
     number = now.maps_made + 1
     return replace(now, maps_made=number), replace(map_, number=number)
@@ -431,11 +416,6 @@ def with_corrected(now: GraphSnapshot, map_: Map) -> GraphSnapshot:
     """Return the snapshot with a corrected forecast."""
     now, map_ = _numbered(now, map_)
     return replace(now, corrected=(*now.corrected, map_)[-FORECASTS_KEPT:])
-
-
-def with_expectation(now: GraphSnapshot, expected: Expectation) -> GraphSnapshot:
-    """Return the snapshot with a forecast of the siblings."""
-    return replace(now, expected=expected)
 
 
 def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
@@ -483,16 +463,6 @@ def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> Gr
         return now
     now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
     return replace(now, expired=setpoint.sequence)
-
-
-def with_offer(now: GraphSnapshot, offer: MendOffer) -> GraphSnapshot:
-    """Return the snapshot with the newest offer to mend the model."""
-    return replace(now, offer=offer)
-
-
-def with_alarm(now: GraphSnapshot, alarm: str) -> GraphSnapshot:
-    """Return the snapshot with a line on the publishers of setpoints; empty if all is well."""
-    return replace(now, alarm=alarm)
 
 
 def with_measured(

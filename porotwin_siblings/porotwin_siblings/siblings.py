@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.unknowns import Sibling, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.effects.definition.candidate import Candidate
+from porotwin_solver.effects.rate import EFFECT as RATE
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
@@ -74,7 +76,6 @@ class Siblings:
         map_grid: Grid | None = None,
         count: int = 32,
         diagnosed: Sequence[Candidate] = (),
-        seed: int = 1,
     ) -> None:
         """Make siblings that know nothing yet.
 
@@ -85,7 +86,6 @@ class Siblings:
             map_grid: of the photographs' maps, which is no coarser; None: the same.
             count: number of siblings.
             diagnosed: effects that a diagnosis found.
-            seed: of their differences.
 
         Raises:
             InputError: too few siblings, or an effect that the rig cannot have.
@@ -96,7 +96,7 @@ class Siblings:
         self._zones = {one: ZoneMeasure.of(rig, one) for one in (grid, map_grid)}
         self._pores = rig.cell_pore_volume(map_grid)
         self._executor = executor
-        self.learning = Learning(self.unknowns, grid, count, seed)
+        self.learning = Learning(self.unknowns, grid, count)
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
         self._newest: _Standing | None = None
@@ -143,6 +143,16 @@ class Siblings:
         self.interrupt()
         self.learning.begin_anew()
         self._check_anew()
+
+    def rate_factors(self) -> dict[str, tuple[float, float]]:
+        """Return the rate factor of every well, and its standard deviation [-]."""
+        belief, result = self.learning.belief, {}
+        for place, (effect, factor) in enumerate(replace(self.unknowns, diagnosed=()).listed):
+            if effect.effect == RATE.name:
+                value = factor.value(belief.mean[place])
+                deviation = value * factor.step * float(belief.deviation[place])
+                result[str(effect.fixed['well'])] = (value, deviation)
+        return result
 
     def observe(self, photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
         """Learn from a photograph.

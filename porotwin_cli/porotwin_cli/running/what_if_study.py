@@ -267,17 +267,18 @@ def study_what_if(
             that do not balance in a closed rig.
     """
     times = recording.times
+    unit = time_unit(times[-1])
     if start < times[0] - recording_step(times):
         raise InputError(
-            f'{recording.source}: its first map is from {_moment(times[0])}; give a later --at'
+            f'{recording.source}: its first map is from {unit.precise(times[0])}; give a later --at'
         )
     if len(times) < 2:
         raise InputError(
-            f'{recording.source}: has one map, from {_moment(times[0])}; a forecast needs more, '
-            'from which the siblings learn'
+            f'{recording.source}: has one map, from {unit.precise(times[0])}; a forecast needs '
+            'more, from which the siblings learn'
         )
     if start > times[-1] + recording_step(times):
-        last = _moment(times[-1])
+        last = unit.precise(times[-1])
         raise InputError(
             f'{recording.source}: its last map is from {last}; give --at {last.replace(" ", "")} '
             'or earlier'
@@ -290,8 +291,8 @@ def study_what_if(
     ahead = start + horizon - begin
     if not ahead > 0.0:  # the state is of the first map, which may be later than `start`
         raise InputError(
-            f'{recording.source}: its first map is from {_moment(begin)}, not before the end of '
-            'the horizon; give a longer --horizon or a later --at'
+            f'{recording.source}: its first map is from {unit.precise(begin)}, not before the end '
+            'of the horizon; give a longer --horizon or a later --at'
         )
     present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
@@ -370,10 +371,6 @@ def later_steps(steps: Sequence[RateStep], delay: float) -> list[RateStep]:
 def recording_step(times: FloatArray) -> float:
     """Return the usual time between two of `times` [s]; 0 for one."""
     return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-
-
-def _moment(time: float) -> str:
-    return time_unit(time).precise(time)
 
 
 def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[RateStep, ...]:
