@@ -338,7 +338,7 @@ def test_a_setpoint_that_the_rig_rejects_does_not_count_as_pumped(make_twin: Mak
     first = twin.cycle(empty(0.0))
     assert first.setpoint is not None
     second = twin.decide(Observation(30.0, np.full(SHAPE, 0.2)))
-    twin.reject_setpoint(second)
+    twin.choice.reject(second)
     twin.look_ahead(second)
     assert second.forecast is not None
     assert second.forecast.rates == second.pumped == first.setpoint.rates

@@ -90,7 +90,8 @@ class Twin:
         self._times: deque[float] = deque(maxlen=2 * LEARNING_PHOTOGRAPHS)
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._rates = rates or RateHistory(controller.limits.safe() if controller else {})
-        self._choice = SetpointChoice(photo_interval, self._rates)
+        self.choice = SetpointChoice(photo_interval, self._rates)
+        """Chooses setpoints, and takes back those that the asset rejects."""
         self.change_controller(controller)
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
@@ -129,16 +130,16 @@ class Twin:
     @property
     def controls(self) -> bool:
         """Whether setpoints are chosen."""
-        return self._choice.planner is not None
+        return self.choice.planner is not None
 
     @property
     def validity(self) -> float:
         """How long a setpoint is valid after its photograph [s]."""
-        return self._choice.validity
+        return self.choice.validity
 
     def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
-        self._choice.planner = controller
+        self.choice.planner = controller
         if controller is not None:
             self._rates.control_wells = controller.limits.wells
 
@@ -178,12 +179,8 @@ class Twin:
         if actuate:
             delivery = {name: found.factor for name, found in self._factors().items()}
             plant = PlantKnowledge(delivery, learnt=self._learnt)
-            self._choice.choose(cycle, self._physics, began=self._rates.began or 0.0, plant=plant)
+            self.choice.choose(cycle, self._physics, began=self._rates.began or 0.0, plant=plant)
         return cycle
-
-    def reject_setpoint(self, cycle: Cycle) -> None:
-        """Go on without the setpoint of `cycle`, because the asset did not take it."""
-        self._choice.reject(cycle)
 
     def look_ahead(self, cycle: Cycle) -> None:
         """Judge the forecast of the observation, and forecast the next observation.
@@ -199,8 +196,8 @@ class Twin:
         self._estimation.expect(cycle)
 
     def _count_disallowed_tracer(self, cycle: Cycle) -> None:
-        if self._choice.planner is not None:
-            objective = self._choice.planner.objective
+        if self.choice.planner is not None:
+            objective = self.choice.planner.objective
             cycle.disallowed_tracer = objective.disallowed_tracer(cycle.observation.concentration)
 
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
