@@ -21,8 +21,7 @@ from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
-from porotwin_rig.pumps import Pumps
-from porotwin_rig.render import Conditions, Photographer
+from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 
 PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
@@ -105,10 +104,8 @@ def make_experiment(
     seed: int,
     effects: Iterable[EffectDescription] = (),
     noise: MapNoise | None = None,
-    pumps: Pumps | None = None,
     grid: Grid | None = None,
     photo_width_px: int | None = None,
-    conditions: Conditions | None = None,
     truth: Path | None = None,
     cell: float | None = None,
     progress: Callable[[float], None] = lambda _share: None,
@@ -125,10 +122,8 @@ def make_experiment(
         seed: seed of the noise, and of the photographs.
         effects: true effects of the rig and its camera.
         noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
-        pumps: how the pumps follow their commands; exactly by default.
         grid: grid of the maps; cells of about 5 mm by default.
         photo_width_px: width of photographs (8:5); None for no photographs.
-        conditions: conditions of the photographs.
         truth: file for the noise-free signal at the times of the frames, outside `folder`.
         cell: size of the elements of the virtual rig [m]; its default if None.
         progress: called with the share of the experiment that is done, 0 to 1, after every step of
@@ -141,11 +136,11 @@ def make_experiment(
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
     grid = grid or rig.default_grid()
     commanded = FixedPauses.of(rig).in_schedule(commanded)  # as whoever reads the folder will
-    asset = VirtualRig(rig, effects=effects, pumps=pumps, cell=cell)
+    asset = VirtualRig(rig, effects=effects, cell=cell)
     photographer = None
     if photo_width_px is not None:
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
-        photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
+        photographer = Photographer(rig, camera=camera, seed=seed)
         rig = photographer.rig
     rows = tuple(row for row in commanded.rows if row.time <= duration)
     write_folder(folder, RecordedData(rig, commanded=replace(commanded, rows=rows)))

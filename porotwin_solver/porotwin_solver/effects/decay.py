@@ -61,5 +61,4 @@ EFFECT = Effect(
     changes=Process.STORAGE,
     appearance=Appearance.FADING,
     pales_core=True,
-    residual_terms=('c',),
 )

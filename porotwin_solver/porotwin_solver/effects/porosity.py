@@ -71,5 +71,4 @@ EFFECT = Effect(
     appearance=Appearance.DELAY,
     equal_to=equal_to,
     believed=believed,
-    residual_terms=('dc/dt',),
 )
