@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lab.blind.blind_cases import large_rig
-from porotwin_cli.recorded.costa_data import train_on_runs
+from porotwin_cli.recorded.costa_data import CorrectedModel, train_on_runs
 from porotwin_cli.running.rehearsal import balanced, training_schedules
 from porotwin_cli.terminal import progress, say
 from porotwin_cli.workspace import small_rig
@@ -29,6 +29,7 @@ from porotwin_costa.evaluation.evaluation import Evaluation, evaluate
 from porotwin_costa.evaluation.evaluation_pictures import write_pictures
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.rollout_training import CURRICULUM
+from porotwin_costa.training.run_training import TrainingChoice
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
@@ -186,13 +187,14 @@ def run(make: Callable[[], PaperExperiment], folder: Path, *, seed: int) -> list
         say(f'training the network {name}')
         model = train_on_runs(
             experiment.seen,
-            experiment.rig,
-            grid=experiment.grid,
-            time_step=experiment.time_step,
-            preset=experiment.preset,
-            architecture=architecture(name),
-            seed=seed,
-            curriculum=() if name.startswith('paper') else CURRICULUM,
+            CorrectedModel(
+                experiment.rig, experiment.grid, experiment.preset, experiment.time_step
+            ),
+            TrainingChoice(
+                architecture(name),
+                seed,
+                curriculum=() if name.startswith('paper') else CURRICULUM,
+            ),
         )
         model.save(folder / name / 'model')
         result = experiment.evaluated(model)

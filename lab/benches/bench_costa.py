@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_cli.recorded.costa_data import dataset_of
+from porotwin_cli.recorded.costa_data import CorrectedModel, dataset_of
 from porotwin_cli.running.rehearsal import (
     ARCHITECTURE,
     TRAINING_EPOCHS,
@@ -85,7 +85,7 @@ def _row(
     rig: Rig, grid: Grid, preset: str, seen: list[Frames], unseen: Frames, epochs: int
 ) -> dict[str, Any]:
     physics = Model(rig, grid, preset=preset)
-    dataset = dataset_of(seen, rig, grid=grid, time_step=INTERVAL_S, preset=preset)
+    dataset = dataset_of(seen, CorrectedModel(rig, grid, preset, INTERVAL_S))
     begun = time.perf_counter()
     network = architecture(ARCHITECTURE)
     learned = train(dataset, network, network.training.with_epochs(epochs), seed=SEED)

@@ -15,7 +15,7 @@ import numpy as np
 
 from lab.blind.blind_cases import SMALL, small_schedule
 from lab.study import FiguresJob, Study, study_folder
-from porotwin_cli.recorded.costa_data import train_on_runs
+from porotwin_cli.recorded.costa_data import CorrectedModel, train_on_runs
 from porotwin_cli.running.drawn_effects import drawn
 from porotwin_cli.terminal import print_table
 from porotwin_core.basis.units import from_ml_h
@@ -29,6 +29,7 @@ from porotwin_costa.correction.free_run_gate import SETTLED, Judge, KeptRun, cor
 from porotwin_costa.data.frames import Frames, cut, resampled
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.rollout_training import CURRICULUM
+from porotwin_costa.training.run_training import TrainingChoice
 from porotwin_rig.made_experiment import NoiseFloor, signals
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
@@ -131,14 +132,13 @@ class PhysicsJob(FiguresJob[PhysicsFigures]):
         begun = time.process_time()
         model = train_on_runs(
             seen,
-            SMALL,
-            grid=grid,
-            time_step=INTERVAL_S,
-            preset=preset,
-            architecture=architecture(self.network),
-            seed=SEED,
+            CorrectedModel(SMALL, grid, preset, INTERVAL_S),
+            TrainingChoice(
+                architecture(self.network),
+                SEED,
+                curriculum=() if self.network == 'paper' else CURRICULUM,
+            ),
             workers=1,  # other trainings run beside this one
-            curriculum=() if self.network == 'paper' else CURRICULUM,
         )
         trained = time.process_time() - begun
         model.save(self.file.with_suffix('.safetensors'))

@@ -17,7 +17,6 @@ import numpy as np
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_diagnosis.model.gap_map import observed_maps
 from porotwin_recording.experiment.recording import Recording
-from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model.model import Model
 
 TERMS = {
@@ -26,8 +25,9 @@ TERMS = {
 """pysindy's names of the terms of the equation; dc/dt is the model's, and the first axis is z."""
 
 EFFECT_OF_TERM = {
-    term: effect.name for effect in EFFECTS.values() for term in effect.residual_terms
-}
+    'c': 'decay', 'dc/dt': 'porosity', 'dc/dx': 'background_flow', 'dc/dz': 'buoyancy',
+    'd2c/dx2': 'dispersion', 'd2c/dz2': 'dispersion',
+}  # fmt: skip
 """The effect that each term names."""
 
 THRESHOLD = 0.15

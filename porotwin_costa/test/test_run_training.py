@@ -12,7 +12,7 @@ from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rig.sections import LevelCourse
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.networks import architecture
-from porotwin_costa.training.run_training import Experiments, train_from_runs
+from porotwin_costa.training.run_training import Experiments, TrainingChoice, train_from_runs
 
 
 def _solver(_grid):
@@ -32,7 +32,7 @@ def test_levels_that_change_are_refused_before_the_work(rig, grid):
     frames = [moving_frames(grid, 12, at=0.2)]
     with ThreadCrew(1) as pool, pytest.raises(InputError, match='levels'):
         data = Experiments(tidal, grid, frames, STEP_S, '', _none, _none, pool)
-        train_from_runs(data, architecture('local'), seed=3)
+        train_from_runs(data, TrainingChoice(architecture('local'), 3))
     with pytest.raises(InputError, match='levels'):
         build_dataset(frames, tidal, grid=grid, time_step=STEP_S, predict=_none, residual=_none)
 
@@ -55,6 +55,6 @@ def test_a_sharper_scheme_is_learnt_where_free_runs_need_it(rig, grid, solver, s
     with ThreadCrew(1) as pool:
         data = Experiments(rig, grid, frames, STEP_S, '', solver, _solver, pool, 'sharper')
         chosen = architecture('hybrid').described({'filters': 2})
-        model = train_from_runs(data, chosen, seed=3, epochs=1, curriculum=())
+        model = train_from_runs(data, TrainingChoice(chosen, 3, epochs=1, curriculum=()))
     assert (model.learnt.scheme if model.learnt else '') == scheme
     assert ('the scheme sharper' in model.provenance['gate']['says']) == bool(scheme)

@@ -81,10 +81,6 @@ class VirtualRig:
             {name: rate for name, rate in rates.items() if name not in self.rig.levels}
         )
 
-    def commanded_rates(self) -> dict[str, WellRate]:
-        """Return the rates that were set last."""
-        return dict(self._pumps.commanded)
-
     def measured_rates(self) -> dict[str, WellRate]:
         """Return the metered rates of the last `advance`."""
         return dict(self._pumps.measured)
@@ -127,10 +123,6 @@ class VirtualRig:
     def visible(self) -> FloatArray:
         """Return the visible concentration [-] at the vertices of the mesh, (nz + 1, nx + 1)."""
         return self._visible
-
-    def mobile_mass(self) -> float:
-        """Return the volume of stock [m^3] that moves with the water or sorbs linearly."""
-        return self._transport.mobile_mass(self._tracer)
 
     def total_mass(self) -> float:
         """Return the volume of stock [m^3] in the rig in any form."""

@@ -59,7 +59,7 @@ def test_a_bottle_is_weak_from_the_start_beside_another_one(context) -> None:
 def test_a_complete_definition_is_taken() -> None:
     brine = Effect(**WORKING)
     assert brine.checked({'salt': '2'}) == {'salt': 2.0}
-    assert not brine.is_of_camera and not brine.has_place and not brine.has_equals
+    assert not brine.is_of_camera and not brine.has_place
 
 
 @pytest.mark.parametrize(
@@ -187,9 +187,7 @@ def test_conventions_of_the_effects() -> None:
         'dual_porosity',
     }
     assert those(lambda e: e.has_place) == {'heterogeneity', 'leak'}
-    assert those(lambda e: e.places and e.places.is_rate_at_a_well) == {'leak'}
     assert those(lambda e: e.is_slow_on_fine_grids) == {'dispersion'}
-    assert those(lambda e: e.has_equals) == {'porosity', 'retardation'}
     assert those(lambda e: e.misfit_allowance == 1.5) == {'viscosity'}
     assert those(lambda e: e.misfit_allowance == 1.0) == set(KNOWN) - {'viscosity'}
     fingers = EFFECTS['viscosity'].destabilises_fronts

@@ -51,6 +51,7 @@ def command(
 
     from porotwin_cli.options.grids import grid_of, tell_cost
     from porotwin_cli.recorded.costa_data import (
+        CorrectedModel,
         account_of,
         dataset_of,
         frames_of,
@@ -62,6 +63,7 @@ def command(
     from porotwin_costa.data.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
     from porotwin_costa.training.data_parallel import joined
+    from porotwin_costa.training.run_training import TrainingChoice
     from porotwin_solver.effects import EFFECTS
     from porotwin_solver.model.prediction_cost import prediction_cost
 
@@ -80,25 +82,21 @@ def command(
     time_step = float(np.median(steps))
     cost = prediction_cost(description, cells, preset=preset, duration=time_step)
     tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))
+    corrected = CorrectedModel(description, cells, preset, time_step)
     with joined() as writes:
         model = train_on_runs(
             experiments,
-            description,
-            grid=cells,
-            time_step=time_step,
-            preset=preset,
-            architecture=network,
-            epochs=epochs,
-            seed=seed,
+            corrected,
+            TrainingChoice(network, seed, epochs),
             workers=workers,
             scheduler=scheduler,
         )
     if not writes:
         return
     model.save(output)
-    pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
+    pairs = dataset_of(experiments, corrected)
     newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
-    account = account_of(model, experiments, bare, description, preset)
+    account = account_of(model, experiments, bare, corrected)
     if as_json:
         learnt = None if model.learnt is None else model.learnt.description()
         print_json(

@@ -1,7 +1,7 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,7 @@ from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames, resampled
 from porotwin_costa.networks import Architecture
 from porotwin_costa.physics.learnt_account import gap_shares, look_alikes
-from porotwin_costa.training.rollout_training import CURRICULUM, Stage
-from porotwin_costa.training.run_training import Experiments, train_from_runs
+from porotwin_costa.training.run_training import Experiments, TrainingChoice, train_from_runs
 from porotwin_costa.training.training import TrainingProgress, train
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_recording.tables.concentration import open_maps
@@ -89,84 +88,81 @@ def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
     return recordings
 
 
-def dataset_of(
-    experiments: Sequence[Frames], rig: Rig, *, grid: Grid, time_step: float, preset: str
-) -> Dataset:
-    """Return the training pairs of all experiments, with a progress display.
-
-    Args:
-        experiments: observed maps on `grid`.
-        rig: the rig of the physics-based model.
-        grid: the grid of all maps.
-        time_step: time between the maps of a pair [s].
-        preset: numerical scheme of the physics-based model.
-
-    Raises:
-        InputError: no pair of frames is `time_step` apart.
-    """
-    model = LearntModels(rig, grid, preset).model(LearntPhysics())
-    total = sum(len(frames.times) - 1 for frames in experiments)
-    with progress() as bar:
-        task = bar.add_task('training pairs', total=total)
-        return build_dataset(
-            experiments,
-            rig,
-            grid=grid,
-            time_step=time_step,
-            predict=model.predict,
-            residual=model.residual,
-            preset=preset,
-            progress=lambda count: bar.update(task, completed=count),
-        )
-
-
 @dataclass(frozen=True)
-class SolverOnGrids:
-    """Solvers of one rig and preset on any grid; it can be sent to other processes."""
+class CorrectedModel:
+    """The physics-based model that COSTA corrects; it can be sent to other processes.
+
+    Attributes:
+        rig: its rig.
+        grid: the grid of all maps.
+        preset: its numerical scheme.
+        time_step: time between the maps of a pair [s].
+    """
 
     rig: Rig
+    grid: Grid
     preset: str
+    time_step: float
 
     def __call__(self, grid: Grid) -> LearntModels:
         """Return the solver on `grid`."""
         return LearntModels(self.rig, grid, self.preset)
 
 
+def dataset_of(experiments: Sequence[Frames], corrected: CorrectedModel) -> Dataset:
+    """Return the training pairs of all experiments, on the model's grid, with a progress display.
+
+    Raises:
+        InputError: no pair of frames is a time step apart.
+    """
+    model = corrected(corrected.grid).model(LearntPhysics())
+    total = sum(len(frames.times) - 1 for frames in experiments)
+    with progress() as bar:
+        task = bar.add_task('training pairs', total=total)
+        return build_dataset(
+            experiments,
+            corrected.rig,
+            grid=corrected.grid,
+            time_step=corrected.time_step,
+            predict=model.predict,
+            residual=model.residual,
+            preset=corrected.preset,
+            progress=lambda count: bar.update(task, completed=count),
+        )
+
+
 def train_on_runs(
     experiments: Sequence[Frames],
-    rig: Rig,
+    corrected: CorrectedModel,
+    choice: TrainingChoice,
     *,
-    grid: Grid,
-    time_step: float,
-    preset: str,
-    architecture: Architecture,
-    epochs: int = 0,
-    seed: int,
     workers: int | None = None,
     scheduler: str = '',
-    curriculum: Sequence[Stage] = CURRICULUM,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    `dataset_of` and `train_from_runs` explain the arguments. So many `workers` make free runs and
-    prepare the pairs, here or at the Dask `scheduler`; see `porotwin_core.basis.parallel.crew`.
+    So many `workers` make free runs and prepare the pairs, here or at the Dask `scheduler`; see
+    `porotwin_core.basis.parallel.crew`.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
     with crew(workers=workers, scheduler=scheduler, threads=True) as pool, progress() as bar:
-        solver, precise = SolverOnGrids(rig, preset), SolverOnGrids(rig, PRECISE_PRESET)
-        sharper = '' if preset in (IMPLICIT, PRECISE_PRESET) else PRECISE_PRESET
         data = Experiments(
-            rig, grid, experiments, time_step, preset, solver, precise, pool, sharper
+            corrected.rig,
+            corrected.grid,
+            experiments,
+            corrected.time_step,
+            corrected.preset,
+            corrected,
+            replace(corrected, preset=PRECISE_PRESET),
+            pool,
+            '' if corrected.preset in (IMPLICIT, PRECISE_PRESET) else PRECISE_PRESET,
         )
         task = bar.add_task('training COSTA', total=None)
         return train_from_runs(
             data,
-            architecture,
-            seed=seed,
-            epochs=epochs,
-            curriculum=curriculum,
+            choice,
             progress=lambda state: bar.update(
                 task, total=state.epochs, completed=state.epoch, description='training the network'
             ),
@@ -175,7 +171,7 @@ def train_on_runs(
 
 
 def account_of(
-    model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, rig: Rig, preset: str
+    model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, corrected: CorrectedModel
 ) -> dict[str, Any]:
     """Return the account of a training in words of physics; see `learnt_account`.
 
@@ -183,22 +179,21 @@ def account_of(
         model: the trained model.
         experiments: the maps that it learnt from.
         bare: the rig without the effects that were named.
-        rig: the rig of the model to correct.
-        preset: its numerical scheme.
+        corrected: the model to correct.
 
     `gap_shares` is empty if no effect was named.
 
     Raises:
         InputError: the model cannot run.
     """
-    solver = LearntModels(rig, model.grid, preset)
+    solver = corrected(model.grid)
     alike = look_alikes(model, experiments, solver)
     shares = {}
-    if bare != rig:
+    if bare != corrected.rig:
         _, kept = kept_runs(experiments, model.architecture.training.validation_share)
         bare_judge, judge = (
-            Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
-            for one in (bare, rig)
+            Judge(one(model.grid), kept, model.time_step)
+            for one in (replace(corrected, rig=bare), corrected)
         )
         shares = gap_shares(bare_judge, judge, model)
     return {

@@ -13,7 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_cli.recorded.costa_data import dataset_of, source_name, train_with_progress
+from porotwin_cli.recorded.costa_data import (
+    CorrectedModel,
+    dataset_of,
+    source_name,
+    train_with_progress,
+)
 from porotwin_cli.terminal import progress
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import crew
@@ -266,7 +271,7 @@ def train_costa(
         for schedule in training_schedules()
     ]
     frames = training_frames(runs, folder)
-    dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, preset=preset)
+    dataset = dataset_of(frames, CorrectedModel(rig, grid, preset, photo_interval))
     model = train_with_progress(
         dataset, architecture(ARCHITECTURE), epochs=TRAINING_EPOCHS, seed=seed
     )

@@ -79,13 +79,28 @@ def _pairs_of(
     )
 
 
+@dataclass(frozen=True)
+class TrainingChoice:
+    """How to train.
+
+    Attributes:
+        architecture: the network; it says whether physics is learnt first.
+        seed: of weights, samples and roll-outs.
+        epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
+            shorten the roll-outs in proportion.
+        curriculum: stages of the roll-outs; empty: single steps only.
+    """
+
+    architecture: Architecture
+    seed: int
+    epochs: int = 0
+    curriculum: Sequence[Stage] = CURRICULUM
+
+
 def train_from_runs(
     experiments: Experiments,
-    architecture: Architecture,
+    choice: TrainingChoice,
     *,
-    seed: int,
-    epochs: int = 0,
-    curriculum: Sequence[Stage] = CURRICULUM,
     progress: ProgressFn = lambda _: None,
     say: Callable[[str], None] = lambda _: None,
 ) -> CorrectiveModel:
@@ -93,11 +108,7 @@ def train_from_runs(
 
     Args:
         experiments: the maps and the model to correct.
-        architecture: the network; it says whether physics is learnt first.
-        seed: of weights, samples and roll-outs.
-        epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
-            shorten the roll-outs in proportion.
-        curriculum: stages of the roll-outs; empty: single steps only.
+        choice: how to train.
         progress: called after every epoch.
         say: told every decision.
 
@@ -106,8 +117,9 @@ def train_from_runs(
             levels.
     """
     refuse_untaught(experiments.rig)
+    architecture = choice.architecture
     usual = architecture.training.epochs
-    settings = architecture.training.with_epochs(epochs)
+    settings = architecture.training.with_epochs(choice.epochs)
     learning, kept = kept_runs(experiments.frames, settings.validation_share)
     if not kept:
         raise InputError('no free run can be judged: give three consecutive maps at least')
@@ -127,7 +139,7 @@ def train_from_runs(
         )
         learnt = _with_scheme(learnt, experiments.sharper, judge, say)
     dataset = experiments.pairs(experiments.frames, learnt)
-    model = train(dataset, architecture, settings, seed=seed, progress=progress)
+    model = train(dataset, architecture, settings, seed=choice.seed, progress=progress)
     if learnt != NO_LEARNT_PHYSICS:
         model = replace(model, learnt=learnt)
     model = train_through_runs(
@@ -135,8 +147,8 @@ def train_from_runs(
         solver.model(learnt),
         learning,
         lambda one: judge.errors(one).mean_corrected,
-        seed=seed,
-        curriculum=[stage.shortened(settings.epochs / usual) for stage in curriculum],
+        seed=choice.seed,
+        curriculum=[stage.shortened(settings.epochs / usual) for stage in choice.curriculum],
         say=say,
     )
     model = gated(model, judge)

@@ -32,11 +32,6 @@ class ErrorParts:
     scheme: float
     rest: float
 
-    @property
-    def whole(self) -> float:
-        """The error [-] that the parts make."""
-        return float(np.linalg.norm([self.camera, self.noise, self.scheme, self.rest]))
-
 
 def held_out_frames(sample: Sample) -> Sample:
     """Return `sample` with its held-out frames alone."""

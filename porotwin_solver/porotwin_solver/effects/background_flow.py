@@ -84,6 +84,5 @@ EFFECT = Effect(
     blind_draw=draw,
     appearance=Appearance.SHIFT,
     believed=believed,
-    residual_terms=('dc/dx',),
     is_learnable=True,
 )

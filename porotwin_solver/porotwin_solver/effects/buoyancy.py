@@ -97,6 +97,5 @@ EFFECT = Effect(
     present=lambda physics: {'density_difference': physics.density_difference},
     believed=believed,
     destabilises_fronts=fingers,
-    residual_terms=('dc/dz',),
     is_learnable=True,
 )

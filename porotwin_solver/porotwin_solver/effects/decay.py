@@ -62,5 +62,4 @@ EFFECT = Effect(
     changes=Process.STORAGE,
     appearance=Appearance.FADING,
     pales_core=True,
-    residual_terms=('c',),
 )

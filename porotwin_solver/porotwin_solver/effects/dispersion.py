@@ -138,7 +138,6 @@ EFFECT = Effect(
     present=present,
     believed=believed,
     is_slow_on_fine_grids=True,
-    residual_terms=('d2c/dx2', 'd2c/dz2'),
     gradient_obstacle=gradient_obstacle,
     is_learnable=True,
 )

@@ -93,7 +93,7 @@ EFFECT = Effect(
     parameters=PARAMETERS['leak'],
     on_physics=lose_or_gain,
     candidates=candidates,
-    places=PlaceSearch(trials, strength_factors=(0.0, 3.0), is_rate_at_a_well=True),
+    places=PlaceSearch(trials, strength_factors=(0.0, 3.0)),
     phrase=phrase,
     laboratory_check='stop all pumps and watch the water table; dry the plates and look for drops',
     blind_draw=draw,

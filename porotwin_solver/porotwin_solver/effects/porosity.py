@@ -72,5 +72,4 @@ EFFECT = Effect(
     appearance=Appearance.DELAY,
     equal_to=equal_to,
     believed=believed,
-    residual_terms=('dc/dt',),
 )

@@ -437,11 +437,9 @@ class Engine:
             self.supervision.check()
             yield coefficients
 
-    def cell_updates(
-        self, coefficients: StepCoefficients, duration: float, longest_step: float | None = None
-    ) -> int:
+    def cell_updates(self, coefficients: StepCoefficients, duration: float) -> int:
         """Return the updates of single cells in `duration` [s], from those of its first step."""
-        count, _ = self.splitting(duration, longest_step)
+        count, _ = self.splitting(duration)
         return count * self._step_updates(coefficients)
 
     def _step_updates(self, coefficients: StepCoefficients) -> int:

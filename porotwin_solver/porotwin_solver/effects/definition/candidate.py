@@ -83,12 +83,10 @@ class PlaceSearch:
     Args:
         trials: returns the candidates tried at a place (x, z) [m].
         strength_factors: least and greatest factor.
-        is_rate_at_a_well: at a well the effect cannot be told from a wrong rate of that well.
         sized_trials: returns candidates of several sizes for a place (x, z) [m] that another effect
             suggests; None: the same as `trials`.
     """
 
     trials: TrialsFn
     strength_factors: tuple[float, float]
-    is_rate_at_a_well: bool = False
     sized_trials: TrialsFn | None = None

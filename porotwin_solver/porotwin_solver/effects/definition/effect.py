@@ -123,8 +123,6 @@ class Effect:
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
             model computes the effect on coarser cells.
         is_learnable: COSTA may learn it from free runs, on top of what the model has of it.
-        residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
-            `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.
         gradient_obstacle: returns why the adjoint cannot differentiate by a parameter, with the
             remedy; empty where it can.
 
@@ -158,7 +156,6 @@ class Effect:
     destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
     is_learnable: bool = False
-    residual_terms: tuple[str, ...] = ()
     gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
 
     def __post_init__(self) -> None:
@@ -210,11 +207,6 @@ class Effect:
         """The process that the effect changes."""
         by_scope = {Scope.CAMERA: Process.CAMERA, Scope.WELL: Process.SOURCE}
         return by_scope.get(self.scope, self.changes)
-
-    @property
-    def has_equals(self) -> bool:
-        """Whether for some values no map can tell another effect from this one."""
-        return self.equal_to is not _equal_to_none
 
     @property
     def has_place(self) -> bool:
