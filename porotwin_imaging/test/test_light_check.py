@@ -92,9 +92,7 @@ def test_a_reflection_on_the_chart_alone_is_no_haze(
     (left, top), (right, low) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
     light[top - 9 : low + 9, left - 9 : right + 9] += 0.1
     found = concentration_map(make_jpeg(light), baseline)
-    assert found.status == [
-        'haze or a reflection on the colour chart, but not on the sand: not corrected'
-    ]
+    assert found.status == []
     assert relative_error(found.values, truth) < 0.06
 
 
@@ -113,7 +111,7 @@ def test_a_flash_is_refused_and_a_small_reflection_left_out(
     rows, columns = np.mgrid[: light.shape[0], : light.shape[1]]
     distance = np.hypot(columns - 620, rows - 300)
     flash = light * (1.0 + 1.0 * np.exp(-((distance / 150) ** 2)))[..., None]
-    with pytest.raises(InputError, match=r'is brighter than its baseline on .* of the sand'):
+    with pytest.raises(InputError, match=r'is brighter than its baseline.* of the sand'):
         concentration_map(make_jpeg(flash), baseline)
     reflection = light * (1.0 + 0.6 * np.exp(-((distance / 30) ** 2)))[..., None]
     found = concentration_map(make_jpeg(reflection), baseline)

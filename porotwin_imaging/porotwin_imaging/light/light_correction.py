@@ -105,8 +105,7 @@ def corrected_light(
         tone = tone_change(blocks, before, after, seen, checker_gain)
     remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
-        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
-        remarks += not_hazy
+        tone = haze_of_chart(chart_light, blocks, before, seen)
     if tone is not None:
         if tone.veil is not None and below_veil is not None:
             log_ratio = below_veil(tone.veil)
@@ -143,13 +142,14 @@ def corrected_light(
 
 
 def _refuse_much_left_out(seen: Mask, comparable: Mask) -> None:
-    """Raise InputError if reflections and other colours hide too much of the sand together."""
+    """Raise InputError if reflections and other colours hide too much of the sand."""
     lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
     if lost > VALIDITY.most_left_out:
         raise InputError(
-            f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
-            f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '
-            'baseline and a calibration of this fluid and light'
+            'photograph is brighter than its baseline, or has colours that tracer cannot make, '
+            f'on or near {100 * lost:.0f} % of the sand: another exposure, lamp, dye or fluid, '
+            'gas, or a shadow or tracer on the baseline; set exposure and lamps as for the '
+            'baseline, or take a baseline and a calibration of this fluid and light'
         )
 
 
