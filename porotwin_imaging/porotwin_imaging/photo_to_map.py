@@ -182,7 +182,7 @@ def compare_with_baseline(
             beside=light_beside(pixels, alignment.homography, baseline.chart),
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
-    deformed = alignment.residual > ALIGNMENT.suspicious_residual_px
+    deformed = alignment.residual > ALIGNMENT.closure_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction)
     return LogRatioMap(
         log_ratio=light.log_ratio,
